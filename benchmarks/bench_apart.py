@@ -32,7 +32,7 @@ from sindyjoint import plan  # noqa: E402
 from sindyjoint.diagnosis.campaign.designs import PLANNED  # noqa: E402
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem  # noqa: E402
 from sindyjoint.errors import SindyJointError  # noqa: E402
-from sindyjoint.planning.tell_apart import chosen_effects  # noqa: E402
+from sindyjoint.planning.separating_runs import chosen_effects  # noqa: E402
 from sindyjoint.record import Run  # noqa: E402
 from sindyjoint.workflows.diagnose import diagnose  # noqa: E402
 from tests.diagnosis.further_runs import one_more  # noqa: E402

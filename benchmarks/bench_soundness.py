@@ -2,10 +2,14 @@
 
 python benchmarks/bench_soundness.py run --out soundness.jsonl --seeds 100 101 102 --jobs 2
 python benchmarks/bench_soundness.py show soundness.jsonl
+python benchmarks/bench_soundness.py run --out verdicts.jsonl --seeds 100 101 --verdicts --names sound moment_late
+python benchmarks/bench_soundness.py show verdicts.jsonl
 
 ``run`` appends one line per joint and kind and skips those that the file holds already. Names: faults of
 tests/soundness/faults.py, ``sound`` (the same joints as they are), ``law`` (each seed another effect of
-tests/diagnosis/hidden_effects.py: a law that is no fault), ``multisine`` and ``sweep``.
+tests/diagnosis/hidden_effects.py: a law that is no fault), ``multisine`` and ``sweep``. With ``--verdicts`` discovery
+and diagnosis answer, too, whatever stops them accepted: ``show`` then lists each *confirmed* or *refuted* that the
+sound campaign denies (``sound`` must be among the names), and each law above 0.8 that is not there.
 """
 
 from __future__ import annotations
@@ -29,15 +33,32 @@ from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E4
 SOUND = ("sound", "law", "multisine", "sweep")
 
 
-def one_joint(seed: int, names: list[str]) -> list[dict]:
+# What is right to name where a fault is in the data: the effects that the catalogue has for faults of channels.
+NUISANCES = {
+    "angle_offset",
+    "constant_moment",
+    "channel_delay",
+    "moment_drift",
+    "angle_drift",
+    "stiffness_drift",
+}
+SURE = 0.8
+
+
+def one_joint(seed: int, names: list[str], verdicts: bool = False) -> list[dict]:
     """Return the records of one random joint: it is simulated once for all faults."""
+    from sindyjoint.errors import InputError
     from tests.soundness.faults import FAULTS, sound_campaign
 
-    clean = sound_campaign(seed) if {"sound", *FAULTS} & set(names) else None
-    return [one(name, seed, clean) for name in names]
+    try:
+        clean = sound_campaign(seed) if {"sound", *FAULTS} & set(names) else None
+    except InputError as error:  # two of its levels are one
+        unmade = dict(unmade=str(error), found=False, findings=[], cpu=0.0, runs=0)
+        return [dict(name=name, seed=seed, **unmade) for name in names]
+    return [one(name, seed, clean, verdicts) for name in names]
 
 
-def one(name: str, seed: int, clean) -> dict:
+def one(name: str, seed: int, clean, verdicts: bool = False) -> dict:
     from sindyjoint.errors import SimulationError
     from sindyjoint.soundness.faults import find_faults
     from tests.soundness.faults import found, inject
@@ -57,7 +78,27 @@ def one(name: str, seed: int, clean) -> dict:
     cpu = time.process_time() - cpu
     listed = [(f.id, f.run, f.severity, f.extent) for f in findings]
     hit = name not in SOUND and found(name, findings, run)
-    return dict(name=name, seed=seed, run=run, found=hit, findings=listed, cpu=cpu, runs=len(campaign.runs))
+    record = dict(name=name, seed=seed, run=run, found=hit, findings=listed, cpu=cpu, runs=len(campaign.runs))
+    if verdicts:
+        record["answers"] = answers(campaign, tuple({f.id for f in findings if f.severity == "stops"}))
+    return record
+
+
+def answers(campaign, accept: tuple[str, ...]) -> dict:
+    """Return what discovery and diagnosis answer of a campaign, what stops them accepted; an error ends an answer."""
+    from sindyjoint.errors import SindyJointError
+    from sindyjoint.workflows.diagnose import diagnose
+    from sindyjoint.workflows.discover import discover
+
+    told: dict = {}
+    try:
+        found = discover(campaign, accept=accept).verdict
+        told.update(terms=found.verdict, missing=found.missing, extra=found.extra)
+        result = diagnose(campaign, accept=accept, advise=False)
+        told.update(verdict=result.verdict, steps=[(s.members, s.probability) for s in result.steps])
+    except SindyJointError as error:
+        told["error"] = f"{type(error).__name__}: {error}"
+    return told
 
 
 def sound_law(name: str, seed: int):
@@ -79,7 +120,9 @@ def run(args: argparse.Namespace) -> None:
     names = args.names or ["sound", "law", *FAULTS]
     done = done_in(args.out, ("name", "seed"))
     tasks = [(seed, [n for n in names if (n, seed) not in done]) for seed in args.seeds]
-    jobs = (delayed(one_joint)(*task) for task in tasks if task[1])
+    if args.verdicts:  # a joint takes minutes: what is done of it is kept
+        tasks = [(seed, [name]) for seed, some in tasks for name in some]
+    jobs = (delayed(one_joint)(*task, args.verdicts) for task in tasks if task[1])
     for records in Parallel(n_jobs=args.jobs, return_as="generator_unordered")(jobs):
         for record in records:
             append(args.out, record)
@@ -109,10 +152,36 @@ def show(args: argparse.Namespace) -> None:
             )
         for seed, finding in alarms:
             print(f"    {seed}: {finding}")
+    show_answers([r for records in table.values() for r in records if "answers" in r])
     times = [r["cpu"] for records in table.values() for r in records]
     print(f"processor time: median {np.median(times):.2f} s, longest {max(times):.2f} s")
 
 
+def show_answers(records: list[dict]) -> None:
+    """Print the verdicts that the sound campaign of the same joint denies, and sure names of laws not there."""
+    from collections import Counter
+
+    sound = {r["seed"]: r["answers"] for r in records if r["name"] == "sound"}
+    bad = [r for r in records if r["name"] not in SOUND]
+    if not bad:
+        return
+    opposite = {"confirmed": "refuted", "refuted": "confirmed"}
+    denied = [
+        r for r in bad if opposite.get(r["answers"].get("terms")) == sound.get(r["seed"], {}).get("terms", "")
+    ]
+    named = [(r, [s for s in r["answers"].get("steps", ()) if s[1] > SURE]) for r in bad]
+    wrong = [(r, s) for r, steps in named for s in steps if not set(s[0]) & NUISANCES]
+    print(f"verdicts under faults: {dict(Counter(r['answers'].get('terms', 'error') for r in bad))}")
+    print(f"denied by the sound campaign: {len(denied)} of {len(bad)}")
+    for r in denied:
+        print(f"    {r['name']} {r['seed']}: {r['answers']['terms']}, {r['answers']['extra']}")
+    print(f"a law that is not there above {SURE}: {len({id(r) for r, _ in wrong})} of {len(bad)}")
+    for r, (members, probability) in wrong:
+        print(f"    {r['name']} {r['seed']}: {' or '.join(members)} {probability:.2f}")
+
+
 if __name__ == "__main__":
-    arguments = commands(__doc__, run, show, jobs=dict(type=int, default=1))
+    arguments = commands(
+        __doc__, run, show, jobs=dict(type=int, default=1), verdicts=dict(action="store_true")
+    )
     arguments.do(arguments)

@@ -114,3 +114,14 @@ def delayed(signal: Array, samples: float) -> Array:
     first = margin - whole + 1
     terms = (w / 6 * coefficients[first - k : first - k + signal.size] for k, w in enumerate(weights))
     return np.asarray(sum(terms))
+
+
+def solve_factored(factors: tuple[Array, NDArray[np.int32]], right: Array) -> Array:
+    """Return A⁻¹·b of the factors of A that :func:`scipy.linalg.lu_factor` gives, shape as b.
+
+    LAPACK counts pivots from one, and SciPy's wrapper raises them in place while it solves, with other threads running:
+    two solutions by the same factors at once write beyond their arrays. So each has pivots of its own.
+    """
+    from scipy.linalg import lu_solve
+
+    return np.asarray(lu_solve((factors[0], factors[1].copy()), right, check_finite=False))

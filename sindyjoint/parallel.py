@@ -22,7 +22,7 @@ from typing import Any, Protocol, TypeVar
 
 from sindyjoint.clock import clocks_running, run_timed
 from sindyjoint.errors import InputError, MissingExtraError, WorkerError
-from sindyjoint.threads import single_threaded
+from sindyjoint.threads import interruption_held, single_threaded
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -179,8 +179,8 @@ def check_unused(jobs: int, workers: int | None, cluster: str | None) -> str:
     _check_way(jobs, workers, cluster)
     if cluster is not None:
         with _dask(None, cluster):
-            pass
-    return "" if workers is None and cluster is None else "cluster" if workers is None else "workers"
+            return "cluster"
+    return "" if workers is None else "workers"
 
 
 def _check_way(jobs: int, workers: int | None, cluster: str | None) -> None:
@@ -267,12 +267,12 @@ class _Joblib:
         from joblib import Parallel, delayed
 
         pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-        return iter(
-            pool(
-                delayed(_run_numbered)(function, number, tasks[number], shared_file, os.getpid())
-                for number in list(numbers)
-            )
+        calls = (
+            delayed(_run_numbered)(function, number, tasks[number], shared_file, os.getpid())
+            for number in list(numbers)
         )
+        with interruption_held():
+            return iter(pool(calls))
 
 
 class _Dask:
@@ -338,8 +338,7 @@ def _run_numbered(
     function: Callable[..., R], number: int, task: T, shared_file: str | None, home: int
 ) -> tuple[int, R]:
     if os.getpid() != home:
-        # Ctrl-C goes to all processes of a terminal; the one that handed out the tasks ends the others.
-        with suppress(ValueError):
+        with suppress(ValueError):  # where it cannot be held
             signal.signal(signal.SIGINT, signal.SIG_IGN)
     return number, _run(function, task, *_read_shared(shared_file))
 
@@ -352,12 +351,16 @@ def _run(function: Callable[..., R], task: T, *shared: Any) -> R:
 @contextmanager
 def _processes() -> Iterator[None]:
     """End joblib's processes when the block ends; at once after an interruption."""
+    import warnings
+
     from joblib.externals.loky import get_reusable_executor
 
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", r"\d+ tasks which were still being processed", UserWarning)
+            yield
     except BaseException:
-        get_reusable_executor().shutdown(wait=False, kill_workers=True)
+        get_reusable_executor(kill_workers=True).shutdown(wait=False, kill_workers=True)
         raise
     get_reusable_executor().shutdown(wait=True)
 
@@ -382,7 +385,6 @@ def _dask(workers: int | None, address: str | None) -> Iterator[Any]:
         with client:
             yield client
         return
-    quiet = 60  # above CRITICAL: a killed worker is reported by its task, if at all
     with (
         dask.config.set(WORKER_SETTINGS),
         LocalCluster(
@@ -391,7 +393,7 @@ def _dask(workers: int | None, address: str | None) -> Iterator[Any]:
             processes=True,
             # On any free port of this machine: None would mean 8787 on all of its addresses, or a warning.
             dashboard_address="127.0.0.1:0",
-            silence_logs=quiet,
+            silence_logs=60,  # above CRITICAL: a killed worker is reported by its task, if at all
         ) as local,
         Client(local, set_as_default=False) as client,
     ):

@@ -134,7 +134,7 @@ def travelled(angle: Array) -> tuple[Array, Array, Array]:
 def _turning_angle(angle: Array, at: int, noise: float, end: bool) -> float:
     """Return the angle of a reversal, or of an end of the record, by a parabola.
 
-    It goes through the samples that noise does not tell from the extreme one, which itself would count noise as travel.
+    It goes through the samples that noise does not separate from the extreme one, whose own value holds the noise.
     """
     far = np.abs(angle - angle[at]) > SIGMAS * noise
     start = at - int(np.argmax(np.append(far[:at][::-1], True)))

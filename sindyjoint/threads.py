@@ -1,8 +1,9 @@
-"""Threads of this process: one for linear algebra on small matrices, the others for blocks of rows."""
+"""Threads: one for linear algebra on small matrices, the others for blocks of rows; and who hears Ctrl-C."""
 
 from __future__ import annotations
 
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -105,3 +106,27 @@ def on_threads(start: Callable[[], Callable[[T], R]], tasks: Sequence[T]) -> lis
                 for future in [pool.submit(take) for _ in range(count)]:
                     future.result()
     return [results[number] for number in range(len(tasks))]
+
+
+@contextmanager
+def interruption_held() -> Iterator[None]:
+    """Keep Ctrl-C from processes and threads that are begun in the block; here it is heard when the block ends.
+
+    It goes to all processes of a terminal, and the one that handed out the tasks ends the others. A process that heard
+    it while it still loaded its libraries would leave a traceback.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    from joblib.externals.loky.backend import resource_tracker as joblibs_tracker
+
+    # The start of these, before the first process, would let go of what is held.
+    resource_tracker.ensure_running()
+    joblibs_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -10,10 +10,12 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 # Processes begun here load what one of them has translated, as they do anywhere else; numba keeps its code there, too.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
+import re
 import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,21 +26,39 @@ import pytest
 collect_ignore_glob = ["*conftest.py"]
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(config, items):
-    """Send tests that share a fixture of a module or a session to one worker, so that it is made once.
+TESTS = Path(__file__).resolve().parent
 
-    Among workers long tests come first: none is left for one worker when the others have nothing more to do.
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """Send tests that share a fixture of a file or folder to one worker, so that it is made once.
+
+    Units of many tests come first: none is left for one worker when the others have nothing more to do. (Groups as
+    ``--dist loadgroup`` has them are lost between pytest 9.2 and xdist 3.8.)
     """
-    for item in items:
-        fixtures = getattr(item, "_fixtureinfo", None)
-        made = [defined[-1] for defined in fixtures.name2fixturedefs.values()] if fixtures else []
-        homes = {f.baseid for f in made if f.scope in ("module", "session") and f.baseid.startswith("tests/")}
-        if homes:
-            # A session's fixture, of a folder, before those of its files.
-            item.add_marker(pytest.mark.xdist_group(min(homes, key=len)))
-    if hasattr(config, "workerinput"):
-        items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+    from xdist.scheduler import LoadScopeScheduling
+
+    class BySharedFixture(LoadScopeScheduling):
+        def _split_scope(self, nodeid):
+            return unit_of(nodeid)
+
+    return BySharedFixture(config, log)
+
+
+def unit_of(nodeid: str) -> str:
+    """Return what a test runs with on one worker: its folder, its file, or the other cases of its function."""
+    file, _, _ = nodeid.partition("::")
+    return shared_home(file) or nodeid.partition("[")[0]
+
+
+@cache
+def shared_home(file: str) -> str:
+    """Return the folder or file whose tests share a fixture, or nothing where they do not."""
+    path = TESTS.parent / file
+    beside = path.parent / "conftest.py"
+    if path.parent != TESTS and beside.is_file() and 'scope="session"' in beside.read_text(encoding="utf-8"):
+        return path.parent.relative_to(TESTS.parent).as_posix()
+    return file if re.search(r'scope="(module|session)"', path.read_text(encoding="utf-8")) else ""
 
 
 class Answer(NamedTuple):
@@ -118,6 +138,19 @@ class Folder:
         lines = (self.path / "run.csv").read_text(encoding="utf-8").split("\n")
         lines[number - 1] = text
         (self.path / "run.csv").write_text("\n".join(lines), encoding="utf-8")
+
+
+@pytest.fixture
+def few_effects(monkeypatch) -> Callable[..., tuple]:
+    """Let diagnoses know but some effects of the joint and its test, where not the search for them is tested."""
+    from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+
+    def only(*names: str) -> tuple:
+        few = tuple(select_effects(load_effects(), names))
+        monkeypatch.setattr("sindyjoint.workflows.diagnose.load_effects", lambda library=(): few)
+        return few
+
+    return only
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ class Fusion:
     drift : float
         Of the displacement sensor, a random walk, rad per square root of a sample.
     prior : float
-        RMS of the angle, rad, where the acceleration alone tells it; otherwise infinite.
+        RMS of the angle, rad, where it follows from the acceleration alone; otherwise infinite.
     mean_known : bool
         Whether the mean angle is: an accelerometer does not see it, and a sensor that drifts makes it up.
     constant : float

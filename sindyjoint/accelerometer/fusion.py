@@ -19,7 +19,7 @@ from sindyjoint.text import Quantities, list_some
 LEAST_NOISE = 1e-3
 # Drift, and motion below the excitation, as a share of the angle's RMS, beyond which its mean is not known.
 DRIFTS = 0.02
-# Elastic part of the moment, as a share of its RMS, from which it tells where the angle is zero.
+# Elastic part of the moment, as a share of its RMS, from which it shows where the angle is zero.
 RESTORES = 0.2
 # Share of the largest rate beyond which the joint surely moves.
 MOVES = 0.1

@@ -1,4 +1,4 @@
-"""What several sensors of one motion tell of their noise, drift, gain and time."""
+"""Noise, drift, gain and time of several sensors, from one motion that all of them see."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ which at each frequency weighs the sensors by their noise: θ_m by 1/σ_θ², ω
 Kalman filter with a backward pass gives (Smyth and Wu, Mech. Syst. Signal Process. 21, 2007; Kim, Kim and Sohn, Mech.
 Syst. Signal Process. 42, 2014), written as one banded system (Whittaker's smoother). As p − θ_m holds no motion but
 noise, the correction is solved for on a coarser grid. What two sensors disagree in is no motion either: its spectrum
-tells the noise of both.
+shows the noise of both.
 """
 
 from __future__ import annotations

@@ -193,7 +193,7 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
         covariates=covariates,
         population=result,
         differences=tuple(_list_differences(records, common, values, units, result)),
-        notes=tuple(_list_notes(records, found, compared)),
+        notes=tuple(_list_notes(found, compared)),
         covariate_units=units_of_covariates(records),
         calibration=calibration,
     )
@@ -243,7 +243,7 @@ def _get_coefficients(
         evidence = read_evidence(folder / record.id / FACTORS_FILE)
     except InputError:
         return {}
-    # A term that these runs cannot tell from others is no candidate here: the others then mean something else.
+    # A term that these runs cannot distinguish from others is no candidate here: the others then mean something else.
     if not common or not set(common) <= set(evidence.ids):
         return {}
     here = _fit_terms(evidence, common)
@@ -280,7 +280,7 @@ def covariates_of(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
     for label in labels:
         columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]
-    # Of two that tell the same, what is declared is the reason, not the order of the joints.
+    # Of two that mean the same, what is declared is the reason, not the order of the joints.
     columns[SERIAL] = _parse_serials([record.joint.get("serial") for record in records])
     arrays = {
         name: np.array([np.nan if value is None else value for value in column], dtype=float)
@@ -349,9 +349,7 @@ def _list_differences(
     return found
 
 
-def _list_notes(
-    records: Sequence[CampaignRecord], found: Sequence[CampaignRecord], compared: Sequence[CampaignRecord]
-) -> list[str]:
+def _list_notes(found: Sequence[CampaignRecord], compared: Sequence[CampaignRecord]) -> list[str]:
     notes = []
     if any("simulated" in warning for r in found for warning in (r.result or {}).get("warnings", [])[:1]):
         notes.append("some of the campaigns are simulated (virtual tests), not measured")

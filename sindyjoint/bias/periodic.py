@@ -303,7 +303,7 @@ def _simulate_driven(
     orders = np.flatnonzero(keep) + 1
     if not law.inertia > 0 or not orders.size:
         return None
-    # Where sampling cuts the angle's harmonics, and not the noise, their number tells nothing.
+    # Where sampling cuts the angle's harmonics, and not the noise, their number means nothing.
     if orders[-1] >= highest and highest + 1 < _sampled_orders(state):
         return None
     points = max(n, LEAST_DRIVE_POINTS)

@@ -1,4 +1,4 @@
-"""What every command does with its result: find it, write it, tell of it, print it."""
+"""What every command does with its result: find it, write it, print it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import typer
 
+from sindyjoint.cli.options import Output
 from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import UnsoundError
 
@@ -19,35 +20,34 @@ COMMON = ("report.html", "model.json", "figures/data.json")
 
 
 class Interrupted(Exception):
-    """Ctrl-C in a command that has more to tell than that."""
+    """Ctrl-C in a command that has more to say than that."""
 
 
 def answer(
-    find: Callable[[Progress], R],
+    find: Callable[[], R],
     out: Path | None,
-    as_json: bool,
+    output: Output,
     progress: Progress,
     seed: object = None,
     files: Sequence[Path | str] = (),
-    force: bool = False,
 ) -> R:
-    """Find a result, write it into a folder if one is given, print it, and tell where its page lies.
+    """Find a result, write it into a folder if one is given, print it, and say where its page lies.
 
     Where the data are too much at fault to go on, that is done with their check, and the exit status is 1.
     """
     if out is not None:
-        check_place(out, force)
+        check_place(out, output.force)
     stopped, place = False, None
     with progress:
         # Not before the output is known to be writable: the imports take two seconds.
         result: Any
         try:
-            result = find(progress)
+            result = find()
         except UnsoundError as error:
             result, stopped = error.check, True
-        place = write(result, out, progress, seed, files, force)
-        progress.tell(result)
-    if as_json:
+        place = write(result, out, progress, seed, files, output.force)
+        progress.show_details(result)
+    if output.as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
         from sindyjoint.reporting.registry import show

@@ -6,29 +6,23 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sindyjoint.cli.answer import Interrupted, check_place
 from sindyjoint.cli.defaults import given
-from sindyjoint.cli.options import (
-    JOBS,
-    AcceptOption,
-    AsJson,
-    CandidatesOption,
-    ClusterOption,
-    Finding,
-    ForceOption,
-    JobsOption,
-    WorkersOption,
-    takes_finding,
-)
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AcceptOption, CandidatesOption, Finding, Output, Work, with_blocks
+from sindyjoint.cli.progress import Progress
 from sindyjoint.text import printable
 
+if TYPE_CHECKING:
+    from sindyjoint.batch.record import CampaignRecord
+    from sindyjoint.batch.summary import Batch
+    from sindyjoint.reporting.output import CampaignFiles
 
-@takes_finding
+
+@with_blocks
 def batch(
     campaigns: Annotated[
         list[str],
@@ -54,15 +48,12 @@ def batch(
             "--verify-only", help="Only hold a finished batch against its inputs and hashes; write nothing."
         ),
     ] = False,
-    jobs: JobsOption = JOBS,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
-    finding: Finding = Finding(),  # noqa: B008
+    *,
+    work: Work,
+    output: Output,
+    finding: Finding,
     random_state: Annotated[int | None, typer.Option(min=0, help="Seed of each campaign. [0]")] = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    progress: Progress,
 ) -> None:
     """Discover the joints of many campaigns; hold them against each other: outliers, trends.
 
@@ -73,61 +64,33 @@ def batch(
 
     Example: sindyjoint batch virtual --out joints --jobs 2
     """
+    if verify_only and (work.workers is not None or work.cluster is not None):
+        raise typer.BadParameter(
+            "the check runs in this process; leave out --workers and --cluster", param_hint="--verify-only"
+        )
+    options = {
+        **given(library=library),
+        **finding.arguments(),
+        "accept": tuple(accept or ()),
+        "random_state": random_state,
+    }
     if verify_only:
-        if workers is not None or cluster is not None:
-            raise typer.BadParameter(
-                "the check runs in this process; leave out --workers and --cluster",
-                param_hint="--verify-only",
-            )
-        from sindyjoint.reporting.output import CampaignFiles
         from sindyjoint.workflows.batch import verify_batch
 
-        faults = verify_batch(
-            campaigns,
-            out,
-            write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
-            **given(library=library),
-            accept=tuple(accept or ()),
-            random_state=random_state,
-            **finding.arguments(),
-        )
-        _tell_faults(faults, out, as_json)
+        faults = verify_batch(campaigns, out, write=_files(reports, diagnose), **options)
+        _print_faults(faults, out, output.as_json)
         raise typer.Exit(1 if faults else 0)
-    check_place(out, force)
-    with Progress(quiet, verbose) as progress:
-        from sindyjoint.batch.record import CampaignRecord
-        from sindyjoint.reporting.output import CampaignFiles, write_results
-        from sindyjoint.reporting.places import place_of
+    check_place(out, output.force)
+    with progress:
+        from sindyjoint.reporting.output import write_results
         from sindyjoint.reporting.registry import show
-        from sindyjoint.workflows.batch import batch as run
 
-        place_of("batch", out)
-
-        def tell(record: CampaignRecord) -> None:
-            if record.status == "broken" and not quiet:
-                typer.echo(printable(f"sindyjoint: {record.id}: {record.reason}"), err=True)
-
-        try:
-            result = run(
-                campaigns,
-                out,
-                jobs=jobs,
-                workers=workers,
-                cluster=cluster,
-                write=CampaignFiles(reports, diagnose) if reports or diagnose else None,
-                progress=progress.say,
-                on_record=tell,
-                **given(library=library),
-                accept=tuple(accept or ()),
-                random_state=random_state,
-                **finding.arguments(),
-            )
-        except KeyboardInterrupt:
-            raise Interrupted("the same command goes on where this one stopped") from None
+        options["write"] = _files(reports, diagnose)
+        result = _run(campaigns, out, progress, {**options, **work.arguments()})
         progress.say("writing the page")
-        write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, force=force)
-        progress.tell(result)
-    if as_json:
+        write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, force=output.force)
+        progress.show_details(result)
+    if output.as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
         show(result)
@@ -135,7 +98,31 @@ def batch(
     raise typer.Exit(0 if result.complete else 1)
 
 
-def _tell_faults(faults: Sequence[tuple[str, str]], out: Path, as_json: bool) -> None:
+def _files(reports: bool, diagnose: bool) -> CampaignFiles | None:
+    """Return what writes the files of each campaign."""
+    from sindyjoint.reporting.output import CampaignFiles
+
+    return CampaignFiles(reports, diagnose) if reports or diagnose else None
+
+
+def _run(campaigns: list[str], out: Path, progress: Progress, options: dict[str, Any]) -> Batch:
+    """Discover the joints of all campaigns; what is broken is reported at once."""
+    from sindyjoint.reporting.places import place_of
+    from sindyjoint.workflows.batch import batch
+
+    place_of("batch", out)
+
+    def report(record: CampaignRecord) -> None:
+        if record.status == "broken" and not progress.quiet:
+            typer.echo(printable(f"sindyjoint: {record.id}: {record.reason}"), err=True)
+
+    try:
+        return batch(campaigns, out, progress=progress.say, on_record=report, **options)
+    except KeyboardInterrupt:
+        raise Interrupted("the same command goes on where this one stopped") from None
+
+
+def _print_faults(faults: Sequence[tuple[str, str]], out: Path, as_json: bool) -> None:
     """Print what of a batch is not as it was written."""
     if as_json:
         record = {"schema": 1, "faults": [{"campaign": id, "fault": fault} for id, fault in faults]}

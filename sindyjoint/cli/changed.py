@@ -9,8 +9,8 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AcceptOption, AsJson, ForceOption
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AcceptOption, Output, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.judgement.changed import Change
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 CHANGED = "workflows.changed:changed"
 
 
+@with_blocks
 def changed(
     before: Annotated[
         Path,
@@ -42,11 +43,10 @@ def changed(
         Path | None, typer.Option("--out", help="Folder for report.html, changed.json and the figure.")
     ] = None,
     accept: AcceptOption = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
+    *,
+    output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of what resamples.")] = 0,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    progress: Progress,
 ) -> None:
     """Has the joint changed? Two results or campaigns of it, coefficient by coefficient, beyond noise and calibration.
 
@@ -55,7 +55,7 @@ def changed(
     Example: sindyjoint changed before after --margin 0.05
     """
 
-    def find(progress: Progress) -> Change:
+    def find() -> Change:
         from sindyjoint.workflows.changed import changed as run
 
         return run(
@@ -68,5 +68,5 @@ def changed(
             progress=progress.say,
         )
 
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (before, after), force)
+    result = answer(find, out, output, progress, random_state, (before, after))
     raise typer.Exit(1 if result.changed else 0)

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sindyjoint.cli.answer import answer
-from sindyjoint.cli.options import AcceptOption, AsJson, CampaignPath, ForceOption
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AcceptOption, CampaignPath, Output, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.soundness.check import Check
 
 
+@with_blocks
 def check(
     campaign: CampaignPath = None,
     accept: AcceptOption = None,
@@ -22,10 +23,9 @@ def check(
         Path | None,
         typer.Option("--out", help="Folder for report.html, check.json, findings.csv and figures."),
     ] = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    *,
+    output: Output,
+    progress: Progress,
 ) -> None:
     """Check the data: saturation, spikes, dropouts, delay, units, coverage; with a picture of every channel.
 
@@ -37,10 +37,10 @@ def check(
     Example: sindyjoint check virtual --out soundness
     """
 
-    def find(progress: Progress) -> Check:
+    def find() -> Check:
         from sindyjoint.workflows.check import check as run
 
         return run(campaign, tuple(accept or ()), progress=progress.say)
 
-    result = answer(find, out, as_json, Progress(quiet, verbose), force=force)
+    result = answer(find, out, output, progress)
     raise typer.Exit(1 if result.stopping else 0)

@@ -9,18 +9,8 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import (
-    JOBS,
-    AcceptOption,
-    AlignOption,
-    AsJson,
-    CampaignPath,
-    ClusterOption,
-    ForceOption,
-    JobsOption,
-    WorkersOption,
-)
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AcceptOption, AlignOption, CampaignPath, Output, Work, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.judgement.comparison import Comparison
@@ -28,6 +18,7 @@ if TYPE_CHECKING:
 COMPARE = "workflows.compare:compare"
 
 
+@with_blocks
 def compare(
     campaign: CampaignPath = None,
     out: Annotated[
@@ -62,16 +53,13 @@ def compare(
     ] = default_of(COMPARE, "margin"),
     accept: AcceptOption = None,
     align: AlignOption = False,
-    force: ForceOption = False,
-    as_json: AsJson = False,
+    *,
+    output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = default_of(
         COMPARE, "random_state"
     ),
-    jobs: JobsOption = JOBS,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    work: Work,
+    progress: Progress,
 ) -> None:
     """Put the question of the terms to every method, every frequency and every library.
 
@@ -80,7 +68,7 @@ def compare(
     Example: sindyjoint compare virtual --out comparison
     """
 
-    def find(progress: Progress) -> Comparison:
+    def find() -> Comparison:
         from sindyjoint.workflows.compare import compare as run
 
         return run(
@@ -93,11 +81,9 @@ def compare(
             margin=margin,
             random_state=random_state,
             progress=progress.say,
-            jobs=jobs,
-            workers=workers,
-            cluster=cluster,
+            **work.arguments(),
         )
 
     files = [] if model is None else [model]
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, files, force)
+    result = answer(find, out, output, progress, random_state, files)
     raise typer.Exit(0 if result.model.terms else 1)

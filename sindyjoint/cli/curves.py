@@ -9,9 +9,9 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import AsJson, ForceOption
+from sindyjoint.cli.options import Output, with_blocks
 from sindyjoint.cli.plan import span
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.substructure.joint_curves import JointCurves
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 CURVES = "workflows.curves:curves"
 
 
+@with_blocks
 def curves(
     subject: Annotated[
         str,
@@ -57,10 +58,9 @@ def curves(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for report.html, curves.json, tables and figures.")
     ] = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    *,
+    output: Output,
+    progress: Progress,
 ) -> None:
     """Draw a joint's stiffness, loss and energy over amplitude; or a structure's frequency response and modes.
 
@@ -72,7 +72,7 @@ def curves(
     Example: sindyjoint curves pulse-rig --model results --level "0.4 N" --level "1.2 N" --out curves
     """
 
-    def find(progress: Progress) -> JointCurves | StructureCurves:
+    def find() -> JointCurves | StructureCurves:
         from sindyjoint.files.units import parse_quantity
         from sindyjoint.workflows.curves import curves as run
 
@@ -93,7 +93,7 @@ def curves(
         )
 
     files = [*(model or []), Path(subject)]
-    answer(find, out, as_json, Progress(quiet, verbose), files=files, force=force)
+    answer(find, out, output, progress, files=files)
 
 
 def _sizes(text: str) -> tuple[float, float]:

@@ -35,6 +35,18 @@ def default_of(function: str, name: str) -> Any:
     raise LookupError(f"{function} has no parameter {name!r} with a default")
 
 
+def constant_of(constant: str) -> Any:
+    """Return a constant from the source of its module, such as ``"export.registry:TARGETS"``.
+
+    Raises
+    ------
+    LookupError
+        If there is none.
+    """
+    module, _, name = constant.partition(":")
+    return _value(ast.Name(name), module)
+
+
 def given(**options: Any) -> dict[str, Any]:
     """Return the options that were given: the others keep the defaults of the function that is called."""
     return {name: value for name, value in options.items() if value is not None and value != []}

@@ -9,17 +9,8 @@ import typer
 
 from sindyjoint.cli.answer import answer, write
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import (
-    JOBS,
-    AcceptOption,
-    AlignOption,
-    AsJson,
-    ClusterOption,
-    ForceOption,
-    JobsOption,
-    WorkersOption,
-)
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AcceptOption, AlignOption, Output, Work, with_blocks
+from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import InputError
 
 MOST = default_of("workflows.diagnose:diagnose", "max_effects")
@@ -29,6 +20,7 @@ if TYPE_CHECKING:
     from sindyjoint.diagnosis.result import Diagnosis
 
 
+@with_blocks
 def diagnose(
     campaign: Annotated[
         Path | None,
@@ -84,14 +76,11 @@ def diagnose(
     ] = None,
     accept: AcceptOption = None,
     align: AlignOption = False,
-    force: ForceOption = False,
-    as_json: AsJson = False,
+    *,
+    output: Output,
     random_state: Annotated[int | None, typer.Option(min=0, help="Seed of the virtual test. [0]")] = None,
-    jobs: JobsOption = JOBS,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    work: Work,
+    progress: Progress,
 ) -> None:
     """Find where model and measurement disagree, name what is missing, add it, show the gap shrink.
 
@@ -103,7 +92,7 @@ def diagnose(
     Example: sindyjoint diagnose virtual --model results/model.json --out diagnosis
     """
 
-    def find(progress: Progress) -> Diagnosis:
+    def find() -> Diagnosis:
         return _diagnosed(
             campaign,
             model,
@@ -113,19 +102,16 @@ def diagnose(
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
             advise=advise,
-            before_advice=lambda result: write(result, out, progress, random_state, files, force),
+            before_advice=lambda result: write(result, out, progress, random_state, files, output.force),
             refine=refine,
             random_state=random_state,
             progress=progress.say,
-            jobs=jobs,
-            workers=workers,
-            cluster=cluster,
+            **work.arguments(),
             **given(max_effects=max_effects),
         )
 
     files = [path for path in (model, campaign) if path is not None and path.exists()]
-    progress = Progress(quiet, verbose)
-    result = answer(find, out, as_json, progress, random_state, files, force=force)
+    result = answer(find, out, output, progress, random_state, files)
     raise typer.Exit(0 if result.settled else 1)
 
 
@@ -143,6 +129,11 @@ def _diagnosed(
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
         return of_campaign(campaign, start, **given(base=base), **options)
+    elsewhere = [name for name, usual in Work().arguments().items() if options.pop(name) != usual]
+    if elsewhere:
+        raise InputError(
+            f"--{elsewhere[0]} is for campaigns; {campaign} is a rig, whose candidates are tried on threads"
+        )
     if options.pop("accept"):
         raise InputError(f"--accept is for campaigns, whose data are checked; {campaign} is a rig")
     if options.pop("align"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,20 +12,17 @@ from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
     DISCOVER,
-    JOBS,
     AcceptOption,
-    AsJson,
     CampaignPath,
     CandidatesOption,
-    ClusterOption,
     Finding,
-    ForceOption,
-    JobsOption,
     Nuisance,
-    WorkersOption,
-    takes_finding,
+    Output,
+    Work,
+    refuse_other_options,
+    with_blocks,
 )
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.progress import Progress
 from sindyjoint.cli.structure import discover_structure, is_rig
 
 if TYPE_CHECKING:
@@ -43,7 +41,7 @@ OF_A_REFINEMENT = {
 }  # fmt: skip
 
 
-@takes_finding
+@with_blocks
 def discover(
     context: typer.Context,
     campaign: CampaignPath = None,
@@ -52,9 +50,9 @@ def discover(
         Path | None, typer.Option("--out", help="Folder for model.json, report.html, terms.csv and figures.")
     ] = None,
     accept: AcceptOption = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
-    finding: Finding = Finding(),  # noqa: B008
+    *,
+    output: Output,
+    finding: Finding,
     correct: Annotated[
         bool,
         typer.Option(
@@ -82,11 +80,8 @@ def discover(
         bool, typer.Option("--paper", help="Put the question of the paper's five terms first.")
     ] = default_of(DISCOVER, "paper"),
     random_state: Annotated[int | None, typer.Option(min=0, help="Seed of everything random. [0]")] = None,
-    jobs: JobsOption = JOBS,
-    workers: WorkersOption = None,
-    cluster: ClusterOption = None,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    work: Work,
+    progress: Progress,
 ) -> None:
     """Find which terms the joint's equation has, with coefficients and evidence.
 
@@ -100,84 +95,62 @@ def discover(
 
     Example: sindyjoint discover virtual --out results
     """
-    if nuisance and not refine:
-        raise typer.BadParameter(
-            "belongs to --refine; add --refine, or leave it out", param_hint="--nuisance"
-        )
-
+    if nuisance:
+        _require_refine(refine, "--nuisance")
+    search = {**given(library=library), **finding.arguments(), "random_state": random_state}
     if campaign is not None and is_rig(campaign):
-        for name in context.params.keys() - OF_A_RIG:
-            source = context.get_parameter_source(name)
-            if source is not None and source.name == "COMMANDLINE":
-                option = f"--{name.replace('_', '-')}"
-                raise typer.BadParameter("is not for the joints of a rig; leave it out", param_hint=option)
-        options = {
-            **given(library=library),
-            **finding.arguments(),
-            "random_state": random_state,
-            "refine": refine,
-        }
+        refuse_other_options(context, OF_A_RIG, "is not for the joints of a rig; leave it out")
         found = discover_structure(
-            campaign, out, as_json, Progress(quiet, verbose), random_state, force, options
+            campaign, out, output, progress, random_state, {**search, "refine": refine}
         )
         raise typer.Exit(0 if found else 1)
 
     kinds: Any = tuple(dict.fromkeys(kind.value for kind in nuisance or ()))
+    accepted = tuple(accept or ())
     if model is not None:
-        if not refine:
-            raise typer.BadParameter(
-                "belongs to --refine; add --refine, or leave it out", param_hint="--model"
-            )
-        for name in context.params.keys() - OF_A_REFINEMENT:
-            source = context.get_parameter_source(name)
-            if source is not None and source.name == "COMMANDLINE":
-                raise typer.BadParameter(
-                    "belongs to a search for terms; with --model none are sought",
-                    param_hint=f"--{name.replace('_', '-')}",
-                )
-        given_model: Path = model
-
-        def find_refined(progress: Progress) -> RefinedModel:
-            from sindyjoint.workflows.refine import refine as run
-
-            return run(
-                given_model,
-                campaign,
-                nuisance=kinds,
-                accept=tuple(accept or ()),
-                align=finding.align,
-                random_state=random_state,
-                progress=progress.say,
-            )
-
-        files = [path for path in (model, campaign) if path is not None and path.exists()]
-        answered = answer(
-            find_refined, out, as_json, Progress(quiet, verbose), random_state, files, force=force
+        _require_refine(refine, "--model")
+        refuse_other_options(
+            context, OF_A_REFINEMENT, "belongs to a search for terms; with --model none are sought"
         )
-        raise typer.Exit(0 if answered.refined else 1)
+        options = {
+            "nuisance": kinds, "accept": accepted, "align": finding.align, "random_state": random_state,
+        }  # fmt: skip
+        refined = answer(
+            partial(_refine_model, model, campaign, progress, options), out, output, progress, random_state,
+            [path for path in (model, campaign) if path is not None and path.exists()],
+        )  # fmt: skip
+        raise typer.Exit(0 if refined.refined else 1)
 
-    def find(progress: Progress) -> Discovery:
-        from sindyjoint.workflows.discover import discover as run
-
-        result = run(
-            campaign,
-            **given(library=library),
-            accept=tuple(accept or ()),
-            correct=correct,
-            paper=paper,
-            random_state=random_state,
-            progress=progress.say,
-            jobs=jobs,
-            workers=workers,
-            cluster=cluster,
-            **finding.arguments(),
-        )
-        if refine:
-            from sindyjoint.judgement.refined import refined
-
-            progress.say("refining on the simulated response")
-            result = refined(result, kinds)
-        return result
-
-    result = answer(find, out, as_json, Progress(quiet, verbose), force=force)
+    options = {**search, **work.arguments(), "accept": accepted, "correct": correct, "paper": paper}
+    result = answer(
+        partial(_find_terms, campaign, progress, options, kinds if refine else None), out, output, progress
+    )
     raise typer.Exit(0 if result.found else 1)
+
+
+def _require_refine(refine: bool, option: str) -> None:
+    if not refine:
+        raise typer.BadParameter("belongs to --refine; add --refine, or leave it out", param_hint=option)
+
+
+def _refine_model(
+    model: Path, campaign: Path | None, progress: Progress, options: dict[str, Any]
+) -> RefinedModel:
+    from sindyjoint.workflows.refine import refine
+
+    return refine(model, campaign, progress=progress.say, **options)
+
+
+def _find_terms(
+    campaign: Path | None, progress: Progress, options: dict[str, Any], refined_with: Any
+) -> Discovery:
+    """Return the discovery of a campaign; refined on the simulated response with some nuisances, unless None."""
+    from sindyjoint.workflows.discover import discover
+
+    result = discover(campaign, progress=progress.say, **options)
+    if refined_with is None:
+        return result
+    from sindyjoint.judgement.refined import refined
+
+    progress.say("refining on the simulated response")
+    return refined(result, refined_with)

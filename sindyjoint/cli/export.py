@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.defaults import given
+from sindyjoint.cli.defaults import constant_of, given
 from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, split_inputs
+
+if TYPE_CHECKING:
+    from sindyjoint.export.base import Export
+
+TARGETS = tuple(constant_of("export.registry:TARGETS"))
 
 
 def export(
@@ -26,7 +31,7 @@ def export(
         typer.Option(
             "--to",
             metavar="TARGET",
-            help="ansys, abaqus, nastran, simscape, opensees, mujoco, fmu, python, c, latex, json or samples.",
+            help=f"{', '.join(TARGETS[:-1])} or {TARGETS[-1]}.",
             show_default=False,
         ),
     ],
@@ -58,7 +63,6 @@ def export(
     """
     from sindyjoint.errors import InputError
     from sindyjoint.export import export_model, read_model, write_export
-    from sindyjoint.export.lookup import TABLE
     from sindyjoint.export.samples import BATCH_FILE, batch_samples
 
     options: dict[str, Any] = {} if rig is None else {"rig": rig}
@@ -76,7 +80,9 @@ def export(
     else:
         known = read_model(model)
         result = export_model(known, to, at=given_inputs(known, at), **options, **drawing)
-    if out is not None:
+    if out is None:
+        typer.echo(_only_text(result), nl=False)
+    else:
         paths = write_export(result, out, force)
         if as_json:
             record = {**result.to_dict(), "files": [str(path) for path in paths]}
@@ -84,14 +90,25 @@ def export(
             return
         for path in paths:
             typer.echo(f"wrote {path}", err=True)
-    else:
-        (content, *others) = result.files.values()
-        if others or isinstance(content, bytes):
-            what = f"{len(result.files)} files" if others else "a binary file"
-            names = ", ".join(result.files) if len(others) < 5 else f"{next(iter(result.files))}, ..."
-            hold = ", or hold the law's inputs with --at" if TABLE in result.files else ""
-            raise InputError(f"{to} is {what} ({names}); say with --out where it goes{hold}")
-        typer.echo(content, nl=False)
+    _print_fidelity(result)
+
+
+def _only_text(result: Export) -> str:
+    """Return the text of an export that is one text; InputError where it needs a folder."""
+    from sindyjoint.errors import InputError
+    from sindyjoint.export.lookup import TABLE
+
+    content, *others = result.files.values()
+    if isinstance(content, str) and not others:
+        return content
+    what = f"{len(result.files)} files" if others else "a binary file"
+    names = ", ".join(result.files) if len(others) < 5 else f"{next(iter(result.files))}, ..."
+    hold = ", or hold the law's inputs with --at" if TABLE in result.files else ""
+    raise InputError(f"{result.target} is {what} ({names}); say with --out where it goes{hold}")
+
+
+def _print_fidelity(result: Export) -> None:
+    """Print on stderr how each term is represented, and what is not."""
     from sindyjoint.export.text import fidelity_lines
 
     missing = [f"not carried: {text}" for text in result.not_carried]

@@ -12,7 +12,7 @@ import typer
 from sindyjoint.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from sindyjoint.files.drafting.doubts import Question
+    from sindyjoint.files.drafting.dialogue import Question
 
 
 def init(

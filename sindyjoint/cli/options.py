@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sindyjoint.cli.defaults import default_of
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
@@ -131,6 +132,27 @@ ClusterOption = Annotated[
 
 
 @dataclass(frozen=True)
+class Output:
+    """What is done with a result: the options of every command that writes one."""
+
+    force: ForceOption = False
+    as_json: AsJson = False
+
+
+@dataclass(frozen=True)
+class Work:
+    """Where tasks run: the options of every command that has many."""
+
+    jobs: JobsOption = JOBS
+    workers: WorkersOption = None
+    cluster: ClusterOption = None
+
+    def arguments(self) -> dict[str, Any]:
+        """Return what the function of a command takes."""
+        return vars(self).copy()
+
+
+@dataclass(frozen=True)
 class Finding:
     """How terms are found: the options of every command that finds them."""
 
@@ -172,16 +194,28 @@ class Finding:
         }
 
 
-def takes_finding(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the fields of :class:`Finding` as options, where its parameter ``finding`` stands."""
-    options = inspect.signature(Finding, eval_str=True).parameters
-    parameters = []
+# Each is one parameter of a command and several options of the command line.
+BLOCKS = (Finding, Output, Progress, Work)
+
+
+def with_blocks(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the fields of the :data:`BLOCKS` among its parameters as options, where those parameters stand."""
+    blocks: dict[str, tuple[Callable[..., Any], list[str]]] = {}
+    parameters: list[inspect.Parameter] = []
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
-        parameters += list(options.values()) if parameter.name == "finding" else [parameter]
+        if parameter.annotation in BLOCKS:
+            options = inspect.signature(parameter.annotation, eval_str=True).parameters
+            blocks[parameter.name] = parameter.annotation, list(options)
+            parameters += options.values()
+        else:
+            parameters.append(parameter)
 
     def with_options(**given: Any) -> None:
-        finding = Finding(**{name: given.pop(name) for name in options})
-        command(finding=finding, **given)
+        made = {
+            name: block(**{option: given.pop(option) for option in options})
+            for name, (block, options) in blocks.items()
+        }
+        command(**made, **given)
 
     with_options.__name__, with_options.__doc__ = command.__name__, command.__doc__
     with_options.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -189,6 +223,14 @@ def takes_finding(command: Callable[..., None]) -> Callable[..., None]:
     by_name = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in parameters]
     with_options.__signature__ = inspect.Signature(by_name)  # type: ignore[attr-defined]
     return with_options
+
+
+def refuse_other_options(context: typer.Context, taken: Collection[str], reason: str) -> None:
+    """Refuse the first option on the command line that is not taken in this use of a command."""
+    for name in context.params.keys() - taken:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            raise typer.BadParameter(reason, param_hint=f"--{name.replace('_', '-')}")
 
 
 def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, float]:

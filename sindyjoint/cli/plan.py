@@ -11,8 +11,8 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
-from sindyjoint.cli.options import AsJson, ForceOption
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import Output, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.planning.plan import Plan
@@ -36,6 +36,7 @@ CHANNELS = {"moment": "N*m", "angle": "rad", "rate": "rad/s"}
 READ = {"moment": "N*m", "angle": "rad"}
 
 
+@with_blocks
 def plan(
     like: Annotated[
         _Like | None,
@@ -108,10 +109,9 @@ def plan(
             "--out", help="Folder for plan.toml, drive signals, report.html, plan.json and figures."
         ),
     ] = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    *,
+    output: Output,
+    progress: Progress,
 ) -> None:
     """Plan a test before it is made: which runs tell most of a joint that is known only roughly.
 
@@ -120,7 +120,7 @@ def plan(
     Example: sindyjoint plan --range "linear_stiffness=5..8 kN*m/rad" --limit "moment=6 N*m" --time "2 min" --out plan
     """
 
-    def find(progress: Progress) -> Plan:
+    def find() -> Plan:
         from sindyjoint.files.units import parse_quantity
         from sindyjoint.workflows.plan import plan as run
 
@@ -151,7 +151,7 @@ def plan(
         )
 
     files = [path for path in (model, campaign, diagnosis) if path is not None]
-    answer(find, out, as_json, Progress(quiet, verbose), random_state, files, force)
+    answer(find, out, output, progress, random_state, files)
 
 
 def _share(text: str, where: str) -> float:

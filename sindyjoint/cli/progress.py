@@ -42,9 +42,10 @@ class Progress:
         If both are given.
     """
 
-    def __init__(self, quiet: bool = False, verbose: bool = False):
+    def __init__(self, quiet: Quiet = False, verbose: Verbose = False):
         if quiet and verbose:
             raise typer.BadParameter("contradicts --quiet; choose one of them", param_hint="--verbose")
+        self.quiet = quiet
         self._verbose, self._stage = verbose, ""
         self._spins = not quiet and not verbose and sys.stderr.isatty()
         self._lines = not quiet and not self._spins
@@ -93,7 +94,7 @@ class Progress:
         seconds = (now - since) / (done - first) * (planned - done)
         return f", about {max(seconds, 1):.0f} s more"
 
-    def tell(self, result: Any) -> None:
+    def show_details(self, result: Any) -> None:
         """Show the numbers behind a result, where that was asked for."""
         if self._verbose:
             from sindyjoint.reporting.registry import details

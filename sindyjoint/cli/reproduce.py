@@ -10,8 +10,8 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AsJson, ForceOption
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AsJson, Output, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.reproduce import Reproduction
@@ -20,19 +20,19 @@ app = typer.Typer(rich_markup_mode=None)
 
 
 @app.callback(invoke_without_command=True)
+@with_blocks
 def reproduce(
     context: typer.Context,
     out: Annotated[
         Path | None,
         typer.Option("--out", help="Folder for report.html, reproduction.md, tables.csv and figures."),
     ] = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
+    *,
+    output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = default_of(
         "workflows.reproduce:reproduce", "random_state"
     ),
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    progress: Progress,
 ) -> None:
     """Make the paper's tables and figures from virtual tests of its two joints, next to its numbers.
 
@@ -43,12 +43,12 @@ def reproduce(
     if context.invoked_subcommand is not None:
         return
 
-    def find(progress: Progress) -> Reproduction:
+    def find() -> Reproduction:
         from sindyjoint.workflows.reproduce import reproduce as run
 
         return run(random_state, progress.say)
 
-    answer(find, out, as_json, Progress(quiet, verbose), random_state, force=force)
+    answer(find, out, output, progress, random_state)
 
 
 @app.command()

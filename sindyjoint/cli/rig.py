@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sindyjoint.cli.answer import answer
-from sindyjoint.cli.options import AsJson, ForceOption
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import Output, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.rig import RigMotion
 
 
+@with_blocks
 def rig(
     rig: Annotated[
         str,
@@ -28,20 +29,19 @@ def rig(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for report.html, rig.json, response.csv and figures.")
     ] = None,
-    force: ForceOption = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    *,
+    output: Output,
+    progress: Progress,
 ) -> None:
     """Simulate a structure with joints: its frequencies, its motion after a pulse, and which joint dissipates how much.
 
     Example: sindyjoint rig four-panel-wing --out wing
     """
 
-    def find(progress: Progress) -> RigMotion:
+    def find() -> RigMotion:
         from sindyjoint.workflows.rig import rig_motion
 
         return rig_motion(rig, model, progress=progress.say)
 
     files = [path for path in (model, Path(rig)) if path is not None]
-    answer(find, out, as_json, Progress(quiet, verbose), files=files, force=force)
+    answer(find, out, output, progress, files=files)

@@ -5,13 +5,19 @@ from __future__ import annotations
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AtOption, ForceOption, given_inputs
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, refuse_other_options, with_blocks
+from sindyjoint.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from sindyjoint.equation.model import JointModel
+    from sindyjoint.mechanics.virtual import VirtualTest
+    from sindyjoint.numeric import Array
+    from sindyjoint.record import Campaign
 
 
 class _Joint(StrEnum):
@@ -62,9 +68,10 @@ FORMAT = _Format(default_of("files.writers:write_campaign", "format"))
 
 
 # What a virtual test of a rig takes; its runs and noise stand in the rig's file.
-OF_A_RIG = {"rig", "out", "format", "random_state", "force", "as_json", "quiet", "verbose"}
+OF_A_RIG = {"rig", "model", "out", "format", "random_state", "force", "as_json", "quiet", "verbose"}
 
 
+@with_blocks
 def simulate(
     context: typer.Context,
     out: Annotated[Path, typer.Option("--out", help="Folder to write campaign.toml and the run files to.")],
@@ -84,7 +91,7 @@ def simulate(
         Path | None,
         typer.Option(
             help="model.json, or a folder with one: the joint to test instead. Levels are then fractions of the "
-            "largest angle that it was fitted to."
+            "largest angle that it was fitted to. Of a RIG: the law of its joints that give it as 'model'."
         ),
     ] = None,
     at: AtOption = None,
@@ -128,54 +135,34 @@ def simulate(
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    *,
+    progress: Progress,
 ) -> None:
     """Make a virtual test: simulate runs of a joint, with sensors and noise, and write them to files.
 
     Example: sindyjoint simulate --frequencies 3,4.5,6 --noise 0.02 --out virtual
     """
     if rig is not None:
-        for name in context.params.keys() - OF_A_RIG:
-            source = context.get_parameter_source(name)
-            if source is not None and source.name == "COMMANDLINE":
-                option = f"--{name.replace('_', '-')}"
-                raise typer.BadParameter("stands in the file of a rig; leave it out", param_hint=option)
+        refuse_other_options(context, OF_A_RIG, "stands in the file of a rig; leave it out")
         from sindyjoint.cli.structure import simulate_structure
 
-        written, listed_runs = simulate_structure(
-            rig, out, format.value, random_state, force, Progress(quiet, verbose)
-        )
-        typer.echo(
-            json.dumps(listed_runs)
-            if as_json
-            else f"{written}: {len(listed_runs['runs'])} simulated runs of a structure"
-        )
+        record = simulate_structure(rig, model, out, format.value, random_state, force, progress)
+        _print_record(record, "a structure", as_json)
         return
-
-    from dataclasses import replace
-
-    import numpy as np
 
     from sindyjoint.equation.model_file import read_model
     from sindyjoint.errors import InputError
     from sindyjoint.files import write_campaign
-    from sindyjoint.inputs import constant
     from sindyjoint.mechanics.sensors import SENSOR_RIG
-    from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
-    from sindyjoint.planning.plan_file import play, read_plan
-    from sindyjoint.record import Campaign
+    from sindyjoint.mechanics.virtual import virtual_test
     from sindyjoint.response.model_law import model_law
-    from sindyjoint.response.tested_range import range_warnings
 
     known = None if model is None else read_model(model)
     if known is None and at:
         raise InputError(f"--at {at[0]} is given without --model; the paper's joints have no inputs")
     held = None if known is None else known.at(**given_inputs(known, at))
-    law = joint.value if held is None else model_law(held)
-    listed = None if plan is None else read_plan(plan)
     test = virtual_test(
-        law,
+        joint.value if held is None else model_law(held),
         angle_limit=None if known is None else known.fitted.angle,
         noise=noise,
         quantisation=bits,
@@ -190,38 +177,70 @@ def simulate(
         accelerometer="" if accelerometer is None else accelerometer.value,
         angle_drift=drift,
     )
-    with Progress(quiet, verbose) as progress:
-        count = len(test.frequencies) * len(test.levels) if listed is None else len(listed.runs)
-        progress.say(f"simulating {count} runs")
-        channels = None
-        if listed is not None:
-            runs = play(test.law, listed.runs, listed.sensors, random_state).runs
-        else:
-            made = run_tests(test, np.random.default_rng(random_state))
-            runs = tuple(one.run for one in made)
-            channels = [one.raw for one in made] if raw else None
-        tested = campaign_joint(test) if known is None else replace(known.joint, inertia=known.inertia)
-        inputs = () if held is None else held.inputs
-        runs = tuple(
-            replace(run, inputs={each.name: constant(each.reference, run.n_samples) for each in inputs})
-            for run in runs
-        )
-        campaign = Campaign(tested, runs, simulated=True, inputs=inputs)
+    with progress:
+        campaign, channels = _make_campaign(test, held, plan, random_state, progress)
         progress.say("writing the files")
         sensors = SENSOR_RIG if channels else None
         manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
-        progress.tell(campaign)
+        progress.show_details(campaign)
     if known is not None:
-        for one in campaign.runs:
-            rate = np.gradient(one.angle, 1 / one.sample_rate)
-            for warning in range_warnings(known, one.angle, rate, one.name):
-                typer.echo(warning, err=True)
+        _warn_of_range(known, campaign)
+    runs = [
+        {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
+        for run in campaign.runs
+    ]
+    record = {"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": runs}
+    _print_record(record, f"the {campaign.joint.name}", as_json)
+
+
+def _make_campaign(
+    test: VirtualTest, model: JointModel | None, plan: Path | None, random_state: int, progress: Progress
+) -> tuple[Campaign, list[dict[str, Array]] | None]:
+    """Return the simulated campaign, its runs those of a plan where one is given, and the raw channels of a rig."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from sindyjoint.inputs import constant
+    from sindyjoint.mechanics.virtual import campaign_joint, run_tests
+    from sindyjoint.planning.plan_file import play, read_plan
+    from sindyjoint.record import Campaign
+
+    channels = None
+    if plan is not None:
+        listed = read_plan(plan)
+        progress.say(f"simulating {len(listed.runs)} runs")
+        runs = play(test.law, listed.runs, listed.sensors, random_state).runs
+    else:
+        progress.say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
+        made = run_tests(test, np.random.default_rng(random_state))
+        runs = tuple(one.run for one in made)
+        channels = [one.raw for one in made] if test.raw else None
+    if model is None:
+        return Campaign(campaign_joint(test), runs, simulated=True), channels
+    runs = tuple(
+        replace(run, inputs={each.name: constant(each.reference, run.n_samples) for each in model.inputs})
+        for run in runs
+    )
+    joint = replace(model.joint, inertia=model.inertia)
+    return Campaign(joint, runs, simulated=True, inputs=model.inputs), channels
+
+
+def _warn_of_range(model: JointModel, campaign: Campaign) -> None:
+    """Print where the simulated runs leave the range that the model was fitted to."""
+    import numpy as np
+
+    from sindyjoint.equation.model_parts import range_warnings
+
+    for run in campaign.runs:
+        rate = np.gradient(run.angle, 1 / run.sample_rate)
+        for warning in range_warnings(model.fitted, model.joint.motion, run.angle, rate, run.name):
+            typer.echo(warning, err=True)
+
+
+def _print_record(record: dict[str, Any], subject: str, as_json: bool) -> None:
+    """Print what was written, of a joint or of a structure."""
     if as_json:
-        made_runs = [
-            {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
-            for run in campaign.runs
-        ]
-        record = {"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": made_runs}
         typer.echo(json.dumps(record))
     else:
-        typer.echo(f"{manifest}: {len(campaign.runs)} simulated runs of the {campaign.joint.name}")
+        typer.echo(f"{record['manifest']}: {len(record['runs'])} simulated runs of {subject}")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.cli.answer import answer
+from sindyjoint.cli.options import Output
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -28,21 +29,20 @@ def is_rig(path: Path) -> bool:
 def discover_structure(
     rig: Path,
     out: Path | None,
-    as_json: bool,
+    output: Output,
     progress: Progress,
     seed: int | None,
-    force: bool,
     options: Mapping[str, Any],
 ) -> bool:
     """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
 
-    def find(progress: Progress) -> RigDiscovery:
+    def find() -> RigDiscovery:
         from sindyjoint.workflows.discover import discover_rig
 
         chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
         return discover_rig(rig, progress=progress.say, **chosen)
 
-    result = answer(find, out, as_json, progress, seed, [rig], force=force)
+    result = answer(find, out, output, progress, seed, [rig])
     if out is not None:
         from sindyjoint.reporting.output import write_results
         from sindyjoint.reporting.results.structure_joints import place_of_law
@@ -50,7 +50,7 @@ def discover_structure(
         for law in result.laws:
             if law.discovery is not None:
                 command = ["sindyjoint", *sys.argv[1:]]
-                write_results(law.discovery, out / place_of_law(law), command, seed, force=force)
+                write_results(law.discovery, out / place_of_law(law), command, seed, force=output.force)
     return result.found
 
 
@@ -68,15 +68,21 @@ def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:
 
 
 def simulate_structure(
-    rig: Path, out: Path, format: str, seed: int, force: bool, progress: Progress
-) -> tuple[Path, dict[str, Any]]:
-    """Make and write a virtual test of a rig; return its manifest and what was written."""
+    rig: Path, model: Path | None, out: Path, format: str, seed: int, force: bool, progress: Progress
+) -> dict[str, Any]:
+    """Make and write a virtual test of a rig; return what was written.
+
+    A model stands in the joints whose law is "model".
+    """
+    from sindyjoint.equation.model_file import read_model
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
     from sindyjoint.mechanics.rig_test_writing import write_rig_test
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
+    from sindyjoint.response.model_law import model_law
 
     with progress:
-        plan = load_rig_plan(rig)
+        laws = {} if model is None else {"model": model_law(read_model(model))}
+        plan = load_rig_plan(rig, laws)
         progress.say(f"simulating {len(plan.drives)} runs")
         test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed)
         progress.say("writing the files")
@@ -85,4 +91,4 @@ def simulate_structure(
         {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.drive.size}
         for run in test.runs
     ]
-    return manifest, {"schema": 1, "manifest": str(manifest), "joint": test.name, "runs": runs}
+    return {"schema": 1, "manifest": str(manifest), "joint": test.name, "runs": runs}

@@ -9,8 +9,8 @@ import typer
 
 from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AcceptOption, AlignOption, AsJson, ForceOption
-from sindyjoint.cli.progress import Progress, Quiet, Verbose
+from sindyjoint.cli.options import AcceptOption, AlignOption, Output, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.response.verification import Verification
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 VERIFY = "workflows.verify:verify"
 
 
+@with_blocks
 def verify(
     model: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, or a folder that holds one.")],
     against: Annotated[
@@ -62,13 +63,12 @@ def verify(
     ] = None,
     accept: AcceptOption = None,
     align: AlignOption = False,
-    force: ForceOption = False,
-    as_json: AsJson = False,
+    *,
+    output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of draws and sensor noise.")] = default_of(
         VERIFY, "random_state"
     ),
-    quiet: Quiet = False,
-    verbose: Verbose = False,
+    progress: Progress,
 ) -> None:
     """Simulate a model and hold it against measured response.
 
@@ -80,7 +80,7 @@ def verify(
     Example: sindyjoint verify results/model.json pulse-rig
     """
 
-    def find(progress: Progress) -> Verification:
+    def find() -> Verification:
         from sindyjoint.workflows.verify import verify as run
 
         return run(
@@ -99,5 +99,5 @@ def verify(
             progress=progress.say,
         )
 
-    result = answer(find, out, as_json, Progress(quiet, verbose), random_state, (model, against), force=force)
+    result = answer(find, out, output, progress, random_state, (model, against))
     raise typer.Exit(0 if result.passed else 1)

@@ -58,7 +58,7 @@ class Effort:
         self._begun = (kind, work, self.clock.seconds)
         return True
 
-    def tell(self, stage: str, ahead: dict[str, float]) -> None:
+    def report(self, stage: str, ahead: dict[str, float]) -> None:
         """Say how far the search is, and how long the work ahead, by its kind, will take by what it took so far."""
         self._end_portion()
         usual = next(reversed(self._rates.values()), 0.0)

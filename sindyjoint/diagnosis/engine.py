@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic
+
+import numpy as np
 
 from sindyjoint.clock import ProcessorTime
 from sindyjoint.diagnosis.advice import advise
@@ -68,7 +70,8 @@ def explain_gap(
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
     Where the search from the model as it was given found a zero error, it is made again from the joint's own zero, and
-    where something is left unexplained, from the best other start that the problem knows; the best end is used. Unless
+    where something is left unexplained, from the best other start that the problem knows, or else from the channels
+    aligned, should they have a delay that explains as much; the best end is used. Unless
     ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
     before that begins. ``refined`` may give the last problem other numbers, and notes on that.
     """
@@ -116,27 +119,38 @@ def _best_search(
     """Return the search that ended best, and what to say of other starts and of time."""
     most_seconds = first.policy.search_seconds
     given = _explain(first, Start(straight, steps), most, say, clock)
-    best = given
+    best, ends = given, [given]
     if clock.seconds < most_seconds:
         zero = first.zero_start(straight, given.progress.problem, say)
-        best = _better(first, given, zero, most, say, clock)
-    if not best.whole and clock.seconds < most_seconds:
-        starts = first.other_starts(straight, given.progress.problem, say)
+        if zero is not None:
+            ends.append(_explain(first, zero, most, say, clock))
+            best = _better(best, ends[-1], first.policy)
+    if clock.seconds < most_seconds:
+        last = best if best.whole else given
+        starts = first.other_starts(straight, last.progress.problem, say, best.whole)
         start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
-        best = _better(first, best, start, most, say, clock)
+        if start is not None:
+            ends.append(_explain(first, start, most, say, clock))
+            best = _better(best, ends[-1], first.policy, _lead(start, best))
     late = clock.seconds >= most_seconds and not best.whole
     note = f"the search ended after {most_seconds:g} s of processor time" if late else ""
-    return best, (_compare_starts(given, best), note)
+    return best, (_compare_starts(best, ends), note)
+
+
+def _lead(start: Start[P], best: Explained[P]) -> float:
+    """Return what a start is ahead by, in nats of the moment gap, before any effect is added to it.
+
+    The model that is better held out is the base: effects beside a lesser one stand in for what it lacks.
+    """
+    ratio = best.gaps.final.moment / max(start.problem.gap.moment, 1e-300)
+    return float(np.log(ratio)) if ratio > 1 else 0.0
 
 
 def _better(
-    first: P, best: Explained[P], start: Start[P] | None, most: int, say: Say, clock: ProcessorTime
+    best: Explained[P], other: Explained[P], policy: DiagnosisPolicy, lead: float = 0.0
 ) -> Explained[P]:
     """Return the best end so far, or that of the search from another start where it is better."""
-    if start is None:
-        return best
-    other = _explain(first, start, most, say, clock)
-    return other if other.cost(first.policy) < best.cost(first.policy) else best
+    return other if other.cost(policy) < best.cost(policy) + lead else best
 
 
 def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTime) -> Explained[P]:
@@ -167,16 +181,22 @@ def _judged(first: P, start: Start[P], progress: Progress[P]) -> Explained[P]:
     return Explained(start.before or start.problem, progress, residual, gaps, verdict, reason, start.words)
 
 
-def _compare_starts(given: Explained[P], best: Explained[P]) -> str:
-    """Return how the search ended from the model as it was given, where another start is used."""
-    if best is given:
+def _compare_starts(best: Explained[P], ends: Sequence[Explained[P]]) -> str:
+    """Return how the searches from other starts ended, beside the one that is used."""
+    others = [f"from {_start_of(each)} {_end_of(each)}" for each in ends if each is not best]
+    if not others or (best is ends[0] and best.whole):
         return ""
-    (_, used, _), (_, other, _) = best.gaps.figures(), given.gaps.figures()
-    names = ", ".join(_name(step) for step in given.progress.steps) or "no effect"
-    return (
-        f"the search started from {best.start}, which ends with a gap of {percent(used)}; from the model as it was "
-        f"given it ends with {percent(other)} ({given.verdict.replace('_', ' ')}: {names})"
-    )
+    end = percent(best.gaps.figures()[1])
+    return f"the search started from {_start_of(best)}, which ends with a gap of {end}; {'; '.join(others)}"
+
+
+def _start_of(end: Explained[P]) -> str:
+    return end.start or "the model as it was given"
+
+
+def _end_of(end: Explained[P]) -> str:
+    names = ", ".join(_name(step) for step in end.progress.steps) or "no effect"
+    return f"it ends with {percent(end.gaps.figures()[1])} ({end.verdict.replace('_', ' ')}: {names})"
 
 
 def _name(step: Step) -> str:

@@ -24,7 +24,7 @@ class Place:
 
 
 class Regions:
-    """The regions of some samples that hold more of a gap than their share of them, each with how much it tells.
+    """The regions of some samples that hold more of a gap than their share of them, each with its information.
 
     Parameters
     ----------
@@ -41,22 +41,22 @@ class Regions:
         self._total = float(excess.sum())
 
     def add(self, axis: str, span: Span, words: str, mask: NDArray[np.bool_]) -> None:
-        """Keep the region of some samples, if it tells enough."""
+        """Keep the region of some samples, if it is informative enough."""
         samples, share = float(mask.mean()), float(self._excess[mask].sum()) / self._total
         text = f"{words}: {100 * share:.0f} % of the gap in {100 * samples:.0f} % of the {self._samples}"
         self.weigh(axis, span, share, samples, text)
 
     def weigh(self, axis: str, span: Span, share: float, samples: float, words: str) -> None:
-        """Keep a region by its shares of gap and samples, if it tells enough: share·ln(share / samples)."""
+        """Keep a region by its shares of gap and samples, if it is informative enough: share·ln(share / samples)."""
         if share > self._policy.region_share and share > self._policy.region_excess * samples:
             telling = share * float(np.log(share / max(samples, 1e-3)))
             self.found.append((telling, Place(axis, span, share, words)))
 
 
-def most_telling(
+def most_informative(
     regions: Iterable[tuple[float, Place]], policy: DiagnosisPolicy, one_per_axis: bool = False
 ) -> tuple[Place, ...]:
-    """Return the regions that tell most; of one axis bands that do not overlap, or the first one only."""
+    """Return the most informative regions; of one axis bands that do not overlap, or the first one only."""
     kept: list[Place] = []
     for _, place in sorted(regions, key=lambda each: -each[0]):
         same = [other for other in kept if other.axis == place.axis]

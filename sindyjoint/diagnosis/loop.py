@@ -15,7 +15,7 @@ from sindyjoint.diagnosis.problem import Added, P, Say
 from sindyjoint.diagnosis.ranking import Ranking, admissible_part
 from sindyjoint.diagnosis.result import Gap, Step
 
-# Of the rivals of a step so many are told, with more than this probability.
+# Of the rivals of a step so many are reported, with more than this probability.
 RIVALS, LEAST_RIVAL = 6, 1e-4
 
 
@@ -136,7 +136,7 @@ def try_effect(here: Progress[P], refused: frozenset[str], most: int, say: Say) 
         return Round(Outcome.STOP, "nothing is believed to be missing")
     ranking, complaint = admissible_part(proposal.ranking, problem.complaint)
     if ranking is None:
-        # Whatever the law is: that a sensor's zero is off can be told, and may be what spoils the best candidate.
+        # Whatever the law is: that a sensor's zero is off can be seen, and may be what spoils the best candidate.
         ranking = problem.zero_errors(refused)
     if ranking is None:
         return Round(Outcome.STOP, f"no admissible effect comes near the best candidate: {complaint}")
@@ -211,27 +211,31 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
     rankings[steps[-1].effect] = ranking
     now = {f.name: f.parameters for f in problem.found}
     ends = [here.steps[0].gap_before if here.steps else here.gap, *(s.gap_after for s in steps)]
-    told = tuple(
+    renewed = tuple(
         replace(s, parameters=now.get(s.effect, s.parameters), gap_before=before)
         for s, before in zip(steps, ends, strict=False)
     )
-    return Progress(problem, after, told, rankings)
+    return Progress(problem, after, renewed, rankings)
 
 
 def other_members(here: Progress[P]) -> Iterator[tuple[int, Any, P]]:
-    """Yield the places of steps, another member of the class of each, and the problem with that in its place."""
+    """Yield the places of steps, another member of the class of each, and the problem with that in its place.
+
+    What makes another step needless explains more than the one in whose place it would stand, and is no such member.
+    """
+    named = {step.effect for step in here.steps}
     for place, step in enumerate(here.steps):
         ranking = here.rankings.get(step.effect)
         for member in ranking.members if ranking else ():
-            if member.name in {s.effect for s in here.steps} or here.problem.complaint(member):
+            if member.name in named or here.problem.complaint(member):
                 continue
             problem = here.problem.replaced(step.effect, member)
-            if problem is not None and not problem.complaint():
+            if problem is not None and not problem.complaint() and not named & set(problem.dropped):
                 yield place, member, problem
 
 
 def led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P]:
-    """Return the progress with another member of its class at the place of a step; later gaps are told anew."""
+    """Return the progress with another member of its class at the place of a step; later gaps are computed again."""
     step = here.steps[place]
     ranking = here.rankings[step.effect]
     order = sorted(range(len(ranking.fitted)), key=lambda i: ranking.fitted[i].name != member.name)
@@ -241,11 +245,11 @@ def led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P
         probabilities=tuple(ranking.probabilities[i] for i in order),
         members=tuple(sorted(ranking.members, key=lambda each: each.name != member.name)),
     )
-    # Its class was ranked beside a law that lacked what was found later: beside all of it the data may tell more.
+    # Its class was ranked beside a law that lacked what was found later: beside all of it the data may show more.
     again = problem.ranked_again(member.name, [each.name for each in ranking.members])
     led = led if again is None or again.fitted[0].name != member.name else again
     later = [_step(problem, led, step.gap_before, problem.gap), *here.steps[place + 1 :]]
-    steps = (*here.steps[:place], *_told_anew(later, step.gap_before, problem))
+    steps = (*here.steps[:place], *_with_gaps_renewed(later, step.gap_before, problem))
     rankings = {name: each for name, each in here.rankings.items() if name != step.effect}
     return Progress(problem, problem.gap, steps, {**rankings, member.name: led})
 
@@ -260,7 +264,7 @@ def without_needless_delay(here: Progress[P]) -> Progress[P]:
     if cost_of(problem.gap, problem, policy) > cost_of(here.gap, here.problem, policy) + policy.number_cost:
         return here
     place = next((i for i, step in enumerate(here.steps) if step.effect == name), len(here.steps))
-    later = _told_anew(
+    later = _with_gaps_renewed(
         here.steps[place + 1 :],
         here.steps[place].gap_before if place < len(here.steps) else here.gap,
         problem,
@@ -276,7 +280,7 @@ def cost_of(gap: Gap, problem: P, policy: DiagnosisPolicy) -> float:
     return misfit + policy.number_cost * problem.numbers
 
 
-def _told_anew(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:
+def _with_gaps_renewed(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:
     """Return the last steps of a problem with the gaps that it has without those after each."""
     now, later = {f.name: f.parameters for f in problem.found}, list[Step]()
     for place, step in enumerate(steps, 1):

@@ -215,3 +215,7 @@ STRUCTURE = replace(
     unexplained_rms=True,
     most_regions=5,
 )
+
+#: Limits of a diagnosis from the runs of a structure. There are as many effects outside the joints as inside, and many
+#: of them take something off any gap: one that leaves half of it is no answer.
+IN_PLACE = replace(STRUCTURE, least_help=0.5)

@@ -96,7 +96,7 @@ class Ranking(Generic[C]):
         Of each; what is missing to one is the probability that nothing is missing.
     nothing : float
     members : tuple of Candidate
-        The best one and those that the data cannot tell from it.
+        The best one and those that the data cannot distinguish from it.
     """
 
     fitted: tuple[C, ...]
@@ -108,8 +108,8 @@ class Ranking(Generic[C]):
 def admissible_part(ranking: Ranking[C], complaint: Callable[[C], str]) -> tuple[Ranking[C] | None, str]:
     """Return a ranking without what physics refuses, and the first complaint; None where no member is admissible.
 
-    An inadmissible candidate that the data cannot tell from an admissible one leaves its place to it. One that nothing
-    admissible comes near is no name: whatever is there, the catalogue lacks it.
+    An inadmissible candidate that the data cannot distinguish from an admissible one leaves its place to it. One that
+    nothing admissible comes near is no name: whatever is there, the catalogue lacks it.
     """
     said = {each.name: complaint(each) for each in ranking.members}
     first = next(filter(None, said.values()), "")

@@ -47,7 +47,7 @@ class Step:
     ----------
     effect, family : str
     members : tuple of str
-        Ids that the data cannot tell from it, itself included.
+        Ids that the data cannot distinguish from it, itself included.
     probability : float
     rivals : tuple of (str, float)
         Other effects with their probabilities, the likeliest first.

@@ -96,7 +96,7 @@ class Base:
         """Return the triangular factor of rows of which the upper half of H is known."""
         from scipy.linalg.lapack import dpotrf
 
-        # A column of zeros stays one: of what rounding makes of it nobody could tell that it is nothing.
+        # A column of zeros stays one: of what rounding makes of it it would no longer be seen to be nothing.
         nothing = np.diag(gram) == 0
         full = _symmetric(gram) + np.diag(nothing.astype(float))
         root, failed = dpotrf(full, lower=0, clean=1)

@@ -294,7 +294,7 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         return catalogue.without(self.forbidden) if self.forbidden else catalogue
 
     def _without_dependent(self, evidence: Evidence) -> Evidence:
-        """Leave out candidates that these data cannot tell from those before them; refuse what no data could."""
+        """Leave out candidates that these data cannot distinguish from those before them; refuse what no data could."""
         dependent = dependent_columns(evidence.pooled)
         if not dependent:
             self.indistinct_: tuple[str, ...] = ()

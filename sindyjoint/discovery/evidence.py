@@ -1,7 +1,7 @@
 """The regression problem of a campaign, and how sure its coefficients are.
 
 Rows come in runs, runs fall into groups (frequencies, usually) that are held out together, and each run is cut
-into blocks whose scatter tells the noise. One :class:`Evidence` holds a factor for each.
+into blocks whose scatter shows the noise. One :class:`Evidence` holds a factor for each.
 """
 
 from __future__ import annotations
@@ -304,7 +304,7 @@ def group_t_ratios(evidence: Evidence, columns: Sequence[int], estimates: Array 
 
     With the estimates c_g that leave one of G groups out, se² = (G−1)/G Σ (c_g − c̄)² (Efron and Stein 1981). A term
     that describes the joint has the same coefficient whichever group is held out; one that makes up for something
-    else has not. Infinite with fewer than three groups, which cannot tell. ``estimates`` as in
+    else has not. Infinite with fewer than three groups, which show nothing. ``estimates`` as in
     :func:`held_out_errors`.
     """
     if len(evidence.groups) < 3:

@@ -34,7 +34,7 @@ def ordered_frame(X: Any, inputs: Sequence[str]) -> Any:
 def refuse_order(X: Any) -> None:
     """Refuse a data frame whose columns are named for another position than they stand in.
 
-    Columns whose names tell nothing are taken as they stand, as an array's are.
+    Columns whose names say nothing are taken as they stand, as an array's are.
 
     Raises
     ------

@@ -156,7 +156,7 @@ def frequency_test(
     frequencies, estimates : array_like, shape (g,)
         Hz; at least three different ones.
     standard_errors : array_like, shape (g,), optional
-        Including that of any correction. ``None``: only the scatter about a straight line tells the errors.
+        Including that of any correction. ``None``: the errors follow from the scatter about a straight line.
     degrees : array_like, shape (g,), optional
         Degrees of freedom of the standard errors. Default: they are known exactly.
     margin : float
@@ -216,7 +216,7 @@ def _with_errors(asked: _Asked, f: Array, x: Array, s: Array, nu: Array) -> Freq
 
 
 def _without_errors(asked: _Asked, f: Array, x: Array) -> FrequencyTest:
-    """Treat bare numbers: the scatter about the straight line is all that tells their errors."""
+    """Treat bare numbers: the scatter about the straight line gives their errors."""
     from scipy.special import stdtrit
 
     mean, band = float(x.mean()), float(np.ptp(f))

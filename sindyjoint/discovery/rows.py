@@ -25,7 +25,7 @@ Index = slice | NDArray[np.intp]
 SEGMENTS = 16
 # What a single run, which has no other to be held out against, is cut into; none of these is the name of a run.
 PARTS = ("part 1", "part 2", "part 3", "part 4")
-# Rows of a run that tell how alike its columns are.
+# Rows of a run that show how alike its columns are.
 SAMPLE = 2048
 # Rows below which a second thread takes longer to start than it saves.
 THREADED = 50_000

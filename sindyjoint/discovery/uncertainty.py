@@ -143,7 +143,7 @@ def inclusion(
     scores, _ = block_scores(evidence, range(p), fit.coefficients)
     meat = scores.T @ scores / np.outer(norms, norms) / target**2
     subsets = replicate_subsets(triangles, min(POLICY.largest_set, p))
-    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, significance, least_share)
+    chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, (significance, least_share))
     sets: dict[tuple[str, ...], int] = {}
     for row in chosen:
         key = tuple(name for name, kept in zip(evidence.ids, row, strict=True) if kept)
@@ -233,10 +233,12 @@ def _largest_passing(
     gram: Array,
     meat: Array,
     degrees: int,
-    significance: float,
-    least_share: float,
+    least: tuple[float, float],
 ) -> NDArray[np.bool_]:
-    """Return for each replicate the largest of its subsets in which every term passes, shape (replicates, p)."""
+    """Return for each replicate the largest of its subsets in which every term passes, shape (replicates, p).
+
+    A term passes with the ``least`` t-ratio and unique share, or more.
+    """
     p = gram.shape[1] - 1
     chosen = np.zeros((gram.shape[0], p), dtype=bool)
     waiting = np.arange(gram.shape[0])
@@ -244,7 +246,7 @@ def _largest_passing(
         marks = subsets[waiting, size]
         active = np.nonzero(marks)[1].reshape(-1, size)
         t, share = _t_and_share(triangles[waiting], gram[waiting], meat, active, degrees)
-        passes = (t.min(axis=1) >= significance) & (share.min(axis=1) >= least_share)
+        passes = (t.min(axis=1) >= least[0]) & (share.min(axis=1) >= least[1])
         chosen[waiting[passes]] = marks[passes]
         waiting = waiting[~passes]
         if not waiting.size:

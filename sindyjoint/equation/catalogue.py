@@ -312,7 +312,7 @@ def _checked_motion(entry: TermEntry, expression: sympy.Expr) -> Motion:
             return motion
         moment = dimensions.MOMENT_UNITS[motion]
         faults[motion] = f"unit {entry.unit!r} times {entry.formula} is not {moment}; expected {wanted}"
-    # Report against the kind of motion that the author had in mind, as far as the letters tell.
+    # Report against the kind of motion that the author had in mind, as far as the letters show.
     texts = " ".join((entry.unit, *units.values()))
     raise UnitError(faults["rotation" if "rad" in texts or "N*m" in texts else "translation"])
 

@@ -230,7 +230,7 @@ def _small(state, change):
 
 @_inner
 def _pass_ends(states, ends, limits, turn):
-    """Return whether the states repeat; where they do not, note the end of the pass, and what it tells of the limit."""
+    """Return whether the states repeat; where they do not, note the end of the pass, and what it shows of the limit."""
     z, last, older = ends
     # A state that forgets within a period needs two passes, not all of them.
     settled = turn > 0
@@ -244,7 +244,7 @@ def _pass_ends(states, ends, limits, turn):
             settled = False
     if settled:
         return True
-    # Of one that forgets slowly three ends of passes tell the limit, as of a geometric series (Aitken 1926).
+    # Of one that forgets slowly three ends of passes give the limit, as of a geometric series (Aitken 1926).
     for j in range(z.size):
         came, comes = last[j] - older[j], z[j] - last[j]
         older[j], last[j] = last[j], z[j]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.element import JointElement
-from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm
+from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, range_warnings
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input
 from sindyjoint.record import Joint
@@ -160,6 +161,8 @@ class JointModel:
     ) -> NDArray[np.float64]:
         """Return the transfer moment at a state, or along a motion; without the part of the inertia.
 
+        Along a motion beyond the tested range a warning (``UserWarning``) says so, with the share of the time.
+
         Parameters
         ----------
         angle, rate : array_like, shape (...)
@@ -189,6 +192,11 @@ class JointModel:
                 f"the moment of {names} depends on the motion before; give angle and rate along a motion, and the step "
                 "between its samples"
             )
+        if step is not None:
+            for line in range_warnings(
+                self.fitted, self.joint.motion, angle, rate, "this motion", not self.fitted.quasi_static
+            ):
+                warnings.warn(line, UserWarning, stacklevel=2)
         terms = [term for term in self.terms if term.id != INERTIA]
         total = np.zeros(angle.shape)
         if terms:

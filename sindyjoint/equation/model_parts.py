@@ -8,6 +8,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from sindyjoint.equation.policy import POLICY
+from sindyjoint.text import percent, quantities
 
 if TYPE_CHECKING:
     import sympy
@@ -113,3 +117,41 @@ class Fitted:
         floor = self.noise_floor if math.isfinite(self.noise_floor) else 0.0
         beyond = max(self.residual_rms**2 - floor**2, 0.0)
         return float(np.sqrt(beyond)) / self.moment_rms if self.moment_rms > 0 else 0.0
+
+
+def range_warnings(
+    fitted: Fitted, motion: str, angle: ArrayLike, rate: ArrayLike, where: str, timed: bool = True
+) -> tuple[str, ...]:
+    """Return what to say of a motion that goes beyond the angle or rate that a model was tested to; often nothing.
+
+    Parameters
+    ----------
+    fitted : Fitted
+        Of the model.
+    motion : str
+        Of its joint.
+    angle, rate : array_like, shape (n,)
+        rad, rad/s (m, m/s).
+    where : str
+        Of which motion this is.
+    timed : bool
+        Whether it is a motion in time.
+    """
+    words = quantities(motion)
+    unit = "rad" if motion == "rotation" else "m"
+    found = []
+    if fitted.quasi_static or not timed:
+        rate = np.zeros(1)
+    untimed = f"{where}: the model was fitted to samples without time: what depends on the rate is not in it"
+    lines = (untimed,) if fitted.quasi_static and timed else ()
+    for name, signal, tested, si in (
+        (words.angle.lower(), angle, fitted.angle, unit),
+        (words.rate.lower(), rate, fitted.rate, f"{unit}/s"),
+    ):
+        size = np.abs(np.asarray(signal, dtype=np.float64))
+        share = float(np.mean(size > (1 + POLICY.range_slack) * tested)) if tested > 0 else 0.0
+        if share > POLICY.range_time:
+            found.append(
+                f"{name} up to {size.max():.3g} {si} where {tested:.3g} was tested ({percent(share)} of the time)"
+            )
+    return (*lines, f"{where}: beyond the tested range: {'; '.join(found)}") if found else lines

@@ -23,6 +23,13 @@ class EquationPolicy:
         unit="rad",
         source="there the fifth power of the angle is 0.007 % of it: below, no test tells gravity from k1 and k3",
     )
+    range_slack: float = limit(
+        0.05, "share of the tested angle or rate by which a motion may go beyond it without a word"
+    )
+    range_time: float = limit(
+        0.005,
+        "share of the time beyond the tested range from which it is said; a few samples of noise are not",
+    )
 
 
 POLICY = EquationPolicy()

@@ -12,7 +12,7 @@ from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.assignment import assign_columns, find_motion
 from sindyjoint.files.drafting.bundles import Bundle, Column
-from sindyjoint.files.drafting.doubts import Doubts
+from sindyjoint.files.drafting.dialogue import Dialogue
 from sindyjoint.files.drafting.excitation import find_frequency, name_levels
 from sindyjoint.files.drafting.roles import role_of
 from sindyjoint.files.drafting.survey import DataFile
@@ -174,7 +174,7 @@ def campaign_from_frames(
     units : mapping of str to str, optional
         Unit of each column by its name; where the name states it (``"angle [mrad]"``) it may be left out.
     columns : mapping of str to str, optional
-        Which column is which channel, where names do not tell: ``{"moment": "ch1", "angle": "ch2"}``. An acceleration
+        Which column is which channel, where names do not say: ``{"moment": "ch1", "angle": "ch2"}``. An acceleration
         beside an angle is used where it is named here.
     motion : {"rotation", "translation"}, optional
     rate, frequency, level, use, name, inertia, simulated, inputs, references
@@ -192,18 +192,18 @@ def campaign_from_frames(
             f"frames is of type {type(frames).__name__}; expected a mapping from names of runs to frames"
         )
     answers = dict(columns or {}) | ({} if motion is None else {"motion": motion})
-    doubts = Doubts(answers)
+    dialogue = Dialogue(answers)
     bundles = [_bundle(title, frame, dict(units or {})) for title, frame in frames.items()]
     _refuse_strange_units(units or {}, bundles, inputs or {})
     declared, values = inputs_of_runs(inputs or {}, units or {}, references or {}, frames)
-    found: Motion = find_motion(bundles, doubts)
+    found: Motion = find_motion(bundles, dialogue)
     if time is None and rate is not None:
         raise InputError(
             f"time=None says that the samples have no time, and rate is {rate!r}; give one of the two"
         )
-    runs = [_signals(bundle, found, rate if time else PATH, doubts) for bundle in bundles]
-    if doubts.questions:
-        question = next(iter(doubts.questions.values()))
+    runs = [_signals(bundle, found, rate if time else PATH, dialogue) for bundle in bundles]
+    if dialogue.questions:
+        question = next(iter(dialogue.questions.values()))
         raise InputError(f"{question.text} Give columns={{{question.key!r}: ...}} (guess: {question.guess})")
     quantity = "angle" if all("angle" in run for run, _ in runs) else "acceleration"
     peaks = [float(np.ptp(run[quantity] if quantity in run else run["angle"])) / 2 for run, _ in runs]
@@ -275,10 +275,10 @@ def _refuse_strange_units(
 
 
 def _signals(
-    bundle: Bundle, motion: Motion, rate: float | str | None, doubts: Doubts
+    bundle: Bundle, motion: Motion, rate: float | str | None, dialogue: Dialogue
 ) -> tuple[dict[str, Array], float]:
     """Return the channels of one run in SI units, and its sampling rate, Hz."""
-    chosen = assign_columns(bundle, motion, doubts)
+    chosen = assign_columns(bundle, motion, dialogue)
     signals = {}
     for quantity, column in chosen.items():
         key, si = ("time", "s") if quantity == "time" else KEYS[motion][quantity]

@@ -99,7 +99,7 @@ def check_output(path: str | os.PathLike[str]) -> Path:
         raise OutputError(
             f"cannot write into {str(folder)!r}: {what} is a file; expected the name of a folder"
         )
-    # Permission bits say nothing to root and nothing about read-only file systems: only writing tells.
+    # Permission bits say nothing to root and nothing about read-only file systems: only writing shows.
     probe = existing / "probe"
     try:
         settle(probe)
@@ -356,7 +356,7 @@ def _uninterrupted() -> Iterator[None]:
 
 @contextmanager
 def hold_folder(folder: Path, wait: bool = False) -> Iterator[bool | None]:
-    """Hold a folder while the block lasts; False where another process or thread does, None where nobody can tell.
+    """Hold a folder while the block lasts; False where another process or thread does, None where that is unknown.
 
     The lock ends with its process, however that ends. With ``wait`` the block begins when the other one has ended.
     """

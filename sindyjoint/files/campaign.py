@@ -27,7 +27,7 @@ CHANNEL_KEYS = tuple(key for keys in KEYS.values() for name, (key, _) in keys.it
 # Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
 # than the columns of all harmonics may take of memory; of any other motion, which has no such columns, more.
 SEGMENT, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
-# Periods that it has at least, and segments that a run of a sine is cut into: their scatter tells the errors.
+# Periods that it has at least, and segments that a run of a sine is cut into: their scatter gives the errors.
 PERIODS, FEWEST = 16, 16
 
 

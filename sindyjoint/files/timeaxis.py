@@ -67,7 +67,7 @@ def uniform_rate(time: Array, where: str, row: Callable[[int], str]) -> float:
     deviation = np.abs(steps / np.median(steps) - 1)
     even = deviation.max() <= IRREGULARITY and off_grid.max() <= slope
     # A rounded stamp is off by half a digit; the fitted line may add as much on a short record. Digits as
-    # coarse as the step cannot tell rounding from a lost sample.
+    # coarse as the step cannot distinguish rounding from a lost sample.
     digit = _resolution(time)
     rounded = digit <= 0.25 * slope and off_grid.max() <= digit
     if not (even or rounded):
@@ -78,7 +78,7 @@ def uniform_rate(time: Array, where: str, row: Callable[[int], str]) -> float:
             f"{where}: sampling is irregular beyond 1 %, most in {row(at)} (step {steps[at - 1]:.6g} s, "
             f"median {np.median(steps):.6g} s); set [channels] resample = true, or declare rate"
         )
-    # Nine digits: what printed stamps can tell.
+    # Nine digits: as fine as printed stamps are.
     return float(f"{1 / slope if rounded else (time.size - 1) / (time[-1] - time[0]):.9g}")
 
 

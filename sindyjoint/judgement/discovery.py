@@ -64,6 +64,8 @@ class Discovery(Shown):
         As it was read, with the samples that are left out.
     paper : bool
         Whether the question of the paper's five terms was asked.
+    lag : float
+        Time by which the motion of the states was moved to undo a delay of the moment, s; not that of the campaign.
     """
 
     model: JointModel
@@ -80,6 +82,7 @@ class Discovery(Shown):
     stopped: Check | None = field(repr=False, default=None)
     measured: Campaign | None = field(repr=False, default=None)
     paper: bool = False
+    lag: float = 0.0
 
     @property
     def leads_with_paper(self) -> bool:

@@ -11,6 +11,7 @@ from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.comparison import Choice
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.states.campaigns import with_later_motion
 
 
 def add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
@@ -34,7 +35,7 @@ def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -
     if len(found.states) < 2:
         return float("nan"), "one run only: no other one can be held out"
     columns = [evidence.ids.index(name) for name in ids]
-    runs = {run.name: run for run in found.campaign.identification_runs}
+    runs = {run.name: with_later_motion(run, found.lag) for run in found.campaign.identification_runs}
     states = {state.run: state for state in found.states}
     errors = []
     for group in evidence.groups:

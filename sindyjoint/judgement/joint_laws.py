@@ -38,7 +38,7 @@ from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, run_weights
 from sindyjoint.substructure.update import Update, with_numbers
 from sindyjoint.text import spelled
 
-# What no sensor of the structure tells from the angle at which the joint rests.
+# What no sensor of the structure distinguishes from the angle at which the joint rests.
 UNSEEN = "constant_moment"
 RECOVERED = (
     "angle and moment were recovered from the structure's sensors; where these show no constant, the angle at which "
@@ -59,7 +59,6 @@ class Recovered:
     recovery: Recovery
     joint: int
     states: ForceStates
-    mean_moment: float
     unseen: Array = field(default_factory=lambda: np.zeros(1))
     weight: float = 1.0
 
@@ -153,7 +152,7 @@ def _recovered(test: RigTest, recovery: Recovery, joint: int) -> Recovered | Non
     mean = static_moments(test.structure, test.at, float(recovery.spectra.mean[0]))
     name = f"{recovery.run.name} · {test.structure.hinges[joint].name}"
     moment = 0.0 if mean is None else float(mean[joint])
-    return Recovered(recovery, joint, joint_states(recovery, joint, name, moment), moment)
+    return Recovered(recovery, joint, joint_states(recovery, joint, name, moment))
 
 
 def _find_law(
@@ -283,7 +282,7 @@ def _judged(
         floor = model.fitted.residual_rms / np.sqrt(max(1.0, errors.excess))
         floor = max(floor, float(np.nan_to_num(model.fitted.noise_floor)))
         model = replace(model, fitted=replace(model.fitted, noise_floor=floor))
-    verdict = judge(regressor, model)
+    verdict = of_one_run(judge(regressor, model), len({each.recovery.run.name for each in recovered}))
     if rows is not None and errors is not None:
         verdict = within_the_states(verdict, errors.angle_share)
         model = model.with_numbers(rows.coefficients, errors.covariance)
@@ -309,6 +308,14 @@ def _judged(
         campaign=campaign,
         bias=fixed.bias,
     )
+
+
+def of_one_run(verdict: Verdict, runs: int) -> Verdict:
+    """Return a verdict that refutes nothing by one run: what the recovery does to it, no other run tells."""
+    if runs > 1 or verdict.verdict != "refuted":
+        return verdict
+    reason = f"one run of the structure refutes no term; others at other levels would tell: {verdict.reason}"
+    return replace(verdict, verdict="undecided", reason=reason)
 
 
 def within_the_states(verdict: Verdict, share: float) -> Verdict:

@@ -15,7 +15,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.inputs import Input, run_levels
 from sindyjoint.states import ForceStates
 
-# Estimates at so many levels tell a trend from scatter.
+# Estimates at so many levels separate a trend from scatter.
 FEWEST_LEVELS = 3
 
 
@@ -78,7 +78,7 @@ class OverInput:
             row["bound"] = row["bound"] if np.isfinite(row["bound"]) else None
         return record
 
-    def told(self, row: CoefficientOver) -> str:
+    def dependence(self, row: CoefficientOver) -> str:
         """Return the answer to whether a coefficient depends on the input, with its figure; empty where unknown."""
         independent = row.answer.startswith("independent")
         return f"independent of {self.label} within {100 * row.bound:.2g} %" if independent else row.answer
@@ -140,7 +140,6 @@ def level_tests(
     states: Sequence[ForceStates],
     model: JointModel,
     each: Input,
-    margin: float = POLICY.frequency_margin,
 ) -> tuple[FrequencyTest, ...]:
     """Test every term that does not hold the input for being the same at each of its levels.
 
@@ -157,6 +156,7 @@ def level_tests(
     found = group_estimates(grouped, [evidence.ids.index(term) for term in plain])
     shown = (np.array([float(group) for group in found.groups]) - each.zero) / each.factor
     # Over all coefficients together: one that the law does not let depend is not to seem to by chance.
+    margin = POLICY.frequency_margin
     axis = Axis(each.label, each.shown_unit, POLICY.frequency_level / len(plain))
     return tuple(
         frequency_test(

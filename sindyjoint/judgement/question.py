@@ -22,7 +22,7 @@ from sindyjoint.judgement.comparison import Choice, ChosenTerm, SizeScore
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.parallel import side_by_side
 
-# Over the angles of such joints sin θ is θ: no test tells gravity from stiffness.
+# Over the angles of such joints sin θ is θ: no test distinguishes gravity from stiffness.
 NEVER_VISIBLE = ("gravity_moment",)
 # Not a method of its own but the same rows in weak form: only where it is asked for.
 WEAK = "weak"

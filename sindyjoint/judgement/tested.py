@@ -55,14 +55,14 @@ class Tested:
     lags: tuple[InputLag, ...]
     hidden: Any
 
-    def told(self, result: Diagnosis) -> Diagnosis:
+    def complete(self, result: Diagnosis) -> Diagnosis:
         """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
         whole = None if result.whole is None else self._fitted(result.whole)
         test = self.nuisances(result.test or TestNuisances(""))
         elements = () if result.whole is None else result.whole.elements
         named = [spelled(each.effect, self.campaign.joint.motion) for each in elements]
         notes = (*lag_notes(self.lags), *fixed_notes(self.campaign.inputs, named))
-        warnings = (*self.checked.warnings, *result.warnings, *notes)
+        warnings = (*self.checked.warned(self.delay is not None), *result.warnings, *notes)
         result = replace(
             result, test=test, model=self._fitted(result.model), whole=whole, soundness=self.checked.soundness,
             warnings=warnings, hidden=self.hidden,

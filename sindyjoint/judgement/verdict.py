@@ -254,7 +254,7 @@ def _spell_terms(terms: Sequence[str]) -> str:
 def _find_largest_share(regressor: JointRegressor, model: JointModel, term: str) -> float:
     """Return the share of the moment that a term may carry at the end of its 95 % interval.
 
-    It joins the found terms; a term that these runs cannot tell from the found ones may carry anything.
+    It joins the found terms; a term that these runs cannot distinguish from the found ones may carry anything.
     """
     ids = regressor.evidence_.ids
     if term not in ids:

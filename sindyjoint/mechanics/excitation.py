@@ -140,7 +140,7 @@ def _check_positive(**values: float) -> None:
             raise InputError(f"{name} is {value!r}; expected a positive number")
 
 
-def _spline_pieces(values: Array, step: float, periodic: bool) -> Array:
+def _spline_pieces(values: Array, periodic: bool) -> Array:
     from scipy.interpolate import CubicSpline
 
     knots = np.arange(values.size, dtype=np.float64)
@@ -201,7 +201,7 @@ def sampled(values: ArrayLike, sample_rate: float, interpolation: Interpolation 
         )
     zero = np.zeros(y.size - 1)
     if interpolation == "cubic":
-        pieces = _spline_pieces(y, 1 / sample_rate, periodic=False)
+        pieces = _spline_pieces(y, periodic=False)
     elif interpolation == "linear":
         pieces = np.stack([y[:-1], np.diff(y), zero, zero], axis=1)
     elif interpolation == "hold":
@@ -230,9 +230,7 @@ def repeated(values: ArrayLike, period: float) -> Excitation:
     _check_positive(period=period)
     if y.ndim != 1 or y.size < 4 or not np.all(np.isfinite(y)):
         raise InputError(f"one period of shape {y.shape}; expected at least four finite values in a row")
-    return Excitation(
-        _spline_pieces(np.append(y, y[0]), period / y.size, periodic=True), period / y.size, periodic=True
-    )
+    return Excitation(_spline_pieces(np.append(y, y[0]), periodic=True), period / y.size, periodic=True)
 
 
 def multisine(

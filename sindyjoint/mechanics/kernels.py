@@ -20,6 +20,7 @@ from sindyjoint.equation.pointers import integer_at, intrinsic, pointer, shifted
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 
+SLOPE = 1e-3  # step of the slopes of an internal state, relative to its largest value
 _pointer = types.CPointer(types.float64)
 LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer, _pointer, _pointer)
 
@@ -203,3 +204,32 @@ def integrate_states(address, angle, rate, parameters, step, substeps, state):
                 z[j] += step / substeps * (k[0, j] + 2.0 * k[1, j] + 2.0 * k[2, j] + k[3, j]) / 6.0
         for j in range(n):
             state[j, i + 1] = z[j]
+
+
+def fastest_decay(address, angle, rate, direction, parameters, state):
+    """Return the largest |∂ż/∂z| of the internal states along a motion, 1/s.
+
+    The smaller one of the differences on either side: a slider that stops does not settle.
+    """
+    known = np.isfinite(state).all(axis=0)
+    motion = angle[known], rate[known], direction[known]
+
+    def rates(there):
+        out = np.zeros((1 + len(there), there.shape[1]))
+        evaluate_law(address, *motion, there, parameters, out)
+        return out[1:]
+
+    largest, own = 0.0, np.ascontiguousarray(state[:, known])
+    middle = rates(own)
+    for place, size in enumerate(np.abs(own).max(axis=1, initial=0.0)):
+        step = SLOPE * size
+        if not 0 < step < np.inf:
+            continue
+        sides = []
+        for sign in (-1.0, 1.0):
+            moved = own.copy()
+            moved[place] += sign * step
+            sides.append(np.abs(rates(moved)[place] - middle[place]))
+        slope = np.minimum(*sides) / step
+        largest = max(largest, float(slope[np.isfinite(slope)].max(initial=0.0)))
+    return largest

@@ -116,6 +116,15 @@ class BaseTable(StrictTable):
     """The base: a rigid clamp unless a stiffness is given."""
 
     clamp_stiffness: str | None = Field(default=None, description="Rotational; omitted: rigid.")
+    clamp_uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Of its stiffness, relative.")
+
+    @model_validator(mode="after")
+    def _known_clamp(self) -> BaseTable:
+        if self.clamp_uncertainty and self.clamp_stiffness is None:
+            raise ValueError(
+                "clamp_uncertainty is of clamp_stiffness, which is missing: a clamp without it is rigid"
+            )
+        return self
 
 
 class StationTable(StrictTable):
@@ -227,7 +236,10 @@ class RigFile(StrictTable):
     )
     drive: DriveTable = Field(default=DriveTable(), description="In the files of the runs.")
     sensor: list[SensorTable] = Field(default=[], description="In the files of the runs.")
-    run: list[RunTable] = Field(default=[], description="Runs from which the law of the joints is sought.")
+    run: list[RunTable] = Field(
+        default=[],
+        description="Runs from which the joints' law is sought; without any: the pulse.",
+    )
     recorder: RecorderTable = Field(default=RecorderTable(), description="Of virtual runs.")
     output: OutputTable = Field(default=OutputTable(), description="What is simulated.")
     measured: list[MeasuredTable] = Field(

@@ -218,7 +218,10 @@ def load_row(structure: Structure, at: str) -> Array:
 
 
 def uncertain_numbers(
-    items: Sequence[Item], clamp_stiffness: float, stated: Mapping[str, Mapping[str, float]]
+    items: Sequence[Item],
+    clamp_stiffness: float,
+    stated: Mapping[str, Mapping[str, float]],
+    of_clamp: float = 0.0,
 ) -> tuple[UncertainNumber, ...]:
     """Return the uncertain numbers of a chain.
 
@@ -228,21 +231,22 @@ def uncertain_numbers(
         As :func:`~sindyjoint.mechanics.structure.assemble` takes them.
     stated : mapping of str to mapping of str to float
         By the names of parts the relative standard uncertainty of their ``"stiffness"``, ``"mass"`` or ``"loss"``.
+    of_clamp : float
+        The same of the clamp's stiffness.
     """
     whole = assemble(items, clamp_stiffness)
     found = []
+
+    def add(name: str, uncertainty: float, other: Structure) -> None:
+        matrices = (getattr(other, kind) - getattr(whole, kind) for kind in ("mass", "stiffness", "loss"))
+        found.append(UncertainNumber(name, uncertainty, *matrices))
+
+    if of_clamp:
+        add("stiffness of the clamp", of_clamp, assemble(items, 2 * clamp_stiffness))
     for index, item in enumerate(items):
         for what, uncertainty in stated.get(item.name, {}).items():
             names = OF_BEAM[what] if isinstance(item, Beam) else OF_MASS[what]
             doubled = replace(item, **{name: 2 * getattr(item, name) for name in names})
             other = assemble([*items[:index], doubled, *items[index + 1 :]], clamp_stiffness)
-            found.append(
-                UncertainNumber(
-                    f"{what} of {item.name}",
-                    uncertainty,
-                    other.mass - whole.mass,
-                    other.stiffness - whole.stiffness,
-                    other.loss - whole.loss,
-                )  # fmt: skip
-            )
+            add(f"{what} of {item.name}", uncertainty, other)
     return tuple(found)

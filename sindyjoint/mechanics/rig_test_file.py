@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,7 +35,13 @@ from sindyjoint.mechanics.rig_test import (
     UncertainNumber,
     uncertain_numbers,
 )
-from sindyjoint.mechanics.rigs import RIG_FOLDER, build_item, shipped_rigs
+from sindyjoint.mechanics.rigs import (
+    RIG_FOLDER,
+    build_excitation,
+    build_item,
+    read_measured,
+    shipped_rigs,
+)
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
 from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.mechanics.virtual_rig import Drive, Recorder
@@ -51,6 +57,10 @@ UNITS = {
 #: In the place of a law that is sought; its numbers are never used.
 UNKNOWN = PaperLaw(k1=1.0, name="unknown")
 MOST_FREEDOMS = 2000
+# Records of one pulse have one rate, to this.
+SAME_RATE = 1e-6
+#: To which the force of a pulse is known where nothing is stated: as the lines of its samples are.
+PULSE_KNOWN_TO = 1e-3
 #: What a file of a virtual test is called after.
 SIMULATED_KEY = "simulated"
 
@@ -95,6 +105,8 @@ def rig_path(rig: str | Path) -> Path:
 def load_rig_test(rig: str | Path) -> RigTest:
     """Read a rig with sensors and measured runs.
 
+    Where no ``[[run]]`` has a file, ``[pulse]`` and its ``[[measured]]`` records are one run.
+
     Raises
     ------
     InputError, UnitError, UnknownNameError, MissingInputError
@@ -103,11 +115,17 @@ def load_rig_test(rig: str | Path) -> RigTest:
     path, given = _read(rig)
 
     def build() -> RigTest:
-        test = _build_test(given, path, {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN})
+        laws = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
         files = [table for table in given.run if table.file is not None]
+        if not files and given.pulse is not None and given.measured:
+            return _pulse_test(given, path, laws)
+        test = _build_test(given, path, laws)
         if not files:
-            raise InputError("no [[run]] has a file; expected at least one, or a virtual test by simulate")
-        runs = tuple(_read_run(table, given, path, test) for table in files)
+            raise InputError(
+                "no [[run]] has a file and no [[measured]] stands beside a [pulse]; expected a record, or a virtual "
+                "test by simulate"
+            )
+        runs = tuple(_read_run(table, given, path) for table in files)
         marked = any(SIMULATED_KEY in (path.parent / str(table.file)).name for table in files)
         return replace(test, runs=runs, simulated=test.simulated or marked)
 
@@ -115,7 +133,7 @@ def load_rig_test(rig: str | Path) -> RigTest:
 
 
 def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
-    """Read a rig whose joints have laws, with the runs that a virtual test shall make."""
+    """Read a rig whose joints have laws, shipped or given, with the runs that a virtual test shall make."""
     path, given = _read(rig)
 
     def build() -> RigPlan:
@@ -219,7 +237,8 @@ def _chain(
                 f"{name!r}: {min(wrong)}_uncertainty is of a beam; expected mass_uncertainty at most"
             )
     chain = Chain(items, stiffness, stations, structure.loss_frequency)
-    return structure, kinds, uncertain_numbers(items, stiffness, stated), chain
+    uncertain = uncertain_numbers(items, stiffness, stated, given.base.clamp_uncertainty)
+    return structure, kinds, uncertain, chain
 
 
 def _matrices(
@@ -299,7 +318,46 @@ def _noise(table: SensorTable | DriveTable, where: str) -> float | None:
     )
 
 
-def _read_run(table: RunTable, given: RigFile, path: Path, test: RigTest) -> RigRun:
+def _pulse_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
+    """Return the test of a rig whose only run is its pulse, with the displacements that were measured after it.
+
+    Each sample of the force is its mean over the time that it stands for, which keeps impulse and centre of a pulse
+    that lasts a few samples.
+    """
+    assert given.pulse is not None
+    records = [read_measured(table, path) for table in given.measured]
+    rate = records[0].sample_rate
+    for table, record in zip(given.measured, records, strict=True):
+        if abs(record.sample_rate / rate - 1) > SAME_RATE:
+            raise InputError(
+                f"{table.file}: {record.sample_rate:.6g} Hz beside {rate:.6g} Hz of {given.measured[0].file}; expected "
+                "records of one rate: resample one"
+            )
+    n = min(record.displacement.size for record in records)
+    time = np.arange(n) / rate
+    force = build_excitation(given.pulse, path).mean(time - 0.5 / rate, time + 0.5 / rate)
+    relative = max(given.pulse.uncertainty, PULSE_KNOWN_TO)
+    names = _different([record.point for record in records])
+    sensors = [
+        SensorTable(column=name, quantity="displacement", unit="m", point=record.point)
+        for name, record in zip(names, records, strict=True)
+    ]
+    drive = DriveTable(point=given.pulse.point)
+    test = _build_test(given.model_copy(update={"sensor": sensors, "drive": drive}), path, laws)
+    run = RigRun("pulse", force, np.array([record.displacement[:n] for record in records]), rate)
+    # White noise by which the strongest line of the force is known as it is.
+    noise = relative * float(np.abs(np.fft.rfft(force)).max()) * np.sqrt(2 / n)
+    return replace(test, runs=(run,), drive_noise=noise)
+
+
+def _different(names: Sequence[str]) -> list[str]:
+    return [
+        name if name not in names[:index] else f"{name} ({names[:index].count(name) + 1})"
+        for index, name in enumerate(names)
+    ]
+
+
+def _read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     file = path.parent / str(table.file)
     channels: list[DriveTable | SensorTable] = [given.drive, *given.sensor]
     factors = [conversion(c.unit, UNITS[c.quantity], f"{file}: {c.column}") for c in channels]

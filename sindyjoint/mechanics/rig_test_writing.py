@@ -41,7 +41,8 @@ def write_rig_test(
     given = RigFile.model_validate(document)
     for part, table in zip(document["chain"], given.chain, strict=True):
         if table.joint is not None:
-            part |= {"law": "unknown", "kind": table.kind or table.law}
+            own = table.joint if table.law in ("model", "unknown") else table.law
+            part |= {"law": "unknown", "kind": table.kind or own}
     document["loss_frequency"] = f"{test.structure.loss_frequency!r} Hz"
     document["time"] = {"column": "time", "unit": "s"}
     drive = document.setdefault("drive", {})

@@ -174,10 +174,10 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
     )
     where = f"{path}: [output]"
-    records = tuple(_read_measured(table, path) for table in given.measured)
+    records = tuple(read_measured(table, path) for table in given.measured)
     rig = Rig(
         name=given.name, description=given.description, items=items, clamp_stiffness=stiffness,
-        excitation=_build_excitation(given.pulse, path), at=given.pulse.point, points=tuple(given.output.points),
+        excitation=build_excitation(given.pulse, path), at=given.pulse.point, points=tuple(given.output.points),
         duration=parse_quantity(given.output.duration, "s", f"{where} duration"),
         sample_rate=parse_quantity(given.output.sample_rate, "Hz", f"{where} sample_rate"),
         step=parse_quantity(given.output.step, "s", f"{where} step"), modes=given.output.modes,
@@ -230,7 +230,8 @@ def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
     return Beam(part.beam, number("length", "m"), stiffness, mass, part.elements, part.loss_factor)
 
 
-def _build_excitation(given: PulseTable, path: Path) -> Excitation:
+def build_excitation(given: PulseTable, path: Path) -> Excitation:
+    """Return the force of a pulse, N."""
     where = f"{path}: [pulse]"
     if given.shape is not None:
         assert isinstance(given.force, str) and given.duration is not None
@@ -283,7 +284,8 @@ def _read_series(
     return values * to_si, 1 / float(np.mean(steps))
 
 
-def _read_measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
+def read_measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
+    """Read a response to a pulse; InputError where it is too short or all zero."""
     values, sample_rate = _read_series(
         path.parent / given.file,
         (given.time.column, given.time.unit),

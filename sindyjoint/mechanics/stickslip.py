@@ -20,6 +20,9 @@ from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import CompiledLaw, Law, as_compiled, softening_limit
 from sindyjoint.numeric import Array
 
+# Runge-Kutta of order 4 is stable up to 2.8 of a step times the rate at which a state settles.
+STIFF, MOST_SUBSTEPS = 2.0, 512
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -322,7 +325,7 @@ def transfer_moment(
     acceleration : array_like, shape (n,), optional
         rad/s²; without it the inertia moment is omitted and only M_T is returned.
     substeps : int
-        Runge–Kutta steps of the internal states per sample.
+        Runge–Kutta steps of the internal states per sample; more where a state settles faster than they follow.
 
     Returns
     -------
@@ -338,7 +341,7 @@ def transfer_moment(
     SimulationError
         When an internal state is no longer finite; carries the time.
     """
-    from sindyjoint.mechanics.kernels import integrate_states
+    from sindyjoint.mechanics.kernels import fastest_decay, integrate_states
 
     theta, omega = np.asarray(angle, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     if theta.shape != omega.shape or theta.ndim != 1:
@@ -350,14 +353,17 @@ def transfer_moment(
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
         state[:, 0] = brought_from_zero(law, theta, omega)
-        integrate_states(
-            compiled.address, theta, omega, compiled.numbers, 1.0 / sample_rate, int(substeps), state
-        )
+        step, steps = 1.0 / sample_rate, int(substeps)
+        integrate_states(compiled.address, theta, omega, compiled.numbers, step, steps, state)
+        decay = fastest_decay(compiled.address, theta, omega, direction, compiled.numbers, state) * step
+        if decay > STIFF * steps and steps < MOST_SUBSTEPS:
+            steps = int(min(np.ceil(decay), MOST_SUBSTEPS))
+            integrate_states(compiled.address, theta, omega, compiled.numbers, step, steps, state)
         bad = np.flatnonzero(~np.isfinite(state).all(axis=0))
         if bad.size:
             time = bad[0] / sample_rate
             raise SimulationError(
-                f"an internal state is no longer finite at t = {time:.6g} s; raise substeps (now {substeps}) or check "
+                f"an internal state is no longer finite at t = {time:.6g} s; raise substeps (now {steps}) or check "
                 "the law's parameters",
                 time=time,
             )

@@ -1,1 +1,1 @@
-"""Which runs to make: what each would tell of a joint that is known only roughly, and which together tell most."""
+"""Which runs to make: the information of each on a joint known only roughly, and which together give most."""

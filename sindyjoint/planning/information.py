@@ -1,4 +1,4 @@
-"""What a run would tell of the coefficients: its part of the expected covariance, by the processing that awaits it.
+"""The information of a run on the coefficients: its part of the expected covariance, by the processing that awaits it.
 
 A discovery fits the pooled moving samples by least squares and reads the errors from the scatter of replicate blocks.
 The expectation of that covariance is B⁻¹ S B⁻¹ with B = Σ XᵀX and S = Σ Xᵀ cov(e) X over the runs, both of which add.
@@ -80,7 +80,7 @@ class Sensors:
 
 @dataclass(frozen=True, eq=False)
 class Information:
-    """What runs tell of the coefficients of joints; shapes have a leading axis for each run and joint.
+    """Information of runs on the coefficients of joints; shapes have a leading axis for each run and joint.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def stacked(parts: Sequence[Information]) -> Information:
 
 
 def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Information:
-    """Return what a run would tell of a joint.
+    """Return the information of a run on a joint.
 
     Parameters
     ----------
@@ -167,19 +167,20 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     declared = 0.0 if INERTIA in model else model.inertia
     true = [signal[period][moving] for signal in (moved.angle, moved.rate, moved.acceleration)]
     cut = _columns(model, true)[0] - columns
-    return _added_up(
-        columns,
-        cut @ model.coefficients + declared * (true[2] - states[2][moving]),
-        _noise_columns(waves[moving], (w * kept.orders).astype(float), slopes, model.inertia),
-        np.append(angle_noise / np.sqrt(samples), np.tile(kept.standard_error, 2)),
-        moment_noise,
-        samples / points,
-        min(REPLICATES, periods),
-    )
+    misfit = cut @ model.coefficients + declared * (true[2] - states[2][moving])
+    noisy = _noise_columns(waves[moving], (w * kept.orders).astype(float), slopes, model.inertia)
+    errors = np.append(angle_noise / np.sqrt(samples), np.tile(kept.standard_error, 2))
+    weight = samples / points
+    gram = weight * columns.T @ columns
+    pulled = weight * columns.T @ noisy * errors
+    return Information(
+        gram, moment_noise**2 * gram + pulled @ pulled.T, weight * columns.T @ misfit,
+        np.array(float(min(REPLICATES, periods))),
+    )  # fmt: skip
 
 
 def _nothing(size: int) -> Information:
-    """Return what a run tells in which the joint sticks all the time."""
+    """Return the information of a run in which the joint sticks all the time: none."""
     return Information(np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), np.array(1.0))
 
 
@@ -219,22 +220,6 @@ def _noise_columns(
     by_angle, by_rate = slopes
     moved = waves * (by_angle[:, None] + 1j * angular * by_rate[:, None] - angular**2 * inertia)
     return np.column_stack([by_angle, moved.real, moved.imag])
-
-
-def _added_up(
-    columns: Array,
-    misfit: Array,
-    noisy: Array,
-    errors: Array,
-    moment_noise: float,
-    weight: float,
-    blocks: int,
-) -> Information:
-    gram = weight * columns.T @ columns
-    pulled = weight * columns.T @ noisy * errors
-    return Information(
-        gram, moment_noise**2 * gram + pulled @ pulled.T, weight * columns.T @ misfit, np.array(float(blocks))
-    )
 
 
 def half_widths(information: Information, noise: np.random.Generator | None = None, draws: int = 1) -> Array:

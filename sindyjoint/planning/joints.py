@@ -14,7 +14,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.numeric import Array
 from sindyjoint.paper import PARAMETERS
-from sindyjoint.planning.policy import POLICY, PlanningPolicy
+from sindyjoint.planning.policy import POLICY
 from sindyjoint.record import Joint
 from sindyjoint.response.model_law import with_coefficients
 
@@ -81,7 +81,7 @@ class JointRange:
         return JointRange(with_coefficients(self.model, (low + high) / 2), low, high)
 
 
-def like_law(law: PaperLaw, policy: PlanningPolicy = POLICY) -> JointRange:
+def like_law(law: PaperLaw) -> JointRange:
     """Return the range of joints like one of the paper's: every coefficient within a share of its own."""
     catalogue = load_catalogue("paper").select(list(PARAMETERS))
     values = np.array([getattr(law, symbol) for symbol in PARAMETERS.values()])
@@ -91,11 +91,11 @@ def like_law(law: PaperLaw, policy: PlanningPolicy = POLICY) -> JointRange:
     terms = model_terms(resolved, values[order], np.diag(zero), zero + np.nan, 1, "rotation")
     fitted = Fitted(1.0, 0.0, 0.0, 1.0, 0, 0, min(law.softening_angle, 1.0), 1.0)
     model = JointModel(Joint(law.name, inertia=law.inertia), terms, (), fitted)
-    half = policy.spread * np.abs(model.coefficients)
+    half = POLICY.spread * np.abs(model.coefficients)
     return JointRange(model, model.coefficients - half, model.coefficients + half)
 
 
-def like_model(model: JointModel, policy: PlanningPolicy = POLICY) -> JointRange:
+def like_model(model: JointModel) -> JointRange:
     """Return the range of a model: every coefficient within some of its standard errors.
 
     Raises
@@ -105,7 +105,7 @@ def like_model(model: JointModel, policy: PlanningPolicy = POLICY) -> JointRange
     """
     if not model.terms:
         raise InputError("the model has no terms; a plan is made for terms of angle and rate")
-    half = policy.model_errors * model.standard_errors
+    half = POLICY.model_errors * model.standard_errors
     low, high = model.coefficients - half, model.coefficients + half
     for index, term in enumerate(model.terms):
         if (term.family == "friction" or term.id == INERTIA) and term.coefficient > 0:

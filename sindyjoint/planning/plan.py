@@ -1,4 +1,4 @@
-"""The plan of a test: its runs, what they are expected to tell, and what the plain grid of the same duration would."""
+"""The plan of a test: its runs, the precision expected of them, and of the plain grid of the same duration."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, finite
-from sindyjoint.planning.apart import Apart
 from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
+from sindyjoint.planning.separation import Separation
 from sindyjoint.shown import Shown
 
 BAND90 = (0.05, 0.5, 0.95)
@@ -20,7 +20,7 @@ DRAWS = 40  # of what the scatter of a test makes of an interval, for each joint
 
 @dataclass(frozen=True)
 class Prediction:
-    """What runs are expected to tell of a coefficient.
+    """The precision of a coefficient that is expected of runs.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ class Plan(Shown):
     warnings : tuple of str
     now : Now, optional
         What the runs of a campaign have reached.
-    apart : Apart, optional
+    apart : Separation, optional
         How surely given effects are told apart.
     """
 
@@ -149,7 +149,7 @@ class Plan(Shown):
     stop: str
     warnings: tuple[str, ...] = ()
     now: Now | None = None
-    apart: Apart | None = None
+    apart: Separation | None = None
 
     @property
     def goal(self) -> str:
@@ -206,12 +206,10 @@ def _record(each: Prediction) -> dict[str, Any]:
     }
 
 
-def predictions(
-    model: JointModel, information: Information, coefficients: Array, random_state: int = 0
-) -> tuple[Prediction, ...]:
-    """Return what runs are expected to tell of each coefficient; axes of the information are (runs, joints)."""
+def predictions(model: JointModel, information: Information, coefficients: Array) -> tuple[Prediction, ...]:
+    """Return the precision of each coefficient that is expected of runs; axes of the information are (runs, joints)."""
     chosen = chosen_terms(information, coefficients).mean(axis=0)
-    rng = np.random.default_rng(random_state)
+    rng = np.random.default_rng(0)
     widths = half_widths(information, rng, DRAWS).reshape(-1, len(model.terms))
     ends = np.quantile(widths, BAND90, axis=0, method="nearest")
     return tuple(

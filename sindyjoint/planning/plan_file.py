@@ -173,9 +173,7 @@ def run_name(number: int, run: PlannedRun) -> str:
     return f"{number:02d}-{run.frequency:g}Hz"
 
 
-def play(
-    law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: Any = 0, name: str | None = None
-) -> Campaign:
+def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: Any = 0) -> Campaign:
     """Make the runs of a plan as a virtual test.
 
     Parameters
@@ -186,8 +184,6 @@ def play(
     sensors : Sensors
     random_state : int, Generator or None
         Of the noise.
-    name : str, optional
-        Of the joint.
 
     Raises
     ------
@@ -220,4 +216,4 @@ def play(
                 level=f"{run.level:.4g} {run.unit}",
             )
         )  # fmt: skip
-    return Campaign(campaign_joint(test, name), tuple(made), simulated=True)
+    return Campaign(campaign_joint(test), tuple(made), simulated=True)

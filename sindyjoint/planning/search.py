@@ -1,4 +1,4 @@
-"""Which runs together tell most: greedy choice, then exchange, with runs enough at different frequencies and levels."""
+"""Which runs together are most informative: greedy choice, then exchange, at enough frequencies and levels."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Choice:
     terms : tuple of int
         Places of the coefficients that matter.
     goals : tuple of (str, float)
-        What counts, and how much; the first is told of. ``"widths"``: the widest relative interval. ``"frequency"``:
+        What counts, and how much; the first is reported. ``"widths"``: the widest relative interval. ``"frequency"``:
         the widest relative change over the band that could be overlooked. ``"paper"``: what the weakest term lacks of
         being taken by a discovery, which from one down it is.
     known : Information, optional
@@ -121,7 +121,7 @@ def made_small(
 
 
 def best_runs(choice: Choice, count: int, until: float | None = None) -> list[int]:
-    """Return the places of the best ``count`` runs, each as often as it is to be made, the most telling first.
+    """Return the places of the best ``count`` runs, each as often as it is to be made, the most informative first.
 
     Greedily, then by exchange of single runs until none is better; then in the order in which each is the best next.
     Fewer runs where these already bring every joint far below the widest that is enough.

@@ -104,7 +104,7 @@ class GroupFit:
     ----------
     group : str
     coefficients, standard_errors : ndarray, shape (k,)
-        In the order of the model's terms, SI; NaN where the group cannot tell.
+        In the order of the model's terms, SI; NaN where the group does not determine it.
     """
 
     group: str

@@ -1,6 +1,6 @@
 """Runs as they are held against a model: put right, their states, the simulation that answers them.
 
-A diagnosis tells its gap on runs that were kept out of its fit by the same functions as a verification, so that the
+A diagnosis computes its gap on runs that were kept out of its fit by the same functions as a verification, so that the
 saved model has that gap again.
 """
 

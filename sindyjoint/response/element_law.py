@@ -13,7 +13,7 @@ from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
 
-CLOCK = "clock"  # the state that tells a law the time
+CLOCK = "clock"  # the state that gives a law the time
 #: What a moment of one test may depend on beside the joint's own motion.
 TEST_SIGNALS = ("frequency", "time", "elapsed")
 

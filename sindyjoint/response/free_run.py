@@ -27,7 +27,7 @@ def free_run_states(run: Run) -> ForceStates:
 
 
 def simulate_free(law: Law, run: Run, states: ForceStates, samples: int, by_motion: bool) -> SimulatedRun:
-    """Simulate a run without restart from a state that its first samples tell, and compare the rest.
+    """Simulate a run without restart from a state estimated from its first samples, and compare the rest.
 
     Internal states of the law settle along the first half of these samples; angle and rate where the second half
     begins are those whose simulation comes nearest to the angles of that half. A law without internal states has the

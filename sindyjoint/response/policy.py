@@ -34,13 +34,6 @@ class ResponsePolicy:
         "motion that does not repeat was the drive",
         source="prescribed motions of joints of another integrator have 2.6 to 98, driven ones up to 0.5",
     )
-    range_slack: float = limit(
-        0.05, "share of the tested angle or rate by which a motion may go beyond it without a word"
-    )
-    range_time: float = limit(
-        0.005,
-        "share of the time beyond the tested range from which it is said; a few samples of noise are not",
-    )
     free_share: float = limit(
         0.1,
         "a joint vibrates freely while the moment stays below this share of its scale, for all but this share of the "

@@ -258,9 +258,11 @@ def _update_residual(
     """Return the model with the residual of the moment under its new numbers."""
     inertia = (test.joint_of(model.joint).inertia if test is not None else None) or model.inertia
     squares, count = 0.0, 0
+    # What it is fitted to is its range from now on.
+    widely = replace(model, fitted=replace(model.fitted, angle=np.inf, rate=np.inf))
     for state in states:
         keep = state.moving
-        modelled = model.moment(state.angle, state.rate, 1 / state.sample_rate, state.inputs)
+        modelled = widely.moment(state.angle, state.rate, 1 / state.sample_rate, state.inputs)
         added = None if test is None else test.added(state)
         if added is not None:
             modelled = modelled + transfer_moment(added, state.angle, state.rate, state.sample_rate)[0]

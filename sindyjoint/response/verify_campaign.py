@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array, finite
 from sindyjoint.record import Campaign, Run
@@ -18,7 +19,6 @@ from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import SimulatedRun
-from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import (
     Band,
     RunVerification,
@@ -63,7 +63,9 @@ def verify_campaign(
     for states in compared_states(campaign, runs, test.timed):
         run = next(each for each in runs if each.name == states.run)
         say(f"simulating runs: {len(results) + 1} of {len(runs)}")
-        exceeded = range_warnings(model, states.angle, states.rate, run.name, states.method != "path")
+        exceeded = range_warnings(
+            model.fitted, model.joint.motion, states.angle, states.rate, run.name, states.method != "path"
+        )
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
         simulate = _way_of(run, states, test, settings)

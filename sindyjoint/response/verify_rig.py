@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
@@ -21,11 +22,11 @@ from sindyjoint.response.oscillation import (
     oscillation,
     white_noise,
 )
-from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
 
-# Placeholder in a rig for the joints whose law is "model" until a model replaces it.
+# Placeholder in a rig for the joints whose law is "model", or sought, until a model replaces it.
 MODEL_PLACEHOLDER = PaperLaw(k1=1.0, name="model")
+PLACEHOLDERS = {"model": MODEL_PLACEHOLDER, "unknown": MODEL_PLACEHOLDER}
 
 
 def verify_rig(
@@ -73,7 +74,7 @@ def joint_range_warnings(model: JointModel, response: Any, modelled: Collection[
     lines: list[str] = []
     for name, angle, rate in zip(response.joints, response.angle, response.rate, strict=True):
         if name in modelled:
-            lines += range_warnings(model, angle, rate, name)
+            lines += range_warnings(model.fitted, model.joint.motion, angle, rate, name)
     return lines
 
 

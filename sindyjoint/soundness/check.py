@@ -65,8 +65,19 @@ class Check(Shown):
             f
             for f in self.soundness.findings
             if f.severity == "stops"
-            or (f.id in PHASE and f.severity == "biases" and not (aligned and f.id == DELAY))
+            or (f.id in PHASE and f.severity == "biases" and not (aligned and _removed_by_aligning(f)))
         )
+
+    def warned(self, aligned: bool) -> tuple[str, ...]:
+        """Return the warnings without that of a delay which was removed."""
+        delays = [f for f in self.soundness.findings if aligned and _removed_by_aligning(f)]
+        said = _describe(delays, self.campaign.joint.motion)
+        return tuple(line for line in self.warnings if line not in said)
+
+
+def _removed_by_aligning(finding: Finding) -> bool:
+    """Return whether a finding is a delay that all runs share."""
+    return finding.id == DELAY and finding.run is None
 
 
 def check_campaign(campaign: Campaign, accept: Sequence[str] = ()) -> Check:

@@ -11,13 +11,13 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.cycle import cycles_of, spectra_of
 from sindyjoint.soundness.detectors.accelerometer import find_disagreement
 from sindyjoint.soundness.detectors.broadband_delay import find_broadband_delay
-from sindyjoint.soundness.detectors.broadband_kin import find_broadband_kin
+from sindyjoint.soundness.detectors.broadband_law import find_broadband_faults
+from sindyjoint.soundness.detectors.common_law import find_odd_runs
 from sindyjoint.soundness.detectors.copies import find_repeated_blocks, find_scaled_copies
 from sindyjoint.soundness.detectors.course import find_course
 from sindyjoint.soundness.detectors.declared_units import find_unit_mismatches
 from sindyjoint.soundness.detectors.floor import find_coarse_steps, find_mains, find_noise
 from sindyjoint.soundness.detectors.held import find_dead, find_held
-from sindyjoint.soundness.detectors.kin import find_odd_runs
 from sindyjoint.soundness.detectors.lines import find_lines
 from sindyjoint.soundness.detectors.lost import find_lost
 from sindyjoint.soundness.detectors.saturation import find_saturation
@@ -90,9 +90,9 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     yield from laws
     if any(finding.severity == "stops" for finding in laws):
         return
-    kin = list(find_broadband_kin(campaign, [p.run for p in even], words))
-    yield from kin
-    odd = {finding.run for finding in kin if finding.id != "drift"}
+    broadband = list(find_broadband_faults(campaign, [p.run for p in even], words))
+    yield from broadband
+    odd = {finding.run for finding in broadband if finding.id != "drift"}
     yield from find_broadband_delay(campaign, [p.run for p in even if p.run.name not in odd], words)
 
 
@@ -117,9 +117,9 @@ def _find_in_laws(campaign: Campaign, profiles: Sequence[Profile], words: Words)
     if None in named or not len(cycles):
         return
     cycles = cycles.take([i for i, name in enumerate(cycles.names) if name not in named])
-    odd, kin = find_odd_runs(cycles, inertia, words)
+    odd, alike = find_odd_runs(cycles, inertia, words)
     yield from odd
-    yield from find_filters(kin, inertia, words)
+    yield from find_filters(alike, inertia, words)
 
 
 def _bridged(profile: Profile, findings: Iterable[Finding]) -> Profile:

@@ -23,7 +23,7 @@ SATURATION = "saturation"
 FEWEST_BESIDE = 4
 # A gap that is a longer share of the period than this is filled from the other periods.
 LONG_GAP = 0.25
-# Half of the window, as a share of the period, over which a signal is averaged to tell its noise from its course.
+# Half of the window, as a share of the period, over which a signal is averaged to separate its noise from its course.
 AVERAGED = 0.01
 
 

@@ -168,22 +168,22 @@ class SoundnessPolicy:
         0.004, "relative error of the declared frequency that is reported", source=CALIBRATED
     )
     moving_rate: float = limit(
-        0.1, "share of the largest rate above which kin are compared", source="reversals hold friction steps"
+        0.1, "share of the largest rate above which runs are compared", source="reversals hold friction steps"
     )
-    ridge: float = limit(1e-9, "ridge of the flexible law that kin share", source="rounding")
-    fewest_kin: int = limit(3, "runs from which one can be held against the others", unit="runs")
-    kin_misfit: float = limit(
+    ridge: float = limit(1e-9, "ridge of the flexible law that runs share", source="rounding")
+    fewest_compared: int = limit(3, "runs from which one can be held against the others", unit="runs")
+    common_misfit: float = limit(
         0.06,
         "RMS that the law of the other runs may leave of them, in parts of the moment's",
         source=CALIBRATED,
     )
-    kin_gain: float = limit(
+    common_gain: float = limit(
         0.6, "what the misfit of the others falls to, at most, without an odd run", source=CALIBRATED
     )
-    kin_departure: float = limit(
+    run_departure: float = limit(
         0.04, "RMS by which a run departs from the law of the others", source=CALIBRATED
     )
-    kin_contrast: float = limit(
+    run_contrast: float = limit(
         3.0, "departure of an odd run over the misfit of the others", source=CALIBRATED
     )
     gain_explains: float = limit(
@@ -219,6 +219,12 @@ class SoundnessPolicy:
     delay_agreement: float = limit(
         0.3, "relative difference of a delay from rows of faster and of slower motion", source=CALIBRATED
     )
+    delay_levels: int = limit(
+        3, "groups of levels over which the scatter of a delay is looked at", source="time"
+    )
+    delay_contrast: float = limit(
+        4.0, "delay in standard errors by its scatter over frequencies and levels", source="convention"
+    )
     rival_gain: float = limit(
         0.95, "share of a delay's gain that no single other term may have", source=CALIBRATED
     )
@@ -240,7 +246,8 @@ class SoundnessPolicy:
     )
     broadband_memory: float = limit(
         0.9,
-        "misfit of a law with memory, in parts of that with the delay removed, below which it is no delay",
+        "misfit of a law with memory, or of other damping, in parts of that with the delay removed, below which it is "
+        "no delay",
         source=CALIBRATED,
     )
     large_lead: float = limit(15.0, "lead of an AC-coupled channel that stops", unit="deg")

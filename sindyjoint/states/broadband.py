@@ -129,7 +129,7 @@ def _kernels_for(
     """Return the cut-off of the smoothing kernels, Hz, and the kernels; a short record has a higher one."""
     end = signal_end(run.angle, run.sample_rate, filtered_angle)
     if run.fusion is not None:
-        # Where the noise of the angle falls with the fourth power of frequency, the sensors tell where they end.
+        # Where the noise of the angle falls with the fourth power of frequency, the sensors show where they end.
         sensors = [each for each in (run.fusion.acceleration, run.fusion.angle) if each is not None]
         end = max((signal_end(each, run.sample_rate) for each in sensors), key=lambda each: each.bandwidth)
     highest = bandwidth or (ROOM * end.bandwidth if end.abrupt else end.bandwidth)

@@ -35,14 +35,22 @@ def aligned_run(run: Run, delay: float) -> Run:
 
     A lag of the moment behind the motion is thereby undone.
     """
-    samples = delay * run.sample_rate
-    lost = int(np.ceil(abs(samples))) + 1
+    lost = int(np.ceil(abs(delay * run.sample_rate))) + 1
     kept = slice(lost, run.n_samples - lost)
-    rate = None if run.rate is None else delayed(run.rate, samples)[kept]
+    later = with_later_motion(run, delay)
+    rate = None if later.rate is None else later.rate[kept]
     valid = None if run.valid is None else run.valid[kept]
-    angle = delayed(run.angle, samples)[kept]
     inputs = {name: values[kept] for name, values in run.inputs.items()}
-    return replace(run, angle=angle, rate=rate, moment=run.moment[kept], valid=valid, inputs=inputs)
+    return replace(
+        run, angle=later.angle[kept], rate=rate, moment=run.moment[kept], valid=valid, inputs=inputs
+    )
+
+
+def with_later_motion(run: Run, delay: float) -> Run:
+    """Return a run whose motion comes ``delay`` s later, as long as it was: at its ends it stands still."""
+    samples = delay * run.sample_rate
+    rate = None if run.rate is None else delayed(run.rate, samples)
+    return replace(run, angle=delayed(run.angle, samples), rate=rate)
 
 
 def with_lags(campaign: Campaign, lags: Mapping[str, float]) -> Campaign:

@@ -172,7 +172,7 @@ def moment_noise(moment: Array, sample_rate: float, declared: float | None = Non
 def motion_noise(signal: Array, sample_rate: float, declared: float | None = None) -> tuple[float, bool]:
     """Return the RMS of the noise of an angle or a rate, in its unit, and whether it was measured.
 
-    By the spectrum, and no less than quantisation; differences cannot tell the noise of a smooth motion from it.
+    By the spectrum, and no less than quantisation; differences cannot separate noise from a smooth motion.
     """
     if declared is not None:
         return declared, True

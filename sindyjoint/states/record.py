@@ -112,7 +112,7 @@ class ForceStates:
         Whether the harmonics that the series lacks were added from a simulation of the model.
     lead : tuple of two ndarray, shape (k,), or None
         Angle and rate at the samples before the first one, back to the start of the record, as far as the kernel knows
-        them there: too rough for a fit, but they tell what internal states have come to.
+        them there: too rough for a fit, but they show what internal states have come to.
     inputs : mapping of str to ndarray, shape (n,)
         Declared inputs of the law at the same instants, SI, filtered as the angle is.
     fusion : Fusion or None

@@ -8,7 +8,7 @@ linear rest with open joints answers at each harmonic
 exactly, whatever the motion is at the ends (the transient term of frequency-domain identification: Pintelon and
 Schoukens, System Identification, 2nd ed., 2012, section 6.3). The jumps are the same at all harmonics: a few numbers,
 those of the modes within the band and well above it, found by least squares of what drive and moments leave of the
-channels.
+channels. No mode jumps by much more than the sensors move: where they hardly show one, it stays small.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ Complex = NDArray[np.complex128]
 
 # Modes up to so many times the highest frequency: the static part of those above is left out.
 BEYOND = 10.0
-# Of unit columns: jumps that the channels show weaker than this are left at zero.
-BLIND = 1e-6
+# Jumps of a mode are expected up to so many times the RMS motion of the sensors.
+LARGEST = 3.0
 
 
 class Ends(NamedTuple):
@@ -49,10 +49,46 @@ class Ends(NamedTuple):
     unknowns: int
 
 
+def expected_jumps(sensors: Sequence[Sensor], amplitudes: Complex, angular: Array, modes: Array) -> Array:
+    """Return by how much deflections, m, and then velocities, m/s, of modes may jump, shape (2·modes,).
+
+    From what the sensors show, shape (sensors, h), from half of a mode's angular frequency up.
+    """
+    moved = np.array(
+        [
+            np.abs(series) / angular ** ORDER[sensor.quantity]
+            for sensor, series in zip(sensors, amplitudes, strict=True)
+        ]
+    )
+    above = angular >= np.minimum(modes[:, None] / 2, angular[-1] / 2)
+    return LARGEST * np.concatenate(
+        [np.sqrt(np.max(above @ (moved * angular**order).T ** 2, axis=1)) for order in (0, 1)]
+    )
+
+
+def only_displacement(sensors: Sequence[Sensor]) -> bool:
+    """Return whether every sensor shows displacement."""
+    return all(ORDER[sensor.quantity] == 0 for sensor in sensors)
+
+
 def jump_columns(
-    structure: Structure, sensors: Sequence[Sensor], angular: Array, length: float
+    structure: Structure,
+    sensors: Sequence[Sensor],
+    angular: Array,
+    length: float,
+    amplitudes: Complex,
 ) -> tuple[Complex, Complex]:
-    """Return what unit jumps of each mode's deflection and velocity add.
+    """Return what jumps of each mode's deflection and velocity add, each as large as it is expected to be at most.
+
+    Parameters
+    ----------
+    structure : Structure
+    sensors : sequence of Sensor
+    angular : ndarray, shape (h,)
+    length : float
+        Of the record, s.
+    amplitudes : ndarray of complex, shape (sensors, h)
+        Of the sensors.
 
     Returns
     -------
@@ -61,7 +97,9 @@ def jump_columns(
     """
     joints = structure.n_joints
     squared, shapes = eigh(structure.stiffness, structure.mass)
-    shapes = shapes[:, squared <= (BEYOND * angular[-1]) ** 2]
+    kept = squared <= (BEYOND * angular[-1]) ** 2
+    squared, shapes = squared[kept], shapes[:, kept]
+    shapes = shapes / np.abs(np.array([*structure.points.values()]) @ shapes).max(axis=0)
     w, scale = angular[:, None, None], 2.0 / length
     mass, damping = structure.mass @ shapes, structure.damping @ shapes
     loads = -scale * np.concatenate(
@@ -88,7 +126,12 @@ def jump_columns(
     # A jump of the angle is a drift, (2/T)·i/ω of the series; one of its rate a bend, (2/T)/ω².
     of_angle = shapes[:joints]
     smooth = np.concatenate([1j / w * of_angle, 1 / w**2 * of_angle], axis=2) * scale
-    return channels, coordinates[:, :joints] - smooth
+    if only_displacement(sensors):
+        smooth *= 0  # These sensors show them.
+    sizes = expected_jumps(sensors, amplitudes, angular, np.sqrt(np.maximum(squared, 0)))
+    shown_channels: Complex = np.asarray(channels * sizes, dtype=np.complex128)
+    angles: Complex = (coordinates[:, :joints] - smooth) * sizes
+    return shown_channels, angles
 
 
 def find_ends(
@@ -111,9 +154,11 @@ def find_ends(
     rows = (left * weight[:, :, None]).reshape(-1, left.shape[2])
     said = (target * weight[:, :, None]).ravel()
     rows, said = np.vstack([rows.real, rows.imag]), np.concatenate([said.real, said.imag])
-    norms = np.linalg.norm(rows, axis=0)
-    norms[norms == 0] = 1.0
-    # A mode that moves as a whole with an open joint shows its jumps nowhere.
-    scaled = np.linalg.lstsq(rows / norms, said, rcond=BLIND)
-    jumps = scaled[0] / norms
-    return Ends((channels @ jumps).T, (angles @ jumps).T, int(scaled[2]))
+    unknowns = rows.shape[1]
+    factor: Array = np.asarray(np.linalg.qr(np.column_stack([rows, said]), mode="r"))
+    shown = np.vstack([factor[:, :unknowns], np.eye(unknowns)])
+    jumps = np.linalg.lstsq(shown, np.concatenate([factor[:, unknowns], np.zeros(unknowns)]), rcond=None)[0]
+    # How many of them the channels tell, and not what was expected.
+    singular = np.linalg.svd(factor[:, :unknowns], compute_uv=False)
+    told = float(np.sum(singular**2 / (1 + singular**2)))
+    return Ends((channels @ jumps).T, (angles @ jumps).T, round(told))

@@ -282,10 +282,12 @@ def add_joint_moments(
         out[own] += to_coefficients @ np.clip(moved, -moment.friction, moment.friction)
         if not slopes:
             continue
-        weighted = to_coefficients * sticks
-        jacobian[own] -= weighted @ to_time @ jacobian[own]
-        slides = to_coefficients * (np.sign(moved) * ~sticks)
-        jacobian[own, own] += hold[j] * weighted @ (to_rate + CENTRING * to_time) + slides @ moment.d_friction
+        stuck, onto = to_time[sticks], to_coefficients[:, sticks]
+        jacobian[own] -= (onto @ stuck) @ jacobian[own]
+        jacobian[own, own] += hold[j] * (onto @ (to_rate[sticks] + CENTRING * stuck))
+        if moment.d_friction.any():
+            slides = np.sign(moved[~sticks])[:, None] * moment.d_friction[~sticks]
+            jacobian[own, own] += to_coefficients[:, ~sticks] @ slides
 
 
 def _condensed(dynamic: Complex, kept: slice, inner: slice) -> Complex:

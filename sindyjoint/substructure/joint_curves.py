@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.policy import POLICY
 from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import model_law
-from sindyjoint.response.policy import POLICY
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.period import steady_states
 

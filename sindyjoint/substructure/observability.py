@@ -12,8 +12,9 @@ from sindyjoint.numeric import Array
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.recovery import Recovery, solve_channels
 from sindyjoint.substructure.spectra import strongest
+from sindyjoint.substructure.states import kept_of, record_series
 
-# Harmonics of each run from which the worth of sensors is told.
+# Harmonics of each run from which the worth of sensors is computed.
 HARMONICS = 8
 UNSEEN = 1e6  # factor of a variance that leaves a sensor out
 
@@ -69,7 +70,7 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
         main = np.argmax(size, axis=1)
         at = np.arange(2 * joints)
         errors.append(recovery.standard_error[at, main] / np.maximum(size[at, main], 1e-300))
-        peaks.append(np.sqrt(np.sum(size[:joints] ** 2, axis=1)))
+        peaks.append([_peak(recovery, joint) for joint in range(joints)])
         of_moments = recovery.covariance[int(np.median(main[joints:]))][joints:, joints:]
         scale = np.sqrt(np.diag(of_moments).real)
         correlations.append(np.abs(of_moments) / np.outer(scale, scale))
@@ -81,6 +82,12 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
         )
         for j in range(joints)
     )  # fmt: skip
+
+
+def _peak(recovery: Recovery, joint: int) -> float:
+    """Return the largest angle of a joint over the series of its harmonics that stand out of their noise, rad."""
+    amplitudes = np.where(kept_of(recovery, joint)[0], recovery.values[joint], 0.0)
+    return float(np.abs(record_series(amplitudes, 4 * amplitudes.size)).max())
 
 
 def worth_of_sensors(test: RigTest, recoveries: Sequence[Recovery]) -> Array:

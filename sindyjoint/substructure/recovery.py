@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.ends import Ends, find_ends, jump_columns
+from sindyjoint.states.noise import signal_end
+from sindyjoint.substructure.ends import Ends, find_ends, jump_columns, only_displacement
 from sindyjoint.substructure.spectra import Spectra, channel_spectra
 from sindyjoint.substructure.transfer import Transfer, open_joints
 
@@ -119,11 +120,12 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
             f"{len(test.sensors)} sensor(s) for {joints} joints; expected at least one sensor for each joint"
         )
     declared = np.array([test.drive_noise or np.nan, *(s.noise or np.nan for s in test.sensors)], dtype=float)
-    spectra = spectra or channel_spectra(run, declared)
+    spectra = spectra or channel_spectra(run, declared, _shown_band(test, run))
     solved = solve_channels(test, spectra, spectra.angular)
     ends = None
     if not spectra.repeats:
-        columns = jump_columns(test.structure, test.sensors, spectra.angular, 1 / spectra.frequency)
+        sensors = spectra.amplitudes[1:]
+        columns = jump_columns(test.structure, test.sensors, spectra.angular, 1 / spectra.frequency, sensors)
         weight = 1 / np.sqrt(spectra.variance.T)
         ends = find_ends(columns, solved.design, solved.estimator, weight, spectra.amplitudes)
         freed = replace(spectra, amplitudes=spectra.amplitudes - ends.channels)
@@ -149,6 +151,13 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
         degrees,
         ends,
     )
+
+
+def _shown_band(test: RigTest, run: RigRun) -> float | None:
+    """Return the frequency up to which displacements show anything, Hz; beyond it moments are their noise times ω²."""
+    if run.frequency is not None or not only_displacement(test.sensors):
+        return None
+    return max(signal_end(signal, run.sample_rate).bandwidth for signal in run.responses)
 
 
 class Solved(NamedTuple):

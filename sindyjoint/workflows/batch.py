@@ -222,7 +222,7 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
                 "temperature": joint.temperature,
                 "serial": joint.serial,
                 "labels": dict(joint.labels),
-                # An input that is the same in all runs tells this joint from the others.
+                # An input that is the same in all runs distinguishes this joint from the others.
                 **({"inputs": held} if (held := held_inputs(result.campaign)) else {}),
                 **(
                     {"input_units": {i.name: i.unit for i in result.campaign.inputs if i.name in held}}

@@ -104,7 +104,7 @@ def _read(test: Test) -> Campaign | Discovery | JointModel:
 
 
 def _refitted(found: Discovery, ids: Sequence[str]) -> JointModel:
-    """Return some of the candidates of a discovery, fitted to its runs; those that these cannot tell are left out."""
+    """Return some of the candidates of a discovery, fitted to its runs; those left undetermined are left out."""
     from sindyjoint.discovery.evidence import fit_columns
 
     evidence = found.regressor.evidence_

@@ -18,7 +18,7 @@ from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.options import checks_options
 from sindyjoint.response.model_law import model_law
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PlacedModels
+from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels
 from sindyjoint.substructure.forced import ForcedResponse, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import JointCurves, model_curve
@@ -105,11 +105,11 @@ def curves(
         return _of_joint(as_model(subject), frequencies, amplitudes, say)
     given = {"frequencies": frequencies, "amplitudes": amplitudes}
     _refuse({name: value for name, value in given.items() if value}, "a model", "a rig")
-    rig = subject if isinstance(subject, Rig) else load_rig(subject, {"model": MODEL_PLACEHOLDER})
+    rig = subject if isinstance(subject, Rig) else load_rig(subject, PLACEHOLDERS)
     given_models = [model] if isinstance(model, JointModel | str | Path) else list(model)
     placed = PlacedModels.in_rig(rig, list(map(as_model, given_models)))
-    making = _Making(placed, at or rig.at, point or at or rig.points[0], harmonics, say)
-    return making.curves(levels, band, modes)
+    maker = _CurveMaker(placed, at or rig.at, point or at or rig.points[0], harmonics, say)
+    return maker.curves(levels, band, modes)
 
 
 def _names_model(subject: str | Path) -> bool:
@@ -161,8 +161,8 @@ def _softens(law: object) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Making:
-    """The making of a structure's curves."""
+class _CurveMaker:
+    """Makes a structure's curves."""
 
     placed: PlacedModels
     at: str

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
-from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.policy import CAMPAIGN, IN_PLACE, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.discovery.delay import delay_to_remove, without_delay
 from sindyjoint.equation.catalogue import Catalogue
@@ -103,7 +103,6 @@ def diagnose(
     jobs, workers, cluster
         Where candidates and runs to advise are tried, by default on threads of this process; see
         :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
-
     policy : DiagnosisPolicy
         The limits that decide the answer.
 
@@ -157,10 +156,10 @@ def diagnose(
             max_effects,
             say,
             advise,
-            lambda result: keep(tested.told(result)),
+            lambda result: keep(tested.complete(result)),
             refined if refine else lambda last: (last, ()),
         )
-        return tested.told(result)
+        return tested.complete(result)
 
 
 @checks_options()
@@ -177,9 +176,6 @@ def diagnose_structure(
     before_advice: Callable[[Diagnosis], None] | None = None,
     random_state: int | np.random.Generator | None = None,
     progress: Callable[[str], None] | None = None,
-    jobs: int = 1,
-    workers: int | None = None,
-    cluster: str | None = None,
     policy: DiagnosisPolicy = STRUCTURE,
 ) -> Diagnosis:
     """Find where a model in the joint of a rig and the rig's pulse record disagree, and name what is missing.
@@ -193,30 +189,15 @@ def diagnose_structure(
     rig : Rig, path of a rig's TOML file, or name of a shipped rig
         Its ``[measured]`` records. Without one: a virtual pulse test in which ``random_state`` hides an effect.
     model : JointModel, optional
-        Default: the law that the rig gives for its joint, each term known to 0.5 %.
-    library : sequence of str or Path
-        Further TOML files of effects of the joint.
-    effects : sequence of Effect, optional
-        Candidates in the joint; default: all shipped ones and those of ``library``.
-    max_effects : int
-        Most effects that are added.
+        Default: the law that the rig gives for its joint, each term known to 0.5 %; of a joint without one
+        (``law = "unknown"``) the law that :func:`~sindyjoint.discover_rig` finds in the same pulse.
     hold_out : sequence of Rig or path
-        Other pulses of the same structure, which no fit sees; the gaps are told on them. Default: the second half of
+        Other pulses of the same structure, which no fit sees; the gaps are those of them. Default: the second half of
         the time in which the record stands out of its noise.
-    advise : bool
-        Whether records are sought that would tell rivals apart; ends early as that of runs does.
-    before_advice : callable, optional
-        Called with the diagnosis, complete but for advice, before records are sought.
     random_state : int, Generator or None
         Of the virtual pulse test.
-    progress : callable, optional
-        Called with the name of each stage.
-    jobs, workers, cluster
-        Where candidates and runs to advise are tried, by default on threads of this process; see
-        :func:`~sindyjoint.parallel.executor`. The result is the same to the last digit.
-
-    policy : DiagnosisPolicy
-        The limits that decide the answer.
+    library, effects, max_effects, advise, before_advice, progress, policy
+        As in :func:`diagnose`; records are advised, not runs.
 
     Returns
     -------
@@ -231,9 +212,40 @@ def diagnose_structure(
 
     say = progress or (lambda stage: None)
     known = _known_effects(library, effects, max_effects)
-    with spread(jobs, workers, cluster):
-        problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
-        return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
+    keep = before_advice or (lambda result: None)
+    found: tuple[str, ...] = ()
+    if model is None and isinstance(rig, str | Path):
+        model = _law_in_pulse(rig, random_state, say)
+        found = () if model is None else (LAW_OF_PULSE,)
+
+    def told(result: Diagnosis) -> Diagnosis:
+        return replace(result, warnings=(*found, *result.warnings))
+
+    problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
+    return told(explain_gap(problem, max_effects, say, advise, lambda result: keep(told(result))))
+
+
+LAW_OF_PULSE = (
+    "no model was given: the law was found in the same pulse, and what it took up of a gap is not seen"
+)
+
+
+def _law_in_pulse(rig: str | Path, random_state: Any, say: Callable[[str], None]) -> JointModel | None:
+    """Return the law that a rig's pulse shows of its joints where the file gives none and a response was measured."""
+    from sindyjoint.diagnosis.structure.start import open_rig
+    from sindyjoint.mechanics.pulse_test import hinges
+    from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER
+    from sindyjoint.workflows.discover import discover_rig
+
+    opened = open_rig(rig)
+    sought = any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(opened))
+    if opened.measured is None or not sought:
+        return None
+    laws = discover_rig(rig, random_state=random_state, progress=say).laws
+    if len(laws) > 1 or not laws[0].found or laws[0].discovery is None:
+        words = f"{len(laws)} kinds of joints" if len(laws) > 1 else laws[0].reason or "no law was found"
+        raise InputError(f"{rig}: {words}; give the model that stands for the joint (--model)")
+    return laws[0].discovery.model
 
 
 @checks_options()
@@ -244,15 +256,12 @@ def diagnose_rig(
     *,
     library: Sequence[str | Path] = (),
     effects: Sequence[Effect] | None = None,
-    max_effects: int = STRUCTURE.most_effects,
+    max_effects: int = IN_PLACE.most_effects,
     advise: bool = True,
     before_advice: Callable[[Diagnosis], None] | None = None,
     random_state: int | np.random.Generator | None = None,
     progress: Callable[[str], None] | None = None,
-    jobs: int = 1,
-    workers: int | None = None,
-    cluster: str | None = None,
-    policy: DiagnosisPolicy = STRUCTURE,
+    policy: DiagnosisPolicy = IN_PLACE,
 ) -> Diagnosis:
     """Find what the laws of the joints in a structure lack, against what the structure lacks, from its sensors.
 
@@ -263,12 +272,12 @@ def diagnose_rig(
     Parameters
     ----------
     rig : RigTest or path of a rig.toml
-        With sensors and recorded runs that repeat. The gaps are told on runs that no fit sees: those marked
+        With sensors and recorded runs that repeat. The gaps are those of runs that no fit sees: those marked
         ``use = "validate"``, or every third one.
     models : JointModel or mapping of str to JointModel, optional
         For every joint, or by kind of joint: from tests of the joint alone; numbers keep to their covariance. Default:
         the laws that :func:`~sindyjoint.discover_rig` finds in the same runs, with free numbers.
-    library, effects, max_effects, advise, before_advice, random_state, progress, jobs, workers, cluster, policy
+    library, effects, max_effects, advise, before_advice, random_state, progress, policy
         As in :func:`diagnose_structure`; runs are not advised.
 
     Returns
@@ -280,7 +289,7 @@ def diagnose_rig(
     InputError
         For runs that cannot be used, or joints in which no law is found.
     """
-    from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis
+    from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis, divide_runs
     from sindyjoint.diagnosis.structure.runs import RunsProblem
     from sindyjoint.judgement.rig_discovery import described
     from sindyjoint.mechanics.rig_test import RigTest
@@ -292,30 +301,29 @@ def diagnose_rig(
     known_effects = _known_effects(library, effects, max_effects)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
     given = models is not None
+    own, others = divide_runs(test)
     if models is None:
-        found = discover_rig(test, random_state=random_state, progress=say)
+        # Laws that have seen the runs kept out would be judged by what they know.
+        found = discover_rig(replace(test, runs=tuple(own)), random_state=random_state, progress=say)
         lacking = [law for law in found.laws if not law.found]
         if lacking:
             raise InputError(
                 f"no law was found of {lacking[0].kind}: give a model, or see what discover says"
             )
-        test = described(found)
+        test = replace(described(found), runs=test.runs)
         models = {law.kind: law.discovery.model for law in found.laws if law.discovery is not None}
     elif isinstance(models, JointModel):
         models = dict.fromkeys(test.kinds, models)
     say("the steady motion with the models")
-    recoveries = {run: recover(test, run) for run in test.runs}
     fitted, kept = (
-        RunsProblem.of(test, own, models, given, policy) if own else None
-        for own in (
-            [r for run, r in recoveries.items() if run.use == use] for use in ("identify", "validate")
-        )
+        RunsProblem.of(test, [recover(test, run) for run in runs], models, given, policy, runs is own)
+        if runs
+        else None
+        for runs in (own, others)
     )
-    if fitted is None:
-        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
-    with spread(jobs, workers, cluster):
-        problem = RunsDiagnosis.of(fitted, kept, known_effects)
-        return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
+    assert fitted is not None
+    problem = RunsDiagnosis.of(fitted, kept, known_effects)
+    return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
 
 
 def _known_effects(

@@ -151,16 +151,16 @@ def discover(
     model = with_gain_uncertainty(
         best.model if fixed is None else fixed.model, prepared.campaign.gain_uncertainty
     )
-    told = prepared.delay if align else left_in
+    delay = prepared.delay if align else left_in
     left = (best.note, *lag_notes(prepared.lags), unused, unmeasured_bias(fixed))
-    warnings = list_warnings(prepared.campaign, best.states, model, told, align, best.regressor.indistinct_)
+    warnings = list_warnings(prepared.campaign, best.states, model, delay, align, best.regressor.indistinct_)
     return Discovery(
         model=fitted_to(model, campaign),
         verdict=verdict,
         found=bool(model.terms),
         reason=best.regressor.selection_result_.reason,
         skew=prepared.delay,
-        warnings=(*checked.warnings, *warnings, *filter(None, left)),
+        warnings=(*checked.warned(prepared.lag != 0.0), *warnings, *filter(None, left)),
         states=best.states,
         regressor=best.regressor,
         campaign=prepared.campaign,
@@ -168,6 +168,7 @@ def discover(
         soundness=checked.soundness,
         measured=campaign,
         paper=paper,
+        lag=prepared.lag,
     )
 
 

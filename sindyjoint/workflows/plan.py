@@ -17,17 +17,23 @@ from sindyjoint.mechanics.actuator import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.options import checks_options
-from sindyjoint.planning.apart import TELL_APART, Apart
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.joints import like_law, like_model
-from sindyjoint.planning.known import Known, known_of_runs, measured_sensors
-from sindyjoint.planning.making import Making
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import UNITS
+from sindyjoint.planning.planner import Planner
 from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.prior import Prior, measured_sensors, prior_of_runs
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import GOALS, WIDTHS
-from sindyjoint.planning.tell_apart import Separated, Separating, chosen_effects, rivals_of, worlds_of
+from sindyjoint.planning.separating_runs import (
+    SeparatingResult,
+    SeparatingRuns,
+    chosen_effects,
+    rivals_of,
+    simulate_hypotheses,
+)
+from sindyjoint.planning.separation import TELL_APART, Separation
 from sindyjoint.record import Campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
@@ -65,7 +71,7 @@ def plan(
     random_state: int = 0,
     progress: Say | None = None,
 ) -> Plan:
-    """Plan the runs that tell most of a joint's coefficients.
+    """Plan the runs that are most informative of a joint's coefficients.
 
     Parameters
     ----------
@@ -76,7 +82,7 @@ def plan(
         A model of the joint instead: each coefficient within three standard errors. Its elements with a memory are in
         every simulation, with the numbers that they have.
     campaign : Campaign or path, optional
-        Runs that were made: a model is discovered from them, and what they tell is added. The terms of ``like`` or
+        Runs that were made: a model is discovered from them, and their information is added. The terms of ``like`` or
         ``model``, where one is given, are then kept in that model, and their ranges hold as well.
     ranges : mapping of str to (float, float), optional
         Of coefficients by term, SI, instead of these.
@@ -152,7 +158,7 @@ def plan(
     stated |= _resolutions(resolution or {})
     _check_waveforms(waveforms)
     Sensors(**stated)  # refused before anything is worked on
-    separating = Separating(rivals, actuator, duration, diagnosed, say)
+    separating = SeparatingRuns(rivals, actuator, duration, diagnosed, say)
     if rivals and campaign is not None:
         law = None if model is None else as_model(model)
         # Beside no other goal its runs, two at most, have all of the time.
@@ -160,26 +166,26 @@ def plan(
         with_time = replace(separating, actuator=replace(actuator, duration=longer), duration=longer)
         found = with_time.after_runs(campaign, law)
         if len(goals) == 1:
-            return _only_apart(found, actuator, Sensors(**stated))
-    known, sensors = _what_is_known(like, model, campaign, ranges or {}, random_state, say)
+            return _only_separation(found, actuator, Sensors(**stated))
+    known, sensors = _make_prior(like, model, campaign, ranges or {}, random_state, say)
     if "noise" in stated:  # a share that is given holds for both channels
         sensors = replace(sensors, moment=None, angle=None)
     sensors = replace(sensors, **stated)
     unit = UNITS[actuator.drive][known.joint.model.joint.motion != "rotation"]
     matter = _places(known.joint.model, terms or known.ids)
     weights = tuple(each for each in goals.items() if each[0] != TELL_APART) or ((WIDTHS, 1.0),)
-    made = Making(known, actuator, sensors, matter, weights, until, random_state, say, tuple(waveforms))
+    made = Planner(known, actuator, sensors, matter, weights, until, random_state, say, tuple(waveforms))
     if not rivals:
         return made.plan(unit, duration, count)
     if campaign is not None:
         plain = made.plan(unit, duration, max(count - len(found.runs), 1))
-        return _with_apart(plain, found.runs, found.apart)
+        return _with_separation(plain, found.runs, found.apart)
     if count < 2:
         raise InputError(f"time is {time:g} s; expected two runs at least, one of them to tell effects apart")
     plain = made.plan(unit, duration, count - 1)
     joints = known.joint.draws(len(rivals), random_state)
-    worlds = worlds_of(joints, rivals, plain.runs, sensors, share, random_state)
-    return _with_apart(plain, *separating.before_runs(worlds))
+    hypotheses = simulate_hypotheses(joints, rivals, plain.runs, sensors, share, random_state)
+    return _with_separation(plain, *separating.before_runs(hypotheses))
 
 
 def _rivals(
@@ -209,7 +215,7 @@ def _goals(goal: str | Mapping[str, float]) -> dict[str, float]:
     return {name: given[name] / total for name in sorted(given, key=lambda name: -given[name])}
 
 
-def _only_apart(found: Separated, actuator: Actuator, sensors: Sensors) -> Plan:
+def _only_separation(found: SeparatingResult, actuator: Actuator, sensors: Sensors) -> Plan:
     """Return the plan of runs that tell effects apart, beside a campaign that was made."""
     model = found.model
     return Plan(
@@ -218,7 +224,7 @@ def _only_apart(found: Separated, actuator: Actuator, sensors: Sensors) -> Plan:
     )  # fmt: skip
 
 
-def _with_apart(plan: Plan, runs: Sequence[PlannedRun], apart: Apart) -> Plan:
+def _with_separation(plan: Plan, runs: Sequence[PlannedRun], apart: Separation) -> Plan:
     """Return a plan with the runs that tell effects apart behind its own."""
     return replace(plan, runs=(*plan.runs, *runs), apart=apart, stop=f"{plan.stop}; {apart.words}")
 
@@ -273,14 +279,14 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
     return run_time or time / count, count
 
 
-def _what_is_known(
+def _make_prior(
     like: str | None,
     model: JointModel | str | Path | None,
     campaign: Campaign | str | Path | None,
     ranges: Mapping[str, tuple[float, float]],
     random_state: int,
     say: Say,
-) -> tuple[Known, Sensors]:
+) -> tuple[Prior, Sensors]:
     """Return what is known of the joint, and the sensors as the campaign has shown them."""
     if model is not None and like is not None:
         raise InputError("a model and a joint that it is like were given; expected one of them")
@@ -295,10 +301,10 @@ def _what_is_known(
         before = before.narrowed(ranges)
     if campaign is None:
         assert before is not None
-        return Known(before), Sensors()
+        return Prior(before), Sensors()
     found, made = _discovered(campaign, () if before is None else before.model.ids, random_state, say)
     evidence = found.regressor.evidence_
-    known = known_of_runs(found.model, evidence, found.states, made, before)
+    known = prior_of_runs(found.model, evidence, found.states, made, before)
     if before is None:
         known = replace(known, joint=known.joint.narrowed(ranges))
     return known, measured_sensors(found.states)

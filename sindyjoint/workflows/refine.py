@@ -144,7 +144,7 @@ def refine(
     say("checking the data")
     checked = require_sound(check_campaign(given, accept))
     usable, applied, notes = put_right(checked.usable, given, test)
-    usable = align_channels(usable) if align else usable
+    late, usable = usable, align_channels(usable) if align else usable
     say("force states")
     states = one_after_another(usable, campaign_states(usable))
     result = refine_response(
@@ -160,7 +160,7 @@ def refine(
     known = {each.name: getattr(verified, each.name) for each in fields(verified)}
     if "gain" in result.nuisance:
         notes = (*notes, "the gain that was estimated is not applied where model and campaign are compared")
-    known["warnings"] = (*checked.warnings, *notes, *result.notes, *verified.warnings)
+    known["warnings"] = (*checked.warned(usable is not late), *notes, *result.notes, *verified.warnings)
     return RefinedModel(
         **known, soundness=checked.soundness, before=model, refinement=result, test=found if found else None
     )

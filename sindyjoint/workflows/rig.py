@@ -15,7 +15,7 @@ from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
 from sindyjoint.numeric import Array
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PlacedModels, joint_range_warnings
+from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, joint_range_warnings
 from sindyjoint.shown import Shown
 
 MODES = 4
@@ -117,7 +117,7 @@ def rig_motion(
     """
     say = progress or (lambda stage: None)
     say("reading the rig")
-    made = rig if isinstance(rig, Rig) else load_rig(rig, {"model": MODEL_PLACEHOLDER})
+    made = rig if isinstance(rig, Rig) else load_rig(rig, PLACEHOLDERS)
     known = None if model is None else as_model(model)
     placed = PlacedModels.in_rig(made, [] if known is None else [known])
     made = placed.rig

@@ -24,7 +24,7 @@ from sindyjoint.response.nuisances import TestNuisances, read_test
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import verify_campaign
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, verify_rig
+from sindyjoint.response.verify_rig import PLACEHOLDERS, verify_rig
 from sindyjoint.soundness.check import check_campaign, require_sound, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states.campaigns import content_hash
@@ -138,11 +138,11 @@ def verify(
                 raise InputError(f"align: {NO_DELAY}" if align else f"free_run: {NO_RESPONSE}")
             model, untimed = without_rate(model)
         usable, applied, note = put_right(checked.usable, against, test)
-        usable = align_channels(usable) if align else usable
+        late, usable = usable, align_channels(usable) if align else usable
         result = verify_campaign(model, usable, settings, say, applied)
         known = {each.name: getattr(result, each.name) for each in fields(result)}
         lacking = (untimed,) if against.quasi_static and untimed else ()
-        known["warnings"] = (*checked.warnings, *note, *lacking, *result.warnings)
+        known["warnings"] = (*checked.warned(usable is not late), *note, *lacking, *result.warnings)
         return CampaignVerification(**known, soundness=checked.soundness)
     if free_run is not None:
         raise InputError(
@@ -189,7 +189,7 @@ def _open_input(against: Rig | Campaign | str | Path) -> Rig | Campaign:
             f"of the shipped rigs ({', '.join(shipped_rigs())})"
         )
     if path.is_file() and is_rig(path):
-        return load_rig(path, {"model": MODEL_PLACEHOLDER})
+        return load_rig(path, PLACEHOLDERS)
     return load_campaign(path)
 
 

@@ -180,7 +180,7 @@ SAME = {
     "clearance": {"dead_zone", "hard_stop"},
     "stop": {"dead_zone", "hard_stop"},
     "sensor_zero": {"angle_offset", "constant_moment"},
-    "mujoco:joint_limit": {"dead_zone", "hard_stop"},
+    "mujoco:spring_limit": {"dead_zone", "hard_stop"},
     "mujoco:viscous_fluid": {"quadratic_damping"},
 }
 

@@ -10,14 +10,18 @@ STEP = 2.5e-4
 EVERY = 8  # steps per sample: 500 Hz
 STIFFNESS, DAMPING, FRICTION, INERTIA = 40.0, 0.15, 0.25, 0.01
 PREFIX = "mujoco:"
-#: What is beside the hinge, and of which kind that is.
+#: What is beside the hinge, and of which kind that is. The force of a MuJoCo limit is d/(1 − d)·I·(aref − θ̈) with its
+#: impedance d: at the usual 0.9 to 0.95 nine to nineteen times the body's inertia moves with it, and a spring alone
+#: leaves 73 % of its moment. No catalogue holds that; at d = 0.02 it is a spring.
 BODIES = {
     "plain": "nothing",
-    "joint_limit": "catalogue",
+    "joint_limit": "foreign",
     "viscous_fluid": "catalogue",
     "hanging_body": "foreign",
     "loose_body": "foreign",
+    "spring_limit": "catalogue",
 }
+IMPEDANCE = 0.02
 
 MODEL = """
 <mujoco>
@@ -80,6 +84,13 @@ def _model(name, rng):
     if name == "joint_limit":
         reach = rng.uniform(0.05, 0.07)
         limit = f'limited="true" range="{-np.degrees(reach)} {np.degrees(reach)}" solreflimit="-1500 -2"'
+    elif name == "spring_limit":
+        reach, spring = rng.uniform(0.05, 0.07), rng.uniform(1.5, 4.0) * STIFFNESS
+        reference = spring * (1 - IMPEDANCE) / INERTIA
+        limit = (
+            f'limited="true" range="{-np.degrees(reach)} {np.degrees(reach)}" solreflimit="{-reference} -1" '
+        )
+        limit += f'solimplimit="{IMPEDANCE} {IMPEDANCE} 0.001"'
     elif name == "viscous_fluid":
         fluid = f'density="{rng.uniform(2.5e4, 6e4)}"'
     elif name == "hanging_body":

@@ -45,11 +45,11 @@ def test_time_is_a_last_resort_and_what_would_pass_it_is_not_begun():
 def test_the_estimate_is_of_the_work_ahead_and_never_beyond_the_limit():
     clock, said = Clock(), []
     effort = Effort(1e9, 20.0, said.append, clock)
-    effort.tell("runs", {"run": 100.0})
+    effort.report("runs", {"run": 100.0})
     effort.allows("run", 10.0)
     clock.seconds = 0.5
-    effort.tell("runs", {"run": 100.0})
-    effort.tell("runs", {"run": 100_000.0})
+    effort.report("runs", {"run": 100.0})
+    effort.report("runs", {"run": 100_000.0})
     assert said == ["runs", "runs, about 5 s more", "runs, about 20 s more"]
 
 

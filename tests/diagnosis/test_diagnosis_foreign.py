@@ -36,6 +36,7 @@ def test_a_law_of_no_catalogue_is_no_name(name, seed):
         ("backlash_play", 510),  # a slider that has moved before the first state
         ("jenkins_element", 511),  # little half-cycles between pulls
         ("quadratic_damping", 512),  # noise of the rate by a steep damping
+        ("channel_delay", 740),  # a zero of the force explains it to within the noise
     ],
 )
 def test_an_effect_of_the_catalogue_is_named_whoever_made_the_motion(name, seed):

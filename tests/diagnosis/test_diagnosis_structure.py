@@ -175,6 +175,7 @@ def failure(capsys, *arguments):
 def test_bad_input_is_refused_in_one_line(capsys, tmp_path):
     assert "gives no law for its joint; give the model" in failure(capsys, rig_file(tmp_path, "model"))
     assert "--base is for campaigns" in failure(capsys, "pulse-rig", "--base", "extended")
+    assert "--jobs is for campaigns" in failure(capsys, "pulse-rig", "--jobs", "2")
     assert "names no measured response" in failure(capsys, "pulse-rig", "--hold-out", "four-panel-wing")
     assert "none.json" in failure(capsys, "pulse-rig", "--model", tmp_path / "none.json")
     (tmp_path / "model.json").write_text(paper_model().to_json())

@@ -161,13 +161,13 @@ def test_where_a_gap_lies_in_time_and_phase():
     kinds = {
         place.range: place.share
         for signal in (slow, weak)
-        for _, place in regions_of("tip", decay, signal, 1000.0, 1e-4)
+        for _, place in regions_of(decay, signal, 1000.0, 1e-4)
         if place.axis == "phase"
     }
     assert kinds["period"] > 0.95 and kinds["amplitude"] > 0.95
     early = decay.copy()
     early[:400] *= 1.2
-    times = [p for _, p in regions_of("tip", decay, early, 1000.0, 1e-4) if p.axis == "time"]
+    times = [p for _, p in regions_of(decay, early, 1000.0, 1e-4) if p.axis == "time"]
     assert times[0].range[0] == 0 and times[0].share > 0.9
 
 

@@ -67,6 +67,8 @@ def test_the_moment_of_a_model_with_elements_needs_a_motion():
     assert whole == pytest.approx(
         model.without_elements().moment(angle, rate) + JENKINS.along(angle, rate, 1e-3), rel=1e-12
     )
+    with pytest.warns(UserWarning, match=r"angle up to 0.001 rad where 0.0008.* % of the time"):
+        model.moment(2 * angle, 2 * rate, 1e-3)
 
 
 def test_the_equation_names_states_apart_and_gives_their_rates():

@@ -100,6 +100,22 @@ def test_jenkins_loop_area():
     assert np.abs(state).max() == pytest.approx(slip, rel=2e-3)
 
 
+def relaxing(theta, omega, direction, state, p, out):
+    out[0] = state[0]
+    out[1] = omega - state[0] / p[0]
+
+
+def test_a_state_that_settles_within_a_step_is_followed():
+    # Maxwell: z = ω·τ/(1 + (ωτ)²)·(cos + ωτ·sin); an eighth of a sample is 12 relaxation times
+    tau, frequency, rate = 1e-4, 4.0, 100.0
+    t = np.arange(200) / rate
+    tone, w = harmonic(1e-3, frequency), 2 * np.pi * frequency
+    moment, _ = transfer_moment(FunctionLaw(relaxing, (tau,), n_states=1), tone(t), tone.derivative(t), rate)
+    response = tau * w / (1 + 1j * tau * w) * 1j
+    expected = np.imag(1e-3 * response * np.exp(1j * w * t))
+    assert moment[10:] == pytest.approx(expected[10:], abs=0.01 * tau * w * 1e-3)
+
+
 def test_softening_frequency_shift():
     # Duffing, first order: ω = ω0·(1 + 3·k3·A²/(8·k1)); the remainder is O(A⁴): Nayfeh & Mook 1979, section 2.3
     law = PaperLaw(k1=1000.0, k3=-1e9, inertia=0.1)

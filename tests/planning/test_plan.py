@@ -13,13 +13,13 @@ from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
 from sindyjoint.files.drafting.init import init
 from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.planning import making
+from sindyjoint.planning import planner
 from sindyjoint.planning.information import Sensors, half_widths, run_information, stacked
 from sindyjoint.planning.joints import like_law
 from sindyjoint.planning.plan_file import plan_text, play, read_plan
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
-from sindyjoint.planning.tell_apart import rivals_of
+from sindyjoint.planning.separating_runs import rivals_of
 from sindyjoint.reporting.schemas import record_schema
 from sindyjoint.response.model_law import model_law
 from tests.diagnosis.hidden_effects import hide
@@ -34,8 +34,8 @@ SHORT = ["--drive", "angle", "--time", "40 s", "--rate", "250 Hz", "--limit", "m
 def small():
     """Few joints: what is averaged over is not what is tested here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(making, "POLICY", FEW)
-        patch.setattr(making, "PREDICTED", 6)
+        patch.setattr(planner, "POLICY", FEW)
+        patch.setattr(planner, "PREDICTED", 6)
         yield
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from sindyjoint.equation.element import Value
+from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import FunctionLaw, SumLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.response.model_law import draw_models, model_law
 from sindyjoint.response.nuisances import Nuisance, TestNuisances, read_test
-from sindyjoint.response.tested_range import range_warnings
 from sindyjoint.states import force_states
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.workflows.verify import verify
@@ -150,7 +150,7 @@ def test_beyond_the_tested_range_is_said_with_its_share_of_the_time():
     model = paper_model()  # tested to 8e-4 rad and 0.03 rad/s
     time = np.arange(0, 1, 1e-3)
     inside = 8e-4 * np.sin(6 * time)
-    assert range_warnings(model, inside, 0 * inside, "run") == ()
-    (line,) = range_warnings(model, 2 * inside, 0 * inside, "run")
+    assert range_warnings(model.fitted, "rotation", inside, 0 * inside, "run") == ()
+    (line,) = range_warnings(model.fitted, "rotation", 2 * inside, 0 * inside, "run")
     share = np.mean(np.abs(2 * inside) > 1.05 * 8e-4)
     assert "angle up to 0.0016 rad where 0.0008 was tested" in line and f"{100 * share:.1f}" in line

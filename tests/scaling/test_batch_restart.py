@@ -7,7 +7,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -105,33 +104,48 @@ def test_every_way_of_running_writes_the_same_bytes_though_a_worker_dies(done, j
     assert result.to_dict() == done[1].to_dict()
 
 
-def test_an_interruption_loses_the_campaign_in_hand_at_most(heard, joints, tmp_path):
-    out = tmp_path / "out"
-    command = [
-        sys.executable,
-        "-m",
-        "sindyjoint",
-        "batch",
-        joints,
-        "--out",
-        out,
-        "-l",
-        "paper",
-        "--jobs",
-        "2",
-    ]
-    run = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    deadline = time.monotonic() + 60
-    while not list(out.glob("campaigns/*/record.json")) and time.monotonic() < deadline:
-        time.sleep(0.01)
-    # As a terminal does: to all processes of the group.
-    os.killpg(run.pid, signal.SIGINT)
-    _, stderr = run.communicate(timeout=60)
-    before = len(list(out.glob("campaigns/*/record.json")))
-    assert "Traceback" not in stderr
-    if run.returncode != 0:  # on a quick machine all may have been done
-        assert run.returncode == 130 and "interrupted" in stderr
-    assert batch(joints, out, "paper", selection="evidence").kept <= before
+def test_an_interruption_loses_the_campaign_in_hand_at_most(heard, joints, tmp_path, sindyjoint, monkeypatch):
+    from sindyjoint.workflows import batch as workflow
+
+    done = []
+
+    def run_task(task):
+        if len(done) == 3:
+            signal.raise_signal(signal.SIGINT)
+        done.append(workflow_task(task))
+        return done[-1]
+
+    workflow_task = workflow.run_task
+    command = ("batch", joints, "--out", tmp_path / "out", "-l", "paper")
+    with monkeypatch.context() as patch:
+        patch.setattr(workflow, "run_task", run_task)
+        answer = sindyjoint(*command)
+    assert answer.status == 130
+    assert answer.stderr == "sindyjoint: interrupted; the same command goes on where this one stopped\n"
+    assert "3 of them done before" in sindyjoint(*command).stdout
+
+
+INTERRUPTED = """
+import os, signal
+from tests.light_tasks import square_sum
+from sindyjoint.parallel import executor
+if __name__ == "__main__":
+    try:
+        with executor(jobs=2) as workers:
+            for number, _ in workers.completed(square_sum, [10, *7 * [10**12]]):
+                os.killpg(0, signal.SIGINT)
+    except KeyboardInterrupt:
+        print(number, "interrupted")
+"""
+
+
+def test_processes_end_with_an_interruption_and_without_a_word(heard, tmp_path):
+    # As a terminal does: to all processes of the group. What ends is what the other end of the pipes is closed by.
+    (tmp_path / "script.py").write_text(INTERRUPTED)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), *sys.path])}
+    command = [sys.executable, tmp_path / "script.py"]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, start_new_session=True)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "0 interrupted\n", "")
 
 
 def test_a_record_without_its_files_is_not_done(joints, tmp_path):

@@ -9,6 +9,7 @@ import pytest
 
 from sindyjoint.errors import InputError, WorkerError
 from sindyjoint.parallel import Lost, check_unused, executor, ordered_map
+from tests.light_tasks import hears_ctrl_c
 
 
 def seeded(seed):
@@ -62,6 +63,14 @@ def test_a_task_that_kills_every_worker_is_given_up_and_the_others_are_not(tmp_p
         assert results == {number: number for number in (0, 1, 2, 4, 5)}
         with pytest.raises(WorkerError, match="task 4 of 6 was given up: 3 workers died on it"):
             ordered_map(workers, mortal, tasks)
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="signals of POSIX")
+def test_a_process_hears_no_interruption_from_its_start():
+    # One that still loads its libraries would leave a traceback.
+    with executor(jobs=2) as workers:
+        assert ordered_map(workers, hears_ctrl_c, range(4)) == 4 * [False]
+    assert hears_ctrl_c(0)
 
 
 def test_an_exception_of_a_task_is_raised():

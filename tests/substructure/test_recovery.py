@@ -8,7 +8,7 @@ import pytest
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.mechanics.rig_test import RigRun, RigTest, Sensor, UncertainNumber
+from sindyjoint.mechanics.rig_test import RigRun, RigTest, Sensor, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import Hinge, LumpedMass, assemble
 from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
 from sindyjoint.substructure.recovery import recover
@@ -133,6 +133,27 @@ def test_the_structures_own_numbers_are_updated_by_what_sensors_show():
     assert update is not None and update.standard_error[0] <= 0.03 * 1.001
     assert abs(update.change[0] - 0.02) < 3 * update.standard_error[0]
     assert update_structure(rig_test([run]), []) is None
+
+
+def test_a_clamp_that_is_stiffer_than_described_is_found():
+    """Under any drive and joint moment the sensors disagree with the described clamp, and agree with the true one."""
+    items = [Beam("one", 0.5, 2e3, 2.0, 4), Hinge("joint", INTER_PANEL), Beam("two", 0.5, 2e3, 2.0, 4)]
+    sensors = tuple(Sensor(name, name) for name in ("low", "joint", "middle", "tip"))
+    stations = {"low": ("one", 0.3), "middle": ("two", 0.25)}
+    described, true = (assemble(items, clamp, stations, 5.0) for clamp in (2e4, 2.1e4))
+    generator, time = np.random.default_rng(7), np.arange(4000) / 500
+    angular = 2 * np.pi * 4 * np.arange(1, 6)
+    loads = generator.normal(size=(5, 2)) + 1j * generator.normal(size=(5, 2))
+    shown = np.einsum("hsk,hk->sh", open_joints(true, "tip", sensors, angular).sensors, loads)
+    wave = np.exp(1j * np.outer(angular, time))
+    drive, responses = (loads[:, 0] @ wave).real, (shown @ wave).real
+    noise = 0.003 * responses.std(axis=1, keepdims=True) * generator.normal(size=responses.shape)
+    run = RigRun("run", drive + 0.003 * generator.normal(size=time.size), responses + noise, 500.0, 4.0)
+    (number,) = uncertain_numbers(items, 2e4, {}, 0.1)
+    test = RigTest("clamped", described, ("joint",), "tip", sensors, (run,), uncertain=(number,))
+    update = update_structure(test, [recover(test, run)])
+    assert update.names == ("stiffness of the clamp",) and update.standard_error[0] < 0.02
+    assert abs(update.change[0] - 0.05) < 3 * update.standard_error[0] + 0.1 * 0.05**2
 
 
 def test_fewer_sensors_than_joints_are_refused():

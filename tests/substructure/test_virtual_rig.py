@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.cli import main
+from sindyjoint.diagnosis.structure.hidden import model_of_law
+from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.rig_test_file import load_rig_plan, load_rig_test
 from sindyjoint.mechanics.virtual_rig import Drive, virtual_rig_test
 from sindyjoint.substructure.recovery import recover
@@ -105,3 +107,18 @@ def test_a_sweep_is_written_without_frequency_and_recovered_whole(tmp_path):
     assert not recovery.spectra.repeats and recovery.ends is not None
     states = joint_states(recovery, 0, "sweep")
     assert states.frequency is None and states.n_samples == run.drive.size - 1
+
+
+def test_a_model_stands_in_the_joints_of_a_virtual_test(tmp_path):
+    (tmp_path / "model.json").write_text(model_of_law(INTER_PANEL, 5e-4, 0.01, 0.005).to_json())
+    text = RIG.replace('"inter-panel"', '"model"').replace('duration = "2 s"', 'duration = "1 s"')
+    (tmp_path / "rig.toml").write_text(
+        text.replace('settling = "3 s"', 'settling = "0.5 s"'), encoding="utf-8"
+    )
+    command = ["simulate", str(tmp_path / "rig.toml"), "--out", str(tmp_path / "test"), "-q"]
+    for options, status in (([], 2), (["--model", str(tmp_path / "model.json")], 0)):
+        with pytest.raises(SystemExit) as ended:
+            main([*command, *options])
+        assert ended.value.code == status
+    written = load_rig_test(tmp_path / "test" / "rig.toml")
+    assert written.kinds == ("hinge",) and len(written.runs) == 1

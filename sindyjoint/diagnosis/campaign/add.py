@@ -21,6 +21,7 @@ from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
 
 LONGEST = POLICY.longest_delay  # that the linear steps may reach
+ROUNDS = 4  # of delays and nonlinear parameters in turn; the third changes neither by its error
 
 Retested = dict[str, Ranking[FittedEffect] | None]
 
@@ -43,8 +44,7 @@ def add_effect(
     else:
         others, again = _retested(work, [*others, best], others, candidates)
         others, again = _ranked_again(work, others, best, candidates, again)
-        for index, delay in enumerate(shifts):
-            work, shifts[index] = _realigned(work, others, delay)
+    work, shifts, others = _settled(work, shifts, others)
     folded = all(run.folded for run in work.rows)
     # Under weights of the model before, whose error the effect was, its terms do not stand out of their errors.
     repaired = refit(work.rows, work.model, others, work.policy if folded else keeping(work.policy))
@@ -83,6 +83,20 @@ def _aligned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tup
             break
     delay = replace(delay, coefficients=np.array([total]), gain=gain)
     return work.again(work.model, others, states), delay
+
+
+def _settled(
+    work: Work, shifts: list[FittedEffect], others: list[FittedEffect]
+) -> tuple[Work, list[FittedEffect], list[FittedEffect]]:
+    """Correct delays and the nonlinear parameters beside them in turn: neither is right while the other is not."""
+    for _ in range(ROUNDS):
+        before = work
+        for index, delay in enumerate(shifts):
+            work, shifts[index] = _realigned(work, others, delay)
+        if work is before or not any(each.values.size for each in others):
+            break
+        others = _refitted(work, others)
+    return work, shifts, others
 
 
 def _realigned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tuple[Work, FittedEffect]:

@@ -55,7 +55,7 @@ def find_drift(
 
 
 def with_kept_runs(drift: ChannelDrift, runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDrift:
-    """Return a drift with the slopes of runs kept out of the fit, too: their own means tell them, and no model."""
+    """Return a drift with the slopes of runs kept out of the fit, too: their means give them, and no model."""
     signal = drift.effect.removesuffix("_drift")
     own = {
         run.name: _slope(getattr(run, signal), run.sample_rate, s)[3]

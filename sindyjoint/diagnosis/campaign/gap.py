@@ -26,7 +26,7 @@ from sindyjoint.states import ForceStates, pooled_noise
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
     """Return the gaps of a model with effects.
 
-    On runs marked for validation where there are any, as a verification tells it of them; else each group of runs is
+    On runs marked for validation where there are any, as a verification computes it; else each group of runs is
     left out of the fit in turn, and the response is simulated over all. A free run is simulated from where two thirds
     of it end, which it was fitted to.
     """
@@ -48,14 +48,14 @@ def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) ->
 
 
 def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()) -> tuple[GapRun, ...]:
-    """Return the moments of which gaps are told: of the runs kept for validation, or else of all."""
+    """Return the moments of which gaps are reported: of the runs kept for validation, or else of all."""
     return kept_rows(work, model, effects) if work.campaign.validation_runs else work.moment_rows()
 
 
 def noise_floor(work: Work) -> Gap:
-    """Return the noise relative to the signals, over the runs of which gaps are told; NaN where it is not known.
+    """Return the noise relative to the signals, over the runs of which gaps are reported; NaN where it is not known.
 
-    Known is what repetition, a channel's flat floor or its declaration tells.
+    Known is what repetition, a channel's flat floor or its declaration gives.
     """
     states = work.kept_states or work.states
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)

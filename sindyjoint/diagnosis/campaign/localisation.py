@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.localisation import Place, Regions, most_telling
+from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
 from sindyjoint.text import in_words_of
 
 
 def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place, ...]:
     """Return the regions that hold most of the gap beyond noise, compared with their share of the samples.
 
-    Of bands that overlap the one that tells most is named; words speak of the kind of motion, axes are called ``angle``
-    and ``rate`` for both.
+    Of bands that overlap the most informative one is named; words speak of the kind of motion, axes are called
+    ``angle`` and ``rate`` for both.
     """
     sides = in_words_of(motion, "angles")
     excess = np.maximum(problem.residual**2 - 1.0, 0.0)
@@ -48,7 +48,7 @@ def locate_gap(problem: GapRegression, motion: str = "rotation") -> tuple[Place,
         regions.add(axis, span, words, mask)
     for axis, label, rows in _labelled(problem.runs):
         regions.add(axis, label, f"{axis} {label}", rows)
-    return most_telling(regions.found, problem.policy)
+    return most_informative(regions.found, problem.policy)
 
 
 def _labelled(runs: Sequence[GapRun]) -> Iterator[tuple[str, str, NDArray[np.bool_]]]:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.gap import gap_of
+from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.start import first_model, is_free
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -30,15 +31,24 @@ from sindyjoint.states import regression_rows
 Problem = Any
 
 
-def other_starts(straight: Problem, best: float, say: Say) -> Iterator[tuple[Problem, tuple[Step, ...], str]]:
+def other_starts(
+    straight: Problem, last: Problem, say: Say, whole: bool
+) -> Iterator[tuple[Problem, tuple[Step, ...], str]]:
     """Yield problems to start from, the steps that led there, and in words what they are.
 
-    Only problems whose own gap is not far above ``best``, the final gap of the search so far, are worth another one.
+    Only problems whose own gap is not far above that of ``last``, where the search ended so far, are worth another one.
+    Where it ended with nothing left to explain (``whole``), only a delay that it has not found is tried.
     """
-    worth = straight.policy.start_worth * best
+    worth = straight.policy.start_worth * last.gap.moment
+    if whole and any(effect.shifts for effect in last.found):
+        return
+    if whole and all(effect.name in (CONSTANT, ZERO) for effect in last.found):
+        worth = np.inf  # it begins without these, and finds them again
     delayed = None if is_free(straight.work.campaign) else with_delay(straight)
     if delayed is not None and delayed[0].gap.moment <= worth:
         yield *delayed, "the channels aligned"
+    if whole:
+        return
     for begun, words in ((straight, ""), (delayed and delayed[0], " and the channels aligned")):
         if begun is None:
             continue

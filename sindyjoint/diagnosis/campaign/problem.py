@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.campaign import anew
+from sindyjoint.diagnosis.campaign import final_checks
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect, without_term
 from sindyjoint.diagnosis.campaign.admissible import (
     law_complaint,
@@ -160,7 +160,7 @@ class CampaignProblem(Problem):
 
     @property
     def is_noise(self) -> bool:
-        """Whether what runs left out keep is within their floor: where nothing repeats no more can be told."""
+        """Whether what runs left out keep is within their floor: where nothing repeats no more can be known."""
         return not self.noise_measured and not is_free(self.work.campaign) and self.within_floor(self.gap)
 
     def within_floor(self, gap: Gap) -> bool:
@@ -186,7 +186,7 @@ class CampaignProblem(Problem):
 
     @property
     def noise_floor(self) -> Gap:
-        """Noise of the runs of which the gap is told; NaN where it is not known."""
+        """Noise of the runs of which the gap is reported; NaN where it is not known."""
         return noise_floor(self.work)
 
     @cached_property
@@ -274,17 +274,17 @@ class CampaignProblem(Problem):
         work, repaired, _ = add_effect(self.work, others, other, ())
         return replace(self, work=work, repaired=repaired)
 
-    zero_errors = anew.zero_errors
-    ranked_again = anew.ranked_again
+    zero_errors = final_checks.zero_errors
+    ranked_again = final_checks.ranked_again
 
     def without_delay(self) -> tuple[Self, str] | None:
         """Return the problem with the channels in their own time, and what its delay is called; None without one."""
-        found = anew.without_delay(self.work, self.repaired)
+        found = final_checks.without_delay(self.work, self.repaired)
         return None if found is None else (replace(self, work=found[0], repaired=found[1]), found[2])
 
     def gap_without(self, names: Collection[str]) -> Gap:
         """Return the gap without some of the effects, the others fitted anew."""
-        return anew.gap_without(self.work, self.found, names) if names else self.gap
+        return final_checks.gap_without(self.work, self.found, names) if names else self.gap
 
     def units(self, fitted: FittedEffect) -> dict[str, str]:
         """Return the units of an effect's parameters."""
@@ -317,10 +317,12 @@ class CampaignProblem(Problem):
         repaired = from_whole(self.repaired, self.work.rows, whole)
         return replace(self, repaired=repaired, refined=whole)
 
-    def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
+    def other_starts(
+        self, straight: Self, last: Self, say: Say, whole: bool = False
+    ) -> Iterator[Start[Self]]:
         """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
         if self.drift is None and self.may_start_anew:
-            for problem, steps, words in other_starts(straight, last.gap.moment, say):
+            for problem, steps, words in other_starts(straight, last, say, whole):
                 yield Start(problem, steps, words, straight)
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:

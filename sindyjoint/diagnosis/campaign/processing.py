@@ -16,12 +16,12 @@ from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.diagnosis.campaign.repair import modelled
 from sindyjoint.diagnosis.campaign.rows.build import along_replicate
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.campaign.simulated_run import simulated
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.campaign.simulated_run import as_recorded, simulated
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, delayed
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.broadband import smoothing_kernels
@@ -103,16 +103,19 @@ def _replicate(
     # Above the band of the angle the moment's noise is none of the processing's.
     band = min(policy.drive_band * states.bandwidth, 0.45 * run.sample_rate)
     driven = replace(run, moment=_low_passed(run.moment, run.sample_rate, band), source=None)
-    result = simulated(driven, states, model, effects, policy)
+    result = simulated(driven, states, model, effects)
     if result is None or result.drive != "moment" or result.failure or result.simulated_angle is None:
         return None
     with np.errstate(over="ignore"):  # a simulation that runs away is far from the measurement
         apart = float(np.std(result.simulated_angle - result.angle))
     if not apart < BIAS.largest_difference * np.std(result.angle):
         return None
-    angle = run.angle.copy()
+    shift = Corrections.of(effects).shift
+    angle = delayed(run.angle, shift * run.sample_rate) if shift else run.angle.copy()
     first = round(float(states.time[0]) * run.sample_rate)
-    angle[first : first + states.n_samples] = result.simulated_angle
+    angle[first : first + states.n_samples] = as_recorded(
+        result.simulated_angle, states.time, run.sample_rate, states, effects
+    )
     try:
         replicate = force_states(replace(driven, angle=angle, rate=None), "broadband", states.bandwidth)
     except SindyJointError:

@@ -27,13 +27,13 @@ def response_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect])
     """
     errors = []
     for run, state in zip(work.runs, work.states, strict=True):
-        result = simulated(run, state, model, effects, work.policy)
+        result = simulated(run, state, model, effects)
         if result is not None and np.isfinite(result.response_nrmse):
             errors.append((result.channel, result.response_nrmse, result.response_scale))
     return pooled_nrmse(errors)
 
 
-# Runs whose simulations tell what the processing leaves, at most.
+# Runs whose simulations show what the processing leaves, at most.
 MOST_SIMULATED = 4
 
 
@@ -53,7 +53,7 @@ def processing_error(work: Work) -> float:
     ]
     made = []
     for run in chosen:
-        result = simulated(run, force_states(run), model, (), work.policy)
+        result = simulated(run, force_states(run), model, ())
         if result is None or result.simulated_angle is None:
             return 0.0
         made.append(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import fit_effect, refine_effect, trials_of
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, Design, designs, expected_states, within
-from sindyjoint.diagnosis.campaign.promises import CoarseRows
+from sindyjoint.diagnosis.campaign.predicted_evidence import CoarseRows
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects, shortened
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -169,7 +169,7 @@ class _Rivals:
         portion = portion or len(self.members)
         for first in range(0, len(tasks), portion):
             some = tasks[first : first + portion]
-            effort.tell(stage, {kind: work * (len(tasks) - first)})
+            effort.report(stage, {kind: work * (len(tasks) - first)})
             if not effort.allows(kind, work * len(some)):
                 raise Spent
             results += side_by_side(function, some, shared)

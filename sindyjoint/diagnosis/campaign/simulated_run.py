@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
-from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
+from sindyjoint.numeric import Array, delayed
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, prescribed
 from sindyjoint.response.run import SUBSTEPS, SimulatedRun, simulate_run
@@ -23,7 +23,6 @@ def simulated(
     states: ForceStates,
     model: JointModel,
     effects: Sequence[FittedEffect],
-    policy: DiagnosisPolicy = CAMPAIGN,
     substeps: int = SUBSTEPS,
     response_only: bool = False,
     spurious: bool = False,
@@ -43,11 +42,9 @@ def simulated(
     if zero:
         run = replace(run, angle=run.angle - zero, source=None)
         states = replace(states, angle=states.angle - zero)
-    # What repeats is as it is in its middle; elsewhere time runs on.
-    steady, middle = states.method == "periodic", float(np.mean(states.time))
     if drift:
-        run = replace(run, angle=run.angle - drift * (middle if steady else run.time), source=None)
-        states = replace(states, angle=states.angle - drift * (middle if steady else states.time))
+        run = replace(run, angle=run.angle - drift * _drifting_time(states, run.time), source=None)
+        states = replace(states, angle=states.angle - drift * _drifting_time(states, states.time))
     law = law_of(model, effects, states)
     try:
         drive: Drive | None = "motion" if motion else None
@@ -55,3 +52,20 @@ def simulated(
     except SindyJointError:
         # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
         return None
+
+
+def as_recorded(
+    angle: Array, time: Array, sample_rate: float, states: ForceStates, effects: Sequence[FittedEffect]
+) -> Array:
+    """Return a simulated angle with the errors of the channels back in it, as states moved to meet the moment have it.
+
+    ``time`` is that of its samples in the run, s.
+    """
+    found = Corrections.of(effects)
+    seen = angle + found.zero + found.drift * _drifting_time(states, time)
+    return delayed(seen, found.shift * sample_rate) if found.shift else seen
+
+
+def _drifting_time(states: ForceStates, time: Array) -> Array | float:
+    """Return the time by which a channel has drifted, s: what repeats is as it is in its middle."""
+    return float(np.mean(states.time)) if states.method == "periodic" else time

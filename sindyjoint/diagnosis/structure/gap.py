@@ -73,30 +73,28 @@ def locate_gap(problem: PulseProblem) -> list[tuple[float, Place]]:
         region
         for record, noise, signal in zip(problem.records, problem.noise, shown or (), strict=shown is not None)
         for region in regions_of(
-            record.point, record.displacement, signal, record.sample_rate, noise.sigma,
-            len(problem.records) > 1, problem.policy,
+            record.displacement, signal, record.sample_rate, noise.sigma,
+            f" at {record.point}" if len(problem.records) > 1 else "", problem.policy,
         )
     ]  # fmt: skip
 
 
 def regions_of(
-    name: str,
     measured: Array,
     simulated: Array,
     sample_rate: float,
     noise: float,
-    several: bool = False,
+    at: str = "",
     policy: DiagnosisPolicy = STRUCTURE,
 ) -> list[tuple[float, Place]]:
-    """Return the regions that hold more of a record's gap than their share of it, each with how much it tells.
+    """Return the regions that hold more of a record's gap than their share of it, each with its information.
 
-    Signals and the RMS of the noise are in m; where there are ``several`` records the words name the point.
+    Signals and the RMS of the noise are in m; ``at`` ends the words, with the point where there are several records.
     """
     residual = simulated - measured
     power = np.maximum(residual**2 - noise**2, 0.0)
     if not power.any():
         return []
-    at = f" at {name}" if several else ""
     time = np.arange(measured.size) / sample_rate
     end = audible_end(measured, sample_rate, policy.audible * noise)
     envelope, _ = hilbert_envelope(measured, sample_rate)

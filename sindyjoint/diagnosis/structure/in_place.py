@@ -20,7 +20,7 @@ from sindyjoint.diagnosis.effects.structure import (
     structure_changes,
 )
 from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.localisation import Place, Regions, most_telling
+from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
 from sindyjoint.diagnosis.structure.output_error import fit
@@ -75,6 +75,8 @@ class RunsDiagnosis(StructureProblem):
             # Laws that were found in the same runs: weighed, and searched from, where they fit best.
             problem = problem.whitened(best.x)
             best = fit(problem, best.x, problem.duration) or best
+        # Laws with effects are known to the kinds of the fitted runs.
+        kept = None if kept is None else replace(kept, kinds=problem.kinds, _kept={})
         return cls(problem, best, candidates(problem, best.x, effects), 1.0, kept=kept)
 
     @cached_property
@@ -150,7 +152,7 @@ class RunsDiagnosis(StructureProblem):
                 mask = np.zeros(excess.shape, dtype=bool)
                 mask[(slice(None),) * axis + (number,)] = True
                 regions.add(name, label, f"{words} {label}", mask.ravel())
-        return most_telling(regions.found, self.policy, one_per_axis=True)
+        return most_informative(regions.found, self.policy, one_per_axis=True)
 
     def separating_runs(
         self, step: Step, ranking: Ranking[FittedChange], effort: Effort

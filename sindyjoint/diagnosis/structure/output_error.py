@@ -250,11 +250,6 @@ class PulseProblem:
                 columns[:, column] = (ahead - residual) / step
         return columns
 
-    @property
-    def threads(self) -> bool:
-        """Whether candidates may be tried side by side."""
-        return True
-
     def near(self, x: Array) -> PulseProblem:
         """Return the problem for a first look round some numbers: itself."""
         return self

@@ -14,7 +14,7 @@ from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.structure import Change
 from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.localisation import Place, most_telling
+from sindyjoint.diagnosis.localisation import Place, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
 from sindyjoint.diagnosis.ranking import Ranking
@@ -205,7 +205,7 @@ class StructureProblem(Problem):
 
     def places(self) -> tuple[Place, ...]:
         """Return where the gap of the model as it was given lies."""
-        return most_telling(locate_gap(self.pulse), self.policy, one_per_axis=True)
+        return most_informative(locate_gap(self.pulse), self.policy, one_per_axis=True)
 
     def separating_runs(
         self, step: Step, ranking: Ranking[FittedChange], effort: Effort

@@ -50,7 +50,7 @@ def _best_pulse(
     work = duration * rate * (1 + rival.x.size)
     effort.planned += len(FORCES)
     for count, force in enumerate(FORCES):
-        effort.tell(
+        effort.report(
             f"advice: {effort.tried} of {effort.planned} pulses tried",
             {"pulse": work * (len(FORCES) - count)},
         )

@@ -72,8 +72,12 @@ class RunsProblem:
         models: Mapping[str, JointModel],
         known: bool = False,
         policy: DiagnosisPolicy = STRUCTURE,
+        fitted: bool = True,
     ) -> RunsProblem:
         """Return the problem of a test with a model for each kind of its joints.
+
+        Runs that are ``fitted`` are weighed with the models, near whose motions others are sought; those that are kept
+        out have motions near those recovered, whatever the model.
 
         Raises
         ------
@@ -94,7 +98,7 @@ class RunsProblem:
             for name in dict.fromkeys(test.kinds)
         )  # fmt: skip
         problem = cls(test, kinds, tuple(SteadyRun.of(test, r) for r in recoveries), known, policy=policy)
-        return problem.whitened(problem.start())
+        return problem.whitened(problem.start()) if fitted else problem
 
     @property
     def duration(self) -> float:
@@ -292,11 +296,6 @@ class RunsProblem:
         prior = np.array([number.uncertainty for number in self.test.uncertain])
         own = covariance[: self.numbers, : self.numbers] * np.outer(prior, prior)
         return Update(tuple(number.name for number in self.test.uncertain), prior, self.changes(x), own)
-
-    @property
-    def threads(self) -> bool:
-        """One after the other: side by side on threads, memory was freed twice."""
-        return False
 
     def near(self, x: Array) -> RunsProblem:
         """Return the problem whose motions are those at some numbers moved to first order: quick, for a first look."""

@@ -115,7 +115,8 @@ def _search(
     anchor: tuple[Array, Change | None] = (start, None)
     fits: list[tuple[Change, Fit]] = []
     for index, horizon in enumerate(steps):
-        say(f"trying {len({c.effect for c, _ in alive})} effects over {horizon:.3g} s")
+        words = f"over {horizon:.3g} s" if horizon else "in the steady motion"
+        say(f"trying {len({c.effect for c, _ in alive})} effects {words}")
         jacobian = _base_jacobian(problem, anchor, horizon)
         if jacobian is None:
             jacobian = _base_jacobian(problem, (start, None), horizon)
@@ -138,10 +139,8 @@ def _held(problem: PulseProblem, base: Fit) -> Array:
     return x
 
 
-def _parallel(problem: PulseProblem, work: Callable[..., object], tasks: Sequence[tuple]) -> list:
-    return (
-        side_by_side(lambda task: work(*task), tasks) if problem.threads else [work(*task) for task in tasks]
-    )
+def _parallel(work: Callable[..., object], tasks: Sequence[tuple]) -> list:
+    return side_by_side(lambda task: work(*task), tasks)
 
 
 def _begin(
@@ -154,7 +153,7 @@ def _begin(
         return [(change, np.concatenate([start, change.start])) for change in changes]
     base = problem.derivatives(start, residual, horizon, range(start.size))
     tasks = [(problem, start, change, horizon, residual, base) for change in changes]
-    return [each for each in _parallel(problem, _promising, tasks) if each is not None]
+    return [each for each in _parallel(_promising, tasks) if each is not None]
 
 
 def _promising(
@@ -221,7 +220,7 @@ def _fits(
     def one(change: Change, x: Array) -> tuple[Change, Fit | None]:
         return change, fit(problem, x, horizon, change, base_jacobian=jacobian, iterations=iterations)
 
-    return [(change, found) for change, found in _parallel(problem, one, alive) if found is not None]
+    return [(change, found) for change, found in _parallel(one, alive) if found is not None]
 
 
 def _close(
@@ -250,7 +249,7 @@ def _refined(problem: PulseProblem, base: Fit, fits: Sequence[tuple[Change, Fit]
         again = fit(problem, found.x, problem.duration, change, iterations=3)
         return found if again is None or again.cost > found.cost else again
 
-    again = _parallel(problem, one, first)
+    again = _parallel(one, first)
     pairs = [(c, f) for (c, _), f in zip(first, again, strict=True)] + list(order[REFINED:])
     return [FittedChange(change, found.x, max(base.cost - found.cost, 0.0)) for change, found in pairs]
 
@@ -278,7 +277,7 @@ def _linearised(
         there = near.residuals(x, duration, change)
         return 0.0 if there is None else base.cost - _linear(columns, there)[0]
 
-    gains = _parallel(problem, score, tried)
+    gains = _parallel(score, tried)
     rows = problem.rows()
     price = [
         0.5 * gain - 0.5 * change.size * np.log(rows) for gain, (change, _) in zip(gains, tried, strict=True)

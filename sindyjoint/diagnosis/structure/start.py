@@ -23,7 +23,7 @@ from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig, shipped_rigs
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import main_frequency
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, find_model_joints
+from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PLACEHOLDERS, find_model_joints
 
 
 def open_rig(rig: Rig | str | Path) -> Rig:
@@ -32,7 +32,7 @@ def open_rig(rig: Rig | str | Path) -> Rig:
         return rig
     if str(rig) in shipped_rigs():
         return load_rig(str(rig))
-    return load_rig(rig, {"model": MODEL_PLACEHOLDER})
+    return load_rig(rig, PLACEHOLDERS)
 
 
 def model_in_place(

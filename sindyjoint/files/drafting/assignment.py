@@ -9,7 +9,7 @@ import numpy as np
 from sindyjoint.errors import InputError
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.bundles import Bundle, Column, is_clock
-from sindyjoint.files.drafting.doubts import Doubts
+from sindyjoint.files.drafting.dialogue import Dialogue
 from sindyjoint.files.units import unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
@@ -25,21 +25,21 @@ TWINS = 0.999
 EXAMPLES = {"moment": "N*m", "angle": "mrad", "force": "N", "displacement": "mm", "rate_of_angle": "rad/s"}
 
 
-def find_motion(bundles: Sequence[Bundle], doubts: Doubts) -> Motion:
+def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
     """Return the kind of motion that the columns speak of."""
     roles = [column.role for bundle in bundles for column in bundle.columns]
     counts = {motion: sum(role in known.values() for role in roles) for motion, known in ROLES.items()}
     guess: Motion = "translation" if counts["translation"] > counts["rotation"] else "rotation"
-    told = counts["translation"] != counts["rotation"]
-    answer = doubts.answers.get("motion") if told else None
-    if not told:
-        answer = doubts.ask("motion", "does the joint rotate or slide (rotation, translation)?", guess)
+    decided = counts["translation"] != counts["rotation"]
+    answer = dialogue.answers.get("motion") if decided else None
+    if not decided:
+        answer = dialogue.ask("motion", "does the joint rotate or slide (rotation, translation)?", guess)
     if answer not in (None, "rotation", "translation"):
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
     return guess if answer is None else answer  # type: ignore[return-value]
 
 
-def assign_columns(bundle: Bundle, motion: Motion, doubts: Doubts) -> dict[str, Column]:
+def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[str, Column]:
     """Return the columns of moment and angle, and those of time and rate if there are any.
 
     A column of acceleration is used where there is none of the angle, or where it was named.
@@ -50,56 +50,58 @@ def assign_columns(bundle: Bundle, motion: Motion, doubts: Doubts) -> dict[str, 
         When a run has too few columns, or an answer names none.
     """
     found: dict[str, Column] = {}
-    clock = _choose(bundle, "time", "time", [c for c in bundle.columns if c.role == "time"], doubts)
+    clock = _choose(bundle, "time", "time", [c for c in bundle.columns if c.role == "time"], dialogue)
     if clock is None:
         clock = next((c for c in bundle.columns if c.role is None and is_clock(c.values)), None)
     if clock is not None:
         found["time"] = clock
-    accelerometer = find_accelerometer(bundle, doubts)
+    accelerometer = find_accelerometer(bundle, dialogue)
     for quantity, role in ROLES[motion].items():
         key = KEYS[motion][quantity][0]
         free = [column for column in bundle.columns if column not in found.values()]
         candidates = [column for column in free if column.role == role]
         if quantity == "angle" and not candidates:
             candidates = [column for column in free if column.role == "position"]
-        chosen = _choose(bundle, key, role, candidates, doubts)
+        chosen = _choose(bundle, key, role, candidates, dialogue)
         if chosen is None and quantity == "angle" and accelerometer is not None:
             continue
         if chosen is None and quantity != "rate":
-            chosen = _guess_by_shape(bundle, quantity, key, free, doubts)
+            chosen = _guess_by_shape(bundle, quantity, key, free, dialogue)
         if chosen is not None:
             found[quantity] = chosen
-    if accelerometer is not None and ("angle" not in found or "acceleration" in doubts.answers):
+    if accelerometer is not None and ("angle" not in found or "acceleration" in dialogue.answers):
         found["acceleration"] = accelerometer
     return found
 
 
-def find_accelerometer(bundle: Bundle, doubts: Doubts) -> Column | None:
+def find_accelerometer(bundle: Bundle, dialogue: Dialogue) -> Column | None:
     """Return the column of an acceleration that was named, or that looks like one; None without any."""
     candidates = [c for c in bundle.columns if c.role == "acceleration" and np.ptp(c.values) > 0]
-    return _choose(bundle, "acceleration", "acceleration", candidates[:1], doubts)
+    return _choose(bundle, "acceleration", "acceleration", candidates[:1], dialogue)
 
 
-def _choose(bundle: Bundle, key: str, role: str, candidates: list[Column], doubts: Doubts) -> Column | None:
+def _choose(
+    bundle: Bundle, key: str, role: str, candidates: list[Column], dialogue: Dialogue
+) -> Column | None:
     """Return the column that was named, or the only one that can be meant, or the likeliest of several."""
-    if key in doubts.answers:
-        column = bundle.find(doubts.answers[key])
+    if key in dialogue.answers:
+        column = bundle.find(dialogue.answers[key])
         if column is None:
             known = ", ".join(str(column.key) for column in bundle.columns)
             raise InputError(
-                f"{bundle.name}: {key} = {doubts.answers[key]!r} is no column; columns there: {known}"
+                f"{bundle.name}: {key} = {dialogue.answers[key]!r} is no column; columns there: {known}"
             )
         return column
     # The same instants stand in every file of a run; a velocity beside the displacement is welcome, not needed.
     if len(candidates) > 1 and key not in ("time",) and not key.startswith("rate_of"):
         names = ", ".join(str(column.key) for column in candidates)
-        doubts.ask(key, f"which column is the {role} ({names})?", str(_measured(candidates).key))
+        dialogue.ask(key, f"which column is the {role} ({names})?", str(_measured(candidates).key))
         return _measured(candidates)
     return candidates[0] if candidates else None
 
 
 def _guess_by_shape(
-    bundle: Bundle, quantity: str, key: str, free: Sequence[Column], doubts: Doubts
+    bundle: Bundle, quantity: str, key: str, free: Sequence[Column], dialogue: Dialogue
 ) -> Column:
     """Return the likeliest of columns that no name tells apart: a load jumps and is rough, a motion is smooth."""
     moving = [c for c in free if c.role not in OTHERS and np.ptp(c.values) > 0]
@@ -112,7 +114,7 @@ def _guess_by_shape(
     guess = ordered[-1] if quantity == "moment" else ordered[0]
     guess = _measured([c for c in open_ones if _is_twin(c, guess)])
     names = ", ".join(str(column.key) for column in open_ones)
-    doubts.ask(key, f"which column is the {key.replace('_', ' ')} ({names})?", str(guess.key))
+    dialogue.ask(key, f"which column is the {key.replace('_', ' ')} ({names})?", str(guess.key))
     return guess
 
 
@@ -136,16 +138,16 @@ def _roughness(values: Array) -> float:
     return float(np.std(np.diff(values, 2))) / spread if spread > 0 else 0.0
 
 
-def find_unit(column: Column, quantity: str, motion: Motion, doubts: Doubts) -> tuple[str, str | None]:
+def find_unit(column: Column, quantity: str, motion: Motion, dialogue: Dialogue) -> tuple[str, str | None]:
     """Return unit and gain of a channel, stated or asked for."""
     key, si = KEYS[motion][quantity]
-    if f"{key}.unit" in doubts.answers:
-        unit: str = doubts.answers[f"{key}.unit"]
+    if f"{key}.unit" in dialogue.answers:
+        unit: str = dialogue.answers[f"{key}.unit"]
     elif column.unit and unit_ratio(column.unit, si):
         return column.unit, None
     elif quantity == "acceleration" and (column.unit == "g" or unit_ratio(column.unit or "1", "m/s**2")):
         text = f"one over the radius at which the acceleration (column {column.key}) is measured, such as '5 rad/m'?"
-        gain = doubts.ask(f"{key}.gain", text, None) if motion == "rotation" else None
+        gain = dialogue.ask(f"{key}.gain", text, None) if motion == "rotation" else None
         return column.unit, gain
     elif column.unit and unit_ratio(column.unit, "V"):
         unit = column.unit
@@ -153,11 +155,11 @@ def find_unit(column: Column, quantity: str, motion: Motion, doubts: Doubts) -> 
         guess = _likely_unit(column.values, si)
         largest = float(np.abs(column.values).max())
         text = f"in which unit is the {key.replace('_', ' ')} (column {column.key}, up to {largest:.3g})?"
-        unit = doubts.ask(f"{key}.unit", text, guess) or guess
-    gain = doubts.answers.get(f"{key}.gain")
+        unit = dialogue.ask(f"{key}.unit", text, guess) or guess
+    gain = dialogue.answers.get(f"{key}.gain")
     if gain is None and unit_ratio(unit, "V"):
         example = f"35.15 {EXAMPLES.get(key, 'unit')}/V"
-        gain = doubts.ask(f"{key}.gain", f"what is one volt of the {key}, such as '{example}'?", None)
+        gain = dialogue.ask(f"{key}.gain", f"what is one volt of the {key}, such as '{example}'?", None)
     return unit, gain
 
 

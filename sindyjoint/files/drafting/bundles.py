@@ -31,7 +31,7 @@ class Column:
     title, unit : str
         As the file states them.
     role : str or None
-        What it measures, as far as unit and names tell.
+        What it measures, as far as unit and names show.
     values : ndarray, shape (n,)
     """
 

@@ -14,7 +14,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.assignment import assign_columns, find_motion, find_unit
 from sindyjoint.files.drafting.bundles import Bundle, Column, bundle_files
-from sindyjoint.files.drafting.doubts import Doubts, Question
+from sindyjoint.files.drafting.dialogue import Dialogue, Question
 from sindyjoint.files.drafting.excitation import find_frequency, name_levels
 from sindyjoint.files.drafting.survey import DataFile
 from sindyjoint.files.timeaxis import LONGEST_GAP, check_order, uniform_rate
@@ -61,7 +61,7 @@ class Draft:
         What the first run's channels are, as the manifest writes them.
     runs : tuple of DraftedRun
     questions : tuple of Question
-        What could not be told; the text holds the guesses, marked.
+        What the files leave open; the text holds the guesses, marked.
     left_out : tuple of (str, str)
         Files that are no runs, and why.
     simulated : bool
@@ -120,7 +120,7 @@ def draft_manifest(
     UnknownNameError
         For an answer to nothing.
     """
-    doubts = Doubts(dict(answers))
+    dialogue = Dialogue(dict(answers))
     left = list(left_out)
     bundles = [bundle for bundle in bundle_files(files) if bundle.columns]
     if not bundles:
@@ -128,25 +128,25 @@ def draft_manifest(
             "no file holds columns of numbers: " + "; ".join(f"{file}: {why}" for file, why in left[:3])
         )
     _refuse_gauges(bundles)
-    motion = find_motion(bundles, doubts)
+    motion = find_motion(bundles, dialogue)
     runs = []
     for bundle in bundles:
         try:
-            runs.append(_draft_run(bundle, motion, doubts))
+            runs.append(_draft_run(bundle, motion, dialogue))
         except InputError as error:
             left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     if not runs:
         raise InputError("; ".join(f"{file}: {why}" for file, why in left[:3]))
     peaks = [abs(run.peak / runs[0].factor) for run in runs]
     levels = name_levels([run.bundle.name for run in runs], peaks, runs[0].unit)
-    text = _write(doubts.answers.get("name", name), motion, runs, levels, doubts, left)
+    text = _write(dialogue.answers.get("name", name), motion, runs, levels, dialogue, left)
     drafted = tuple(
         DraftedRun(run.bundle.name, run.rate, run.bundle.columns[0].values.size, run.frequency, level)
         for run, level in zip(runs, levels, strict=True)
     )
     simulated = any(run.bundle.simulated for run in runs)
     return Draft(
-        text, motion, runs[0].channels, drafted, tuple(doubts.questions.values()), tuple(left), simulated
+        text, motion, runs[0].channels, drafted, tuple(dialogue.questions.values()), tuple(left), simulated
     )
 
 
@@ -161,20 +161,20 @@ def _refuse_gauges(bundles: Sequence[Bundle]) -> None:
             )
 
 
-def _draft_run(bundle: Bundle, motion: Motion, doubts: Doubts) -> _Run:
-    columns = assign_columns(bundle, motion, doubts)
+def _draft_run(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> _Run:
+    columns = assign_columns(bundle, motion, dialogue)
     channels: dict[str, str] = {}
-    rate = _draft_time(bundle, columns.get("time"), channels, doubts)
+    rate = _draft_time(bundle, columns.get("time"), channels, dialogue)
     unit = ""
     for quantity, column in columns.items():
         if quantity == "time":
             continue
         key = KEYS[motion][quantity][0]
-        unit, gain = find_unit(column, quantity, motion, doubts)
+        unit, gain = find_unit(column, quantity, motion, dialogue)
         parts = [f"file = {quote(column.file)}"] if column.file else []
         parts += [f"column = {quote(column.key)}", f"unit = {quote(unit)}"]
         parts += [f"gain = {quote(gain)}"] if gain else []
-        channels[key] = "{ " + ", ".join(parts) + " }" + doubts.mark(key, f"{key}.unit", f"{key}.gain")
+        channels[key] = "{ " + ", ".join(parts) + " }" + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
     of_motion = "angle" if "angle" in columns else "acceleration"
     angle, moment = columns[of_motion], columns["moment"]
     for column in (angle, moment):
@@ -183,7 +183,7 @@ def _draft_run(bundle: Bundle, motion: Motion, doubts: Doubts) -> _Run:
     if angle.values.size != moment.values.size:
         raise InputError(f"{bundle.name}: its channels differ in length")
     frequency = None if rate is None else find_frequency(angle.values, moment.values, rate, bundle.name)
-    unit, gain = find_unit(angle, of_motion, motion, doubts)
+    unit, gain = find_unit(angle, of_motion, motion, dialogue)
     si = KEYS[motion][of_motion][1]
     volts = unit_ratio(unit, "V")
     factor = 1.0 if volts and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
@@ -192,24 +192,24 @@ def _draft_run(bundle: Bundle, motion: Motion, doubts: Doubts) -> _Run:
 
 
 def _draft_time(
-    bundle: Bundle, column: Column | None, channels: dict[str, str], doubts: Doubts
+    bundle: Bundle, column: Column | None, channels: dict[str, str], dialogue: Dialogue
 ) -> float | None:
     """Write how the run was sampled, and return its rate, Hz."""
-    if doubts.answers.get("rate") == "none":
+    if dialogue.answers.get("rate") == "none":
         channels["time"] = quote("none") + "  # quasi-static samples, in their order"
         return None
-    if "rate" in doubts.answers:
-        channels["rate"] = quote(doubts.answers["rate"])
-        return parse_quantity(doubts.answers["rate"], "Hz", "rate")
+    if "rate" in dialogue.answers:
+        channels["rate"] = quote(dialogue.answers["rate"])
+        return parse_quantity(dialogue.answers["rate"], "Hz", "rate")
     if column is None:
-        return _draft_rate(bundle, channels, doubts)
-    unit = doubts.answers.get("time.unit") or column.unit
+        return _draft_rate(bundle, channels, dialogue)
+    unit = dialogue.answers.get("time.unit") or column.unit
     if not unit:
         step = float(np.median(np.diff(column.values)))
         text = f"in which unit are the time stamps (column {column.key}, steps of {step:.3g})?"
-        unit = (doubts.ask("time.unit", text, "ms") if step >= COARSE else None) or "s"
+        unit = (dialogue.ask("time.unit", text, "ms") if step >= COARSE else None) or "s"
     time = column.values * conversion(unit, "s", f"{bundle.name}: time")
-    entry = f"{{ column = {quote(column.key)}, unit = {quote(unit)} }}{doubts.mark('time.unit')}"
+    entry = f"{{ column = {quote(column.key)}, unit = {quote(unit)} }}{dialogue.mark('time.unit')}"
     rate = float((time.size - 1) / (time[-1] - time[0])) if time[-1] > time[0] else 0.0
     try:
         check_order(time, bundle.name, str)
@@ -222,14 +222,14 @@ def _draft_time(
             return rate
         channels.pop("time", None)
         if rate <= 0:
-            return _draft_rate(bundle, channels, doubts)
+            return _draft_rate(bundle, channels, dialogue)
         guess = f"{rate:.6g} Hz"
         text = f"how fast was {bundle.name} sampled? Its stamps stand still or leave gaps; on average they give {guess}"
-        channels["rate"] = quote(doubts.ask("rate", text, guess) or guess) + doubts.mark("rate")
+        channels["rate"] = quote(dialogue.ask("rate", text, guess) or guess) + dialogue.mark("rate")
         return rate
 
 
-def _draft_rate(bundle: Bundle, channels: dict[str, str], doubts: Doubts) -> float | None:
+def _draft_rate(bundle: Bundle, channels: dict[str, str], dialogue: Dialogue) -> float | None:
     """Write the sampling rate that the file's remarks state, or that was asked for."""
     remarks = "\n".join(bundle.remarks)
     stated, step = _RATE.search(remarks), _STEP.search(remarks)
@@ -238,7 +238,7 @@ def _draft_rate(bundle: Bundle, channels: dict[str, str], doubts: Doubts) -> flo
     elif step:
         rate = 1 / (float(step[1].replace(",", ".")) * _SECONDS[step[2].lower()])
     else:
-        doubts.ask(
+        dialogue.ask(
             "rate",
             f"how fast was {bundle.name} sampled, such as '1 kHz', or 'none' of quasi-static samples?",
             None,
@@ -258,14 +258,14 @@ def _write(
     motion: Motion,
     runs: Sequence[_Run],
     levels: Sequence[str],
-    doubts: Doubts,
+    dialogue: Dialogue,
     left_out: Sequence[tuple[str, str]],
 ) -> str:
     """Return the text of the manifest."""
     inertia, unit = KEYS[motion]["inertia"]
-    given = doubts.answers.get(inertia)
+    given = dialogue.answers.get(inertia)
     lines = ["# Drafted by sindyjoint init from the files of this folder."]
-    if doubts.questions:
+    if dialogue.questions:
         lines.append('# What is marked "guessed" the files do not tell: correct it, or remove the mark.')
     if any(run.bundle.simulated for run in runs):
         lines += ["", "simulated = true"]
@@ -273,7 +273,7 @@ def _write(
         "",
         "[joint]",
         f"name = {quote(printable(name))}",
-        f"motion = {quote(motion)}{doubts.mark('motion')}",
+        f"motion = {quote(motion)}{dialogue.mark('motion')}",
     ]
     lines.append(
         f"{inertia} = {quote(given)}"

@@ -30,7 +30,7 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     """Return the frequency of a sinusoidal excitation, Hz; None for an aperiodic run.
 
     A frequency in the file's name counts where the spectrum agrees; a frequency of the spectrum is rounded to what its
-    resolution can tell.
+    resolution can show.
     """
     abscissa = np.linspace(-1, 1, angle.size)
     # Slow drift is no excitation.

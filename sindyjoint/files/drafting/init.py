@@ -9,7 +9,7 @@ from typing import Any
 
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files.atomic import write_text
-from sindyjoint.files.drafting.doubts import Question
+from sindyjoint.files.drafting.dialogue import Question
 from sindyjoint.files.drafting.draft import Draft, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
 from sindyjoint.files.manifest import MANIFEST_NAME
@@ -89,7 +89,7 @@ def init(
     ----------
     folder : path-like
     answers : mapping of str to str, optional
-        What the files do not tell, or tell otherwise: ``{"angle.unit": "mrad", "rate": "1 kHz"}``.
+        What the files do not say, or say otherwise: ``{"angle.unit": "mrad", "rate": "1 kHz"}``.
     ask : callable, optional
         Called with each question that is left; returns the answer.
     guess : bool

@@ -40,7 +40,7 @@ _PER = re.compile(r"_([a-z]+)_per_([a-z]+)$", re.IGNORECASE)
 
 
 def role_of(title: str, unit: str) -> str | None:
-    """Return what a column measures, or None where neither unit nor name tells.
+    """Return what a column measures, or None where neither unit nor name shows it.
 
     Examples
     --------

@@ -198,7 +198,7 @@ def missing_extra(path: Path, package: str, error: ImportError, extra: str = "fo
 
 
 def begins(path: Path) -> bytes:
-    """Return the first bytes of a file, which tell the version of its format."""
+    """Return the first bytes of a file, which hold the version of its format."""
     with path.open("rb") as file:
         return file.read(16)
 

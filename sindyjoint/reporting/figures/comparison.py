@@ -41,7 +41,7 @@ def inclusion(result: Comparison, ax: Axes) -> Axes:
         for x, value in enumerate(values):
             if value > 0:
                 colour = PALETTE[0] if terms[x] in result.wanted else PALETTE[1]
-                # Area tells the share of replicates; a full square is a certain choice.
+                # Area shows the share of replicates; a full square is a certain choice.
                 ax.add_patch(_square(x, y, 0.86 * np.sqrt(value), colour))
     for end in ends:
         ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)

@@ -109,8 +109,8 @@ def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
     values = np.array([group.coefficients[index] for group in groups])
     errors = np.array([group.standard_errors[index] for group in groups])
     published = paper_values(data.model.joint.name, item.id)
-    shown = [(i + 0.18, published[g.group]) for i, g in enumerate(groups) if g.group in published]
-    _estimates(ax, x, values, errors, (item.coefficient, EQUIVALENCE), shown, factor)
+    shown = [(i + 0.18, published[g.group] * factor) for i, g in enumerate(groups) if g.group in published]
+    _estimates(ax, x, values * factor, errors * abs(factor), (item.coefficient * factor, EQUIVALENCE), shown)
     ax.set_xticks(x, [plain(group.group) for group in groups])
     if len(groups) > 6:
         ax.tick_params(axis="x", rotation=60)
@@ -127,8 +127,10 @@ def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
     values, errors = np.array(test.estimates), np.array(test.standard_errors)
     published, aside = paper_values(result.joint, test.name), 0.03 * float(np.ptp(frequencies))
     names = [(f, f"{f:.4g} Hz") for f in frequencies]
-    shown = [(f + aside, published[name]) for f, name in names if name in published]
-    _estimates(ax, frequencies, values, errors, (test.mean, test.margin), shown, factor)
+    shown = [(f + aside, published[name] * factor) for f, name in names if name in published]
+    _estimates(
+        ax, frequencies, values * factor, errors * abs(factor), (test.mean * factor, test.margin), shown
+    )
     ax.margins(x=0.12)
     ax.set_xlabel("Frequency (Hz)")
     ax.set_ylabel(unit)
@@ -143,15 +145,13 @@ def _estimates(
     errors: Any,
     band: tuple[float, float],
     published: list[tuple[float, float]],
-    factor: float,
 ) -> None:
-    """Draw values with 95 % intervals over a centre and its relative margin, with crosses, all scaled."""
-    centre, margin = band[0] * factor, band[1]
+    """Draw values with 95 % intervals over a centre and its relative margin, with crosses."""
+    centre, margin = band
     ax.axhspan(*sorted((centre * (1 - margin), centre * (1 + margin))), color=RULE, alpha=0.6, lw=0)
     ax.axhline(centre, color=INK, linewidth=0.8)
-    values, errors = values * factor, errors * abs(factor)
     ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
-    shown = [y * factor for _, y in published]
+    shown = [y for _, y in published]
     if shown:
         ax.plot([at for at, _ in published], shown, ls="none", marker="x", markersize=4, color=ACCENT)
     _room(ax, values, errors, centre, shown)

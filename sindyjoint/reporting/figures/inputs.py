@@ -75,5 +75,5 @@ def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: Coefficie
         plain(f"{over.label} ({pretty_unit(over.unit)})" if over.unit not in ("", "1") else over.label)
     )
     ax.set_ylabel(f"{math_symbol(row.symbol)}" + (f" ({unit})" if unit else ""))
-    ax.set_title(plain(f"{data.model[row.id].name}" + (f"\n{over.told(row)}" if row.answer else "")))
+    ax.set_title(plain(f"{data.model[row.id].name}" + (f"\n{over.dependence(row)}" if row.answer else "")))
     return ax

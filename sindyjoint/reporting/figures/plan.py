@@ -1,4 +1,4 @@
-"""The figures of a plan: its runs, what they are expected to tell, and what each further run buys."""
+"""The figures of a plan: its runs, the precision expected of them, and what each further run gives."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sindyjoint.planning.apart import Apart
 from sindyjoint.planning.plan import Now, Plan, Prediction, Step
 from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.planning.separation import Separation
 from sindyjoint.reporting.figures.kind import Kind, by_name
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, prefixed
 from sindyjoint.text import spelled
@@ -40,7 +40,7 @@ class PlanFigures:
     curve: tuple[Step, ...]
     until: float | None
     now: Now | None = None
-    apart: Apart | None = None
+    apart: Separation | None = None
 
 
 def figures_of(result: Plan) -> PlanFigures:
@@ -123,7 +123,7 @@ def draw_complete(data: PlanFigures, ax: Axes) -> Axes:
     return ax
 
 
-def draw_apart(data: PlanFigures, ax: Axes) -> Axes:
+def draw_separation(data: PlanFigures, ax: Axes) -> Axes:
     """Draw the probability of the true effect, before and after each run that tells effects apart."""
     assert data.apart is not None
     values = [data.apart.before, *data.apart.after]
@@ -178,7 +178,7 @@ KINDS = by_name(
         "apart",
         "Effects told apart",
         "Probability of the true one of the effects, before and after each run that separates them.",
-        lambda data: [draw_apart] if data.apart is not None and data.apart.after else [],
+        lambda data: [draw_separation] if data.apart is not None and data.apart.after else [],
         wide=True,
     ),
     Kind(

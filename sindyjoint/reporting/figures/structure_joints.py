@@ -64,6 +64,7 @@ def worth(data: StructureFigures, ax: Axes) -> Axes:
             )
     ax.set_xticks(range(len(data.sensors)), list(data.sensors), rotation=30, ha="right")
     ax.set_yticks(range(len(data.joints)), list(data.joints))
+    ax.grid(False)
     ax.set_title("Growth of the moment's error without the sensor")
     return ax
 
@@ -84,7 +85,8 @@ KINDS = by_name(
         "recovered",
         "Recovered loops",
         "Moment of each joint over its angle, recovered from the structure's sensors, in a period of the run that "
-        "moves it most; dots: the moment of the law that was found, where the joint moves.",
+        "moves it most, or in the first second of one that does not repeat; dots: the moment of the law found, "
+        "where the joint moves.",
         each(lambda data: data.loops, _loop),
     ),
     Kind(

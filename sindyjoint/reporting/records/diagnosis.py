@@ -107,7 +107,7 @@ class InPlacePart(Part):
 
 
 class DiagnosisRecord(Part):
-    """``diagnose --json`` and ``diagnosis.json``, which also tells what a virtual test had hidden."""
+    """``diagnose --json`` and ``diagnosis.json``, which also holds what a virtual test had hidden."""
 
     schema_: Annotated[Literal[2], Field(alias="schema")]
     verdict: Literal["named", "ambiguous", "partly_named", "unknown", "undecided", "nothing_missing"]

@@ -1,4 +1,4 @@
-"""``plan.json``: runs to be made, and what they will tell."""
+"""``plan.json``: runs to be made, and the precision expected of them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class PlanApart(Part):
 
 
 class PlanRecord(Part):
-    """``plan --json`` and ``plan.json``: runs to be made, and what they and the plain grid are expected to tell."""
+    """``plan --json`` and ``plan.json``: runs to be made, and what they and the plain grid are expected to show."""
 
     schema_: Version
     runs: list[PlannedRunPart]

@@ -221,7 +221,7 @@ def over_table(over: OverInput) -> TextTable:
             row.symbol,
             pretty_unit(row.unit),
             *(rounded(value, error) for value, error in zip(row.values, row.errors, strict=True)),
-            over.told(row) or "–",
+            over.dependence(row) or "–",
         )
         for row in over.coefficients
     )

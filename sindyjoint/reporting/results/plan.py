@@ -1,4 +1,4 @@
-"""A plan: its runs and what they are expected to tell, on a terminal, as a page, as files."""
+"""A plan: its runs and the precision expected of them, on a terminal, as a page, as files."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from sindyjoint.planning.apart import TELL_APART
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, run_name
 from sindyjoint.planning.search import PAPER
+from sindyjoint.planning.separation import TELL_APART
 from sindyjoint.reporting.figures.plan import GOALS, KINDS, PlanFigures, figures_of
 from sindyjoint.reporting.page import number
 from sindyjoint.reporting.style import prefixed, pretty_unit
@@ -93,7 +93,7 @@ class PlanView(View[Plan, PlanFigures]):
         return texts
 
     def show(self, result: Plan) -> None:
-        """Print the runs, what they are expected to tell, and when to stop."""
+        """Print the runs, the precision expected of them, and when to stop."""
         from rich.markup import escape
 
         console = terminal()

@@ -19,6 +19,7 @@ from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import rounded
 
 POINTS = 400  # of a loop in the picture
+TERM_COLUMNS = ("Kind", "Term", "", "Coefficient", "Unit", "95 % interval")
 
 
 class StructureJointsView(View[RigDiscovery, StructureFigures]):
@@ -70,7 +71,7 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
             )
         )  # fmt: skip
         return (
-            TextTable("terms", "Terms", ("Joint", "Term", "", "Coefficient", "Unit", "95 % interval"), tuple(terms)),
+            TextTable("terms", "Terms by kind of joint", TERM_COLUMNS, tuple(terms)),
             TextTable(
                 "joints", "Standard errors of the strongest harmonic, of the run that shows the joint best.",
                 ("Joint", "Recovered angle", "Error of angle", "Error of moment"), tuple(seen),
@@ -88,6 +89,7 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
                     "equation": markup(mathml(law.discovery.model)) if law.discovery and law.found else "",
                     "page": f"{place_of_law(law)}/report.html" if law.discovery is not None else "",
                     "words": law_words(law),
+                    "verdict": verdict_words(law),
                 }
                 for law in result.laws
             ],
@@ -109,6 +111,7 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
             console.print(f"\n[bold]{escape(law.kind)}[/]: {escape(law_words(law))}")
             if law.discovery is not None and law.found:
                 console.print(f"  {escape(law.discovery.model.equation())}")
+                console.print(f"  {escape(verdict_words(law))}")
         for table in self.tables(result):
             if table.rows:
                 console.print(f"\n[bold]{escape(table.title)}[/]")
@@ -153,6 +156,14 @@ def law_words(law: JointLaw) -> str:
     return f"{words}; {law.alike}" if law.alike else words
 
 
+def verdict_words(law: JointLaw) -> str:
+    """Return what becomes of the paper's terms in a kind of joint, and why; empty without a model."""
+    if law.discovery is None or not law.found:
+        return ""
+    verdict = law.discovery.verdict
+    return f"paper's term set {verdict.verdict}: {verdict.reason}"
+
+
 def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
     for law in result.laws:
         for joint in dict.fromkeys(each.joint for each in law.recovered):
@@ -168,6 +179,9 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
                 moving = state.moving[rows]
                 at = rows[moving]
                 shown[moving] = model.moment(state.angle[at], state.rate[at])
+            if state.frequency:
+                # A period ends where it began.
+                rows, shown = np.append(rows, rows[0]), np.append(shown, shown[0])
             name = result.test.structure.hinges[joint].name
             run = state.run.removesuffix(f" · {name}")
             yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)

@@ -13,6 +13,7 @@ from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign, Run
+from sindyjoint.soundness.detectors.shape import RIVALS
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
@@ -71,29 +72,54 @@ def _measure(runs: Sequence[Run], inertia: float | None) -> tuple[float, float] 
     won = (before / max(left, 1e-12)) ** 2 - 1
     if not (won > POLICY.broadband_gain and left < POLICY.broadband_left):
         return None
-    # A law with memory lags as well: what it explains better than a delay is no fault of the data.
-    remembered = min(_misfit(states, terms, inertia, memory) for memory in _memories(states))
-    if remembered < POLICY.broadband_memory * left:
+    # A law with memory lags as well, and damping shifts a phase: what either explains better is no fault of the data.
+    explained = min(_misfit(states, terms, inertia, column) for column in _rivals(states))
+    if explained < POLICY.broadband_memory * left:
         return None
-    return delay.time, delay.standard_error
+    # A delay is the same in every run; what a law shifts is not.
+    error = max(delay.standard_error, _scatter(states, terms, inertia))
+    return (delay.time, error) if size > POLICY.broadband_contrast * error else None
 
 
-def _memories(states: Sequence[ForceStates]) -> Iterator[Sequence[Array]]:
-    """Yield the states of laws with memory, an array for each of the states given.
+def _scatter(states: Sequence[ForceStates], terms: Sequence[ResolvedTerm], inertia: float | None) -> float:
+    """Return the standard error of the mean of the delays of single runs, s; zero of fewer than three."""
+    if len(states) < 3:
+        return 0.0
+    times = [estimate_delay([each], terms, inertia).time for each in states]
+    return float(np.std(times, ddof=1) / np.sqrt(len(times)))
 
-    Relaxation, ż = ω − z/τ, over times about that of the motion, and presliding, dz/dθ = 1 − sgn(ω)·z/θ_y (Dahl 1968),
+
+def _each_direction(angle: Array, rate: Array) -> Array:
+    """Return the column of damping that differs between the directions."""
+    return np.abs(rate)
+
+
+def _rivals(states: Sequence[ForceStates]) -> Iterator[Sequence[Array]]:
+    """Yield columns that may pass for a delay, an array for each of the states given.
+
+    Those of damping and stiffness, and the states of laws with memory: relaxation, ż = ω − z/τ, and friction that comes
+    late, τ·ż = sgn ω − z, over times about that of the motion, and presliding, dz/dθ = 1 − sgn(ω)·z/θ_y (Dahl 1968),
     over angles below the largest.
     """
     swing = max(float(np.max(np.abs(s.angle))) for s in states)
     fastest = max(float(np.max(np.abs(s.rate))) for s in states)
+    for rival in (*RIVALS, _each_direction):
+        yield [rival(s.angle / swing, s.rate / fastest) for s in states]
     for share in MEMORIES:
-        yield [_relaxed(s.angle, 1 / s.sample_rate, share * swing / fastest) for s in states]
+        time = share * swing / fastest
+        yield [_relaxed(s.angle, 1 / s.sample_rate, time) for s in states]
+        yield [_late(np.sign(s.rate), 1 / s.sample_rate, time) for s in states]
         yield [_along_path(s.angle, share * swing) for s in states]
 
 
 def _relaxed(angle: Array, step: float, time: float) -> Array:
     forget = np.exp(-step / time)
     return np.asarray(lfilter([1.0], [1.0, -forget], np.diff(angle, prepend=angle[0])))
+
+
+def _late(sign: Array, step: float, time: float) -> Array:
+    forget = np.exp(-step / time)
+    return np.asarray(lfilter([1.0 - forget], [1.0, -forget], sign))
 
 
 def _along_path(angle: Array, reach: float) -> Array:
@@ -109,15 +135,15 @@ def _misfit(
     states: Sequence[ForceStates],
     terms: Sequence[ResolvedTerm],
     inertia: float | None,
-    memory: Sequence[Array] = (),
+    column: Sequence[Array] = (),
 ) -> float:
-    """Return the RMS that the law, with a state of memory if given, leaves of the moving samples, per the moment's."""
+    """Return the RMS that the law, with a column more if given, leaves of the moving samples, per the moment's."""
     columns = np.vstack(
         [term_columns(terms, s.angle[s.moving], s.rate[s.moving], s.acceleration[s.moving]) for s in states]
     )
-    if memory:
-        state = np.concatenate([z[s.moving] for z, s in zip(memory, states, strict=True)])
-        columns = np.column_stack([columns, state])
+    if column:
+        more = np.concatenate([z[s.moving] for z, s in zip(column, states, strict=True)])
+        columns = np.column_stack([columns, more])
     target = np.concatenate([s.transfer_moment(inertia or 0.0)[s.moving] for s in states])
     rest = target - columns @ scaled_least_squares(columns, target)
     return float(np.sqrt(np.mean(rest**2) / max(float(np.mean(target**2)), 1e-300)))

@@ -15,7 +15,7 @@ from sindyjoint.soundness.policy import POLICY
 def find_lost(run: Run) -> Iterator[Finding]:
     """Yield the samples of a run that were never recorded, or were left out before.
 
-    A run that repeats has other periods to tell what they were. Of one that does not, a gap that is short against the
+    A run that repeats has other periods that show what they were. Of one that does not, a gap that is short against the
     motion can be bridged; across a longer one derivatives would be invented.
     """
     if run.valid is None or run.valid.all():

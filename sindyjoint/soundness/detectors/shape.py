@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
-from sindyjoint.soundness.detectors.kin import (
+from sindyjoint.soundness.detectors.common_law import (
     Columns,
     CommonLaw,
     Scale,
@@ -145,7 +146,7 @@ def find_filters(cycles: Cycles, inertia: float | None, words: Words) -> Iterato
 def _find_delay(cycles: Cycles, scale: Scale, inertia: float | None) -> Undone | None:
     """Return a delay between the channels that one column more of the plain law does not explain, or None.
 
-    Rows close to the reversals tell a delay best, as the friction steps there; but not where the joint sticks, whose
+    Rows close to the reversals show a delay best, as the friction steps there; but not where the joint sticks, whose
     standstill the series of the angle rounds.
     """
     rate = np.abs(cycles.motion()[1])
@@ -156,10 +157,53 @@ def _find_delay(cycles: Cycles, scale: Scale, inertia: float | None) -> Undone |
     fits = [Fit(cycles, scale, inertia, plain_columns, slowest) for slowest in rates]
     tried = [fit.best(DELAY) for fit in fits]
     # A law that is not the plain one finds another delay in other rows.
-    first, second = tried[0].parameter, tried[1].parameter
-    if abs(first - second) > max(POLICY.delay_agreement * abs(first), POLICY.least_delay):
+    fast = tried[0].parameter
+    if not _agree(fast, tried[1].parameter):
         return None
-    return next((best for fit, best in zip(fits, tried, strict=True) if _is_delay(fit, best)), None)
+    for fit, best in zip(fits, tried, strict=True):
+        if not _is_delay(fit, best):
+            continue
+        if _agree(fast, best.parameter) and _is_one_time(fit, best):
+            return best
+        if _may_be_rounded(fast, best.parameter) and _is_one_time(fits[0], tried[0]):
+            return tried[0]
+    return None
+
+
+def _agree(fast: float, slow: float) -> bool:
+    """Return whether delays from rows of faster and of slower motion are one."""
+    return abs(fast - slow) <= max(POLICY.delay_agreement * abs(fast), POLICY.least_delay)
+
+
+def _may_be_rounded(fast: float, near: float) -> bool:
+    """Return whether rows close to the reversals may show the delay of faster rows.
+
+    Where friction bends the motion, the series of the angle rounds the bend, and turns too late: the moment then seems
+    to lead by more than it does.
+    """
+    return abs(fast) > POLICY.least_delay and (near > 0 if fast > 0 else near < fast)
+
+
+def _is_one_time(fit: Fit, best: Undone) -> bool:
+    """Return whether a delay is the same at every frequency and level: the phase of a law or of noise is not.
+
+    Its standard error is that of the jackknife over frequencies, or over levels where they scatter more.
+    """
+    size = np.argsort(np.abs(fit.cycles.angle[:, 1]))
+    levels = np.array_split(size, min(POLICY.delay_levels, len(size)))
+    frequencies = [np.flatnonzero(fit.cycles.frequency == f) for f in np.unique(fit.cycles.frequency)]
+    error = max(_jackknife(fit, groups) for groups in (levels, frequencies))
+    return abs(best.parameter) > POLICY.delay_contrast * error
+
+
+def _jackknife(fit: Fit, groups: Sequence[NDArray[np.intp]]) -> float:
+    """Return the standard error of a delay by its scatter, s, where each group of runs in turn is left out."""
+    if len(groups) < 2:
+        return 0.0
+    everything = range(len(fit.cycles))
+    others = [fit.cycles.take([i for i in everything if i not in set(group)]) for group in groups]
+    times = [replace(fit, cycles=each).best(DELAY).parameter for each in others]
+    return float(np.sqrt((len(times) - 1) * np.var(times)))
 
 
 def _is_delay(fit: Fit, best: Undone) -> bool:

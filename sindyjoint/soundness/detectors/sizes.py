@@ -9,7 +9,7 @@ import numpy as np
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.cycle import Cycles, synthesise
-from sindyjoint.soundness.detectors.kin import CommonLaw, rows_of, scale_of, solve
+from sindyjoint.soundness.detectors.common_law import CommonLaw, rows_of, scale_of, solve
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Profile

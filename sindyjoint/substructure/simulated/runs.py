@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, solve_factored
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.steady import (
     Condensed,
@@ -38,6 +38,9 @@ Complex = NDArray[np.complex128]
 COMPARED, COMPARED_ABOVE = 20, 2
 # Harmonics of the balance alike: with 41 of a sine the twentieth is off by half of itself near a lightly damped mode.
 BALANCED, BALANCED_ABOVE = 81, 10
+# Lines of the drive that the count of harmonics follows, of the largest: one of noise would make it
+# thirty times as large.
+STRONG = 0.01
 # Share of the stiffness that is not trusted at the structure's first frequency; it grows with the frequency's square.
 # A simulation by steps of 0.25 ms is 0.7e-5 softer at 4 Hz.
 TRUSTED = 3e-5
@@ -68,9 +71,7 @@ class Answer:
 
     def moved(self, out: Array) -> Array:
         """Return how the angles move where the balance is out by so much, to first order."""
-        from scipy.linalg import lu_solve
-
-        return -np.asarray(lu_solve(self.factors, out, check_finite=False))
+        return -solve_factored(self.factors, out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,9 @@ class SteadyRun:
         count = spectra.amplitudes.shape[1]
         error = np.sqrt(spectra.variance)
         driven = kept_orders(spectra.amplitudes[0], error[0], False)
-        top = int(np.flatnonzero(driven)[-1]) + 1 if driven.any() else 1
+        size = np.abs(spectra.amplitudes[0])
+        strong = driven & (size > STRONG * size.max())
+        top = int(np.flatnonzero(strong)[-1]) + 1 if strong.any() else 1
         compared = min(count, max(COMPARED, COMPARED_ABOVE * top))
         harmonics = max(BALANCED, BALANCED_ABOVE * top)
         drive, drive_error = np.zeros(harmonics + 1, dtype=complex), np.zeros(harmonics + 1)

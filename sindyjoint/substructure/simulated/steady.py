@@ -2,8 +2,8 @@
 
 M·q̈ + C·q̇ + K·q + m(θ, θ̇, z) = b·f with the joint angles θ among the coordinates. At every harmonic of the drive the
 coordinates between the joints are condensed, S_h·θ_h + m_h = g_h·f_h, S_h being the dynamic stiffness at the joints; no
-mode is left out. Where the structure can move freely with its joints open S_0 vanishes: the law alone then tells the
-mean angle.
+mode is left out. Where the structure can move freely with its joints open S_0 vanishes: the law alone then gives
+the mean angle.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, solve_factored
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
 from sindyjoint.substructure.harmonics import analysis, rates, real_blocks, synthesis
 from sindyjoint.substructure.period import period_moment
@@ -174,28 +174,27 @@ class Steady:
         angles, balanced = (start, False) if factors is None else self._by_chords(start, factors, size)
         if balanced:
             return angles
-        out, jacobian = self.residual(angles)
+        out, _ = self.residual(angles, slopes=False)
         for _ in range(STEPS if factors is None else FURTHER_STEPS):
             worst = float(np.abs(out).max())
             if not np.isfinite(worst):
                 break
             if worst <= size:
                 return angles
-            step = -np.linalg.solve(jacobian, out)
+            step = -np.linalg.solve(self.residual(angles)[1], out)
+            # Derivatives cost twenty times what the balance itself does: only steps that are taken need them.
             for halving in range(HALVINGS + 1):
                 trial = angles + step / 2**halving
-                found = self.residual(trial)
-                if float(np.linalg.norm(found[0])) < float(np.linalg.norm(out)):
+                found, _ = self.residual(trial, slopes=False)
+                if float(np.linalg.norm(found)) < float(np.linalg.norm(out)):
                     break
-            angles, (out, jacobian) = trial, found
+            angles, out = trial, found
         raise SimulationError(
             "no periodic motion of the joints is found near the one that was recovered", time=0.0
         )
 
     def _by_chords(self, angles: Array, factors: Factors, size: float) -> tuple[Array, bool]:
         """Return angles nearer to the balance, and whether they are in it."""
-        from scipy.linalg import lu_solve
-
         before = np.inf
         for _ in range(CHORDS):
             out, _ = self.residual(angles, slopes=False)
@@ -204,7 +203,7 @@ class Steady:
                 return angles, True
             if not worst < LEADS_ON * before:
                 break
-            before, angles = worst, angles - lu_solve(factors, out, check_finite=False)
+            before, angles = worst, angles - solve_factored(factors, out)
         return angles, False
 
     def shown(self, angles: Array, drive: Complex | None = None) -> Complex:

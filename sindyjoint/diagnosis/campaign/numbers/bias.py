@@ -4,7 +4,7 @@ A mean period rounds off the corners of a slider, so that numbers fitted to it a
 should be: they snap to where corners meet the grid. What a fit leaves is therefore held beside what the same law, with
 the same numbers, leaves of synthetic replicates of a model; the numbers of that model are fitted until both are alike
 (indirect inference by the residuals of an auxiliary model; Gourieroux, Monfort and Renault, J. Applied Econometrics 8,
-S85, 1993). Replicates with noise tell what that adds on average (parametric bootstrap; Efron and Tibshirani 1993,
+S85, 1993). Replicates with noise show what that adds on average (parametric bootstrap; Efron and Tibshirani 1993,
 section 6.5).
 """
 
@@ -158,14 +158,29 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
         errors[free], errors[free]
     )
     by_noise, scatter = _by_noise(found, fitted, rest, slopes[:, free])
-    # One factor for all numbers: a few draws do not tell the scatter of each.
+    # One factor for all numbers: a few draws do not give the scatter of each.
     wider = max(1.0, float(np.mean(scatter * errors[free] ** 2 / np.diag(covariance)[free])))
+    covariance[np.ix_(free, free)] *= wider
     values = values.copy()
     values[free] -= by_noise * errors[free]
     most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
     if np.any(np.abs(values - numbers.values) > most):
         return None
-    return _Solved(fitted, values, covariance * wider, best)
+    return _Solved(fitted, values, _with_fixed(covariance, numbers.covariance, free), best)
+
+
+def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array:
+    """Return the covariance of all numbers: the free ones follow a delay within its error, as the regression has it.
+
+    With C of the regression and B = C_fd·C_dd⁻¹: cov_ff = own + B·C_dd·Bᵀ, cov_fd = B·C_dd = C_fd.
+    """
+    fixed = ~free
+    covariance = own.copy()
+    across, between = regression[np.ix_(fixed, fixed)], regression[np.ix_(free, fixed)]
+    covariance[np.ix_(fixed, fixed)] = across
+    covariance[np.ix_(free, fixed)], covariance[np.ix_(fixed, free)] = between, between.T
+    covariance[np.ix_(free, free)] += between @ np.linalg.pinv(across, hermitian=True) @ between.T
+    return covariance
 
 
 def _left(rows: Sequence[GapRun], fitted: Repaired) -> Array:

@@ -39,7 +39,7 @@ def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffe
     fitted = refined(work.campaign, training, rows, fitted)
     gap = own = 0.0
     for run, (_, rest) in zip(work.runs, parts, strict=True):
-        result = simulated(run, rest, fitted.model, fitted.effects, policy)
+        result = simulated(run, rest, fitted.model, fitted.effects)
         if result is None or result.simulated_angle is None:
             continue
         gap += float(np.mean((result.angle - result.simulated_angle) ** 2))

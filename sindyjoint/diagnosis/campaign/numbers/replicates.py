@@ -14,8 +14,9 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.rows.build import along_replicate
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.campaign.simulated_run import simulated
+from sindyjoint.diagnosis.campaign.simulated_run import as_recorded, simulated
 from sindyjoint.diagnosis.campaign.start import Work
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.response.drive import prescribed
@@ -62,14 +63,13 @@ class Replicates:
                 state,
                 repaired.model,
                 repaired.effects,
-                work.policy,
                 SUBSTEPS,
                 response_only=True,
                 spurious=True,
             )
             if result is None or result.simulated_response is None:
                 return None
-            made.append(_as_measured(run, state, result))
+            made.append(_as_measured(run, state, result, repaired.effects))
         return cls(work, repaired, tuple(made), tuple(map(kept_harmonics, work.states)))
 
     def rows(self, noise: Sequence[tuple[Array, Array]] | None = None) -> tuple[GapRun, ...]:
@@ -92,8 +92,12 @@ class Replicates:
         return [noise(state, run) for state, run in zip(self.work.states, self.runs, strict=True)]
 
 
-def _as_measured(run: Run, state: ForceStates, result: SimulatedRun) -> Run:
-    """Return a run with the response of its simulation; what precedes that is the period after it."""
+def _as_measured(run: Run, state: ForceStates, result: SimulatedRun, effects: Sequence[FittedEffect]) -> Run:
+    """Return a run with the response of its simulation; what precedes that is the period after it.
+
+    The moment is as it was measured, late where its channel is: the simulated angle is moved to meet it, as the states
+    are.
+    """
     span = span_of(run, state)
     skipped = state.n_samples - result.time.size
     response = result.simulated_response
@@ -102,6 +106,8 @@ def _as_measured(run: Run, state: ForceStates, result: SimulatedRun) -> Run:
         later = state.time[:skipped] + np.ceil(skipped / run.sample_rate * state.frequency) / state.frequency
         response = np.concatenate([np.interp(later, result.time, response), response])
     moves = result.drive == "motion"
+    if not moves:
+        response = as_recorded(response, state.time, run.sample_rate, state, effects)
     return replace(
         run,
         moment=response if moves else run.moment[span],

@@ -135,11 +135,11 @@ def response_error(work: Work, model: JointModel, effects: Sequence[FittedEffect
 
 
 def _simulations(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> dict[str, SimulatedRun]:
-    """Return the runs of which the response gap is told, simulated, by name."""
+    """Return the runs of which the response gap is reported, simulated, by name."""
     if work.campaign.validation_runs:
         return {each.run: each for each in kept_runs(work, model, effects)}
     pairs = zip(work.runs, work.states, strict=True)
-    made = [simulated(run, states, model, effects, work.policy) for run, states in pairs]
+    made = [simulated(run, states, model, effects) for run, states in pairs]
     return {each.run: each for each in made if each is not None}
 
 

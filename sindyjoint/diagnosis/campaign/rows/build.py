@@ -119,8 +119,9 @@ def _mean_period(
     # What repeats is as it is in the middle of its stretch, at every phase.
     time = np.full(phases, np.mean(states.time))
     step = 1 / (states.frequency * phases)
-    motion = _motion(states, model, angle, rate, acceleration, step, keep, True, time, SUBSTEPS)
-    motion = replace(motion, inputs={name: mean(values) for name, values in states.inputs.items()})
+    motion = _motion(states, model, (angle, rate, acceleration), step, keep, True)
+    inputs = {name: mean(values) for name, values in states.inputs.items()}
+    motion = replace(motion, time=time, substeps=SUBSTEPS, inputs=inputs)
     return motion, moment, count
 
 
@@ -178,7 +179,7 @@ def _strided_motion(
     step = every / states.sample_rate
     angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
     moments = states.moment[::every] - (model.joint.inertia or 0.0) * acceleration
-    coarse = _motion(states, model, angle, rate, acceleration, step, rows, states.repeated)
+    coarse = _motion(states, model, (angle, rate, acceleration), step, rows, states.repeated)
     between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), MOST_BETWEEN)
     if between > 1:
         from scipy.interpolate import CubicHermiteSpline
@@ -191,7 +192,7 @@ def _strided_motion(
             for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
         )
     keep = rows * between
-    motion = _motion(states, model, angle, rate, acceleration, step / between, keep, states.repeated)
+    motion = _motion(states, model, (angle, rate, acceleration), step / between, keep, states.repeated)
     return moments, replace(motion, lead=_lead(states, step / between))
 
 
@@ -249,7 +250,7 @@ def _free_decay(states: ForceStates, model: JointModel, group: str, policy: Diag
     if half_cycles is None:
         return None
     rows = np.arange(size)
-    motion = _motion(states, model, angle, rate, acceleration, step, rows, False)
+    motion = _motion(states, model, (angle, rate, acceleration), step, rows, False)
     target = moment - (model.joint.inertia or 0.0) * acceleration
     sigma = np.full(size, model.inertia * states.noise.acceleration)
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
@@ -272,15 +273,13 @@ def _stretches(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
 def _motion(
     states: ForceStates,
     model: JointModel,
-    angle: Array,
-    rate: Array,
-    acceleration: Array,
+    signals: tuple[Array, Array, Array],
     step: float,
     keep: NDArray[np.intp],
     repeats: bool,
-    time: Array | None = None,
-    substeps: int = 1,
 ) -> MeasuredMotion:
+    """Return a motion of some angles, rates and accelerations, of which some are rows."""
+    angle, rate, acceleration = signals
     means = {name: float(np.mean(values)) for name, values in states.inputs.items()}
     held = model.at(**{each.name: means[each.name] for each in model.inputs if each.name in means})
     stiffness, damping = slopes(held, angle, rate)
@@ -290,14 +289,13 @@ def _motion(
         rate=rate,
         acceleration=acceleration,
         step=step,
-        time=instants if time is None else time,
+        time=instants,
         frequency=states.frequency or 0.0,
         moment_rate=stiffness * rate + damping * acceleration,
         moment_slope=stiffness,
         keep=keep,
         repeats=repeats,
         began=states.began,
-        substeps=substeps,
         inputs={name: np.interp(instants, states.time, values) for name, values in states.inputs.items()},
     )
 

@@ -1,7 +1,7 @@
 """Windows of a long run, in which the nonlinear parameters of effects with a memory are searched.
 
 An internal state is integrated along the whole record, for every trial of its parameters. Some windows, spread evenly,
-tell nearly as much; the first quarter of each lets the state forget the seam before it.
+are nearly as informative; the first quarter of each lets the state forget the seam before it.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ def shares(problem: GapRegression, noise: float, measured: bool = False) -> dict
     The kind that predicts the runs left out best alone is credited first, the others with what they win on top. Within
     noise of each other a law without memory comes before one with it, and that before one of the run. ``noise`` is the
     share of the mean square gap that is noise, which counts where repetition has not measured it row by row; it is
-    ``measured`` where neighbouring samples of a path tell it.
+    ``measured`` where neighbouring samples of a path show it.
     """
     prediction = Prediction(problem)
     before = prediction.base
@@ -46,8 +46,8 @@ def shares(problem: GapRegression, noise: float, measured: bool = False) -> dict
         credit[kind] = gain
         residual, beside = max(tried[kind].error, floor), tried[kind].columns
         open_kinds.remove(kind)
-    # What repeats and nothing predicts is the run's own. Where nothing repeats it cannot be told from noise, unless
-    # that is known.
+    # What repeats and nothing predicts is the run's own. Where nothing repeats it cannot be distinguished from noise,
+    # unless that is known.
     if (problem.repeats or measured) and residual - floor > margin:
         credit["run"] += residual - floor
     return {kind: value / (before - floor) for kind, value in credit.items()}

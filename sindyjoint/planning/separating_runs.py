@@ -1,4 +1,4 @@
-"""The part of a plan that tells effects apart: the search for runs is that of the advice of a diagnosis."""
+"""The runs of a plan that separate effects: the search for them is that of the advice of a diagnosis."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.mechanics.actuator import SINE, Actuator
 from sindyjoint.mechanics.laws import Law, SumLaw
 from sindyjoint.mechanics.virtual import VirtualTest
-from sindyjoint.planning.apart import Apart
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.plan_file import UNITS, play
 from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.planning.separation import Separation
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import model_law
 from sindyjoint.text import list_some, percent, spelled
@@ -86,11 +86,11 @@ def _step(result: Diagnosis, effects: Sequence[str]) -> Step | None:
 
 
 @dataclass(frozen=True, eq=False)
-class Separated:
-    """Runs that tell effects apart, what that comes to, and the model of the campaign that they follow."""
+class SeparatingResult:
+    """Runs that separate effects, what that comes to, and the model of the campaign that they follow."""
 
     runs: tuple[PlannedRun, ...]
-    apart: Apart
+    apart: Separation
     model: JointModel
 
 
@@ -121,7 +121,7 @@ def planned_run(advice: Advice, actuator: Actuator, model: JointModel, duration:
 
 
 @dataclass(frozen=True, eq=False)
-class World:
+class Hypothesis:
     """A joint of the range in which one of the effects is true, and a test of it.
 
     Parameters
@@ -145,29 +145,31 @@ class World:
         return play(self.law, [*self.runs, *further], self.sensors, self.seed)
 
 
-def worlds_of(
+def simulate_hypotheses(
     joints: Sequence[JointModel],
     effects: Sequence[Effect],
     runs: Sequence[PlannedRun],
     sensors: Sensors,
     share: float,
     random_state: int,
-) -> list[World]:
+) -> list[Hypothesis]:
     """Return a joint of the range for each effect, which adds a share of the moment there."""
     peak = max(float(np.abs(play(model_law(joints[0]), [run], sensors).runs[0].angle).max()) for run in runs)
     frequencies = sorted({run.frequency for run in runs})
-    worlds = []
+    hypotheses = []
     for number, (joint, effect) in enumerate(zip(joints, effects, strict=True)):
         law = model_law(joint)
         generator = np.random.default_rng([random_state, number])
         added = hidden_law(effect.id, law, peak, frequencies, generator, share)
-        worlds.append(World(effect.id, SumLaw(law, added), tuple(runs), sensors, random_state + number))
-    return worlds
+        hypotheses.append(
+            Hypothesis(effect.id, SumLaw(law, added), tuple(runs), sensors, random_state + number)
+        )
+    return hypotheses
 
 
 @dataclass(frozen=True)
-class Separating:
-    """A search for runs that tell effects apart.
+class SeparatingRuns:
+    """A search for runs that separate effects.
 
     Parameters
     ----------
@@ -179,7 +181,7 @@ class Separating:
     diagnose : callable
         :func:`~sindyjoint.diagnose`.
     say : callable
-        Told of each stage.
+        Called with the name of each stage.
     """
 
     effects: Sequence[Effect]
@@ -193,61 +195,61 @@ class Separating:
         """Ids of the effects."""
         return tuple(effect.id for effect in self.effects)
 
-    def after_runs(self, campaign: Campaign | str | Path, model: JointModel | None) -> Separated:
-        """Return the runs that would tell the effects apart that a campaign does not."""
+    def after_runs(self, campaign: Campaign | str | Path, model: JointModel | None) -> SeparatingResult:
+        """Return the runs that would separate the effects that a campaign does not."""
         names = self.names
         result = self._diagnosed(campaign, model, actuator=self.actuator, progress=self.say)
         step = _step(result, names)
         motion = result.model.joint.motion
         if step is None:
             words = f"the campaign shows none of them: {result.reason}"
-            return Separated((), Apart(names, float("nan"), (), words), result.model)
+            return SeparatingResult((), Separation(names, float("nan"), (), words), result.model)
         best = max(probability for _, probability in _all(step))
         if len(step.members) < 2:
             words = f"told apart already: {spelled(step.effect, motion)}, {percent(step.probability)}"
-            return Separated((), Apart(names, best, (), words), result.model)
+            return SeparatingResult((), Separation(names, best, (), words), result.model)
         runs = [each for each in result.advice if each.frequency]
         after = tuple(float(each.expected_confidence) for each in runs)
         words = _words(names, after, result.advice, motion, best)
-        return Separated(self._planned(result), Apart(names, best, after, words), result.model)
+        return SeparatingResult(self._planned(result), Separation(names, best, after, words), result.model)
 
-    def before_runs(self, worlds: Sequence[World]) -> tuple[tuple[PlannedRun, ...], Apart]:
-        """Return the run that tells the effects apart in virtual tests of all worlds, and what that comes to.
+    def before_runs(self, hypotheses: Sequence[Hypothesis]) -> tuple[tuple[PlannedRun, ...], Separation]:
+        """Return the run that separates the effects in virtual tests of all hypotheses, and what that comes to.
 
-        Each world asks for the run that separates best there; all of them are made in all worlds, and judged anew.
+        Each hypothesis asks for the run that separates best there; all of these are tried under all hypotheses.
         """
         names = self.names
         before, asked, advice = [], list[PlannedRun](), list[Advice]()
         motion = "rotation"
-        for number, world in enumerate(worlds, 1):
-            self.say(f"virtual test {number} of {len(worlds)}: {spelled(world.truth)} is true")
-            found = self._diagnosed(world.test(), actuator=self.actuator)
+        for number, hypothesis in enumerate(hypotheses, 1):
+            self.say(f"virtual test {number} of {len(hypotheses)}: {spelled(hypothesis.truth)} is true")
+            found = self._diagnosed(hypothesis.test(), actuator=self.actuator)
             motion = found.model.joint.motion
-            before.append(probability_of(found, world.truth, names))
+            before.append(probability_of(found, hypothesis.truth, names))
             advice += found.advice
             asked += self._planned(found)
         start = float(np.mean(before))
-        if start >= Apart.enough:
-            return (), Apart(names, start, (), f"the other runs tell them apart: {percent(start)}")
+        if start >= Separation.enough:
+            return (), Separation(names, start, (), f"the other runs tell them apart: {percent(start)}")
         best, after = None, start
         for number, run in enumerate(dict.fromkeys(asked), 1):
             self.say(f"run {number} of {len(set(asked))} in every virtual test")
-            sure = float(np.mean([self._again(world, run) for world in worlds]))
+            sure = float(np.mean([self._again(hypothesis, run) for hypothesis in hypotheses]))
             if sure > after:
                 best, after = run, sure
         if best is None:
             words = _words(names, (), [each for each in advice if not each.frequency], motion)
-            return (), Apart(names, start, (), words)
-        return (best,), Apart(names, start, (after,), _words(names, (after,), (), motion))
+            return (), Separation(names, start, (), words)
+        return (best,), Separation(names, start, (after,), _words(names, (after,), (), motion))
 
-    def _again(self, world: World, run: PlannedRun) -> float:
-        """Return how sure a world's effect is with one run more."""
+    def _again(self, hypothesis: Hypothesis, run: PlannedRun) -> float:
+        """Return how sure a hypothesis's effect is with one run more."""
         try:
-            found = self._diagnosed(world.test(run), advise=False)
+            found = self._diagnosed(hypothesis.test(run), advise=False)
         except SindyJointError:
             # A run that this joint does not bear.
             return 0.0
-        return probability_of(found, world.truth, self.names)
+        return probability_of(found, hypothesis.truth, self.names)
 
     def _diagnosed(
         self, campaign: Campaign | str | Path, model: JointModel | None = None, **options: Any

@@ -1,4 +1,4 @@
-"""The making of a plan: which runs could be made, what each would tell, which are chosen, and what they buy."""
+"""Planning: which runs could be made, how informative each would be, which are chosen, and what they give."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from sindyjoint.planning.information import (
     run_information,
     stacked,
 )
-from sindyjoint.planning.known import Known
 from sindyjoint.planning.plan import DRAWS, Now, Plan, Prediction, Step, counted_runs, predictions
 from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.prior import Prior
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, motion
 from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
 from sindyjoint.response.model_law import model_law
@@ -39,10 +39,10 @@ PREDICTED = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Making:
-    """The making of a plan."""
+class Planner:
+    """Makes a plan from what is known, what the actuator can do and what is asked."""
 
-    known: Known
+    known: Prior
     actuator: Actuator
     sensors: Sensors
     matter: tuple[int, ...]
@@ -123,16 +123,16 @@ class Making:
         missing: Sequence[int],
         now: Now | None,
     ) -> Plan:
-        """Return the plan of these runs, ended where they are enough, with what they and the grid would tell."""
+        """Return the plan of these runs, ended where they are enough, with the precision expected of both."""
         joint, known = self.known.joint, self.known.expanded(PREDICTED)
         joints = joint.draws(PREDICTED, self.random_state + 1)
         coefficients = np.array([one.coefficients for one in joints])
-        told = known
+        information = known
         if runs:
-            told = self._information(runs, joints, "what the plan tells").with_runs(known)
-        assert told is not None  # without runs there is a campaign
-        grid, grid_told = self._of_grid(grid, joints, known)
-        curve = self._curve((runs, told), (grid, grid_told), coefficients)
+            information = self._information(runs, joints, "what the plan tells").with_runs(known)
+        assert information is not None  # without runs there is a campaign
+        grid, of_grid = self._of_grid(grid, joints, known)
+        curve = self._curve((runs, information), (grid, of_grid), coefficients)
         enough = len(runs)
         if self.until is not None:
             # Not before there are runs enough at different frequencies and levels.
@@ -143,14 +143,14 @@ class Making:
             )
             enough = next(reached, len(runs))
         if enough < len(runs):
-            told = told.take(range(len(self.known.runs) + enough))
+            information = information.take(range(len(self.known.runs) + enough))
             shorter = tuple(replace(run, duration=run.duration * enough / len(runs)) for run in grid)
-            grid, grid_told = self._of_grid(shorter, joints, known)
-        found = predictions(joint.model, told, coefficients)
+            grid, of_grid = self._of_grid(shorter, joints, known)
+        found = predictions(joint.model, information, coefficients)
         return Plan(
             joint.model, tuple(joint.low), tuple(joint.high), self.actuator, self.sensors, self.goals,
             tuple(joint.model.ids[i] for i in self.matter), runs[:enough], found,
-            () if grid_told is None else predictions(joint.model, grid_told, coefficients), grid, curve, self.until,
+            () if of_grid is None else predictions(joint.model, of_grid, coefficients), grid, curve, self.until,
             self._advice(curve, enough, now),
             (*self.known.notes, *_warnings(found, bool(grid) or now is not None, joint.model)), now,
         )  # fmt: skip
@@ -158,7 +158,7 @@ class Making:
     def _of_grid(
         self, grid: tuple[PlannedRun, ...], joints: Sequence[JointModel], known: Information | None
     ) -> tuple[tuple[PlannedRun, ...], Information | None]:
-        """Return the grid and what it would tell; nothing of a grid whose runs are too short."""
+        """Return the grid and its information; nothing of a grid whose runs are too short."""
         if not grid:
             return (), None
         try:
@@ -176,12 +176,12 @@ class Making:
         made = [frequency for frequency, _ in self.known.runs]
 
         def widest(
-            planned: tuple[PlannedRun, ...], told: Information | None, count: int
+            planned: tuple[PlannedRun, ...], information: Information | None, count: int
         ) -> tuple[float, float]:
-            if told is None or count > len(planned):
+            if information is None or count > len(planned):
                 return inf, inf
             at = [*made, *(run.frequency for run in planned[:count])]
-            part = told.take(range(len(at)))
+            part = information.take(range(len(at)))
             noise = np.random.default_rng(0)
             values = made_small(self._goal, part, coefficients, self.matter, at, noise, DRAWS)
             median, highest = np.quantile(values, (0.5, 0.95), method="nearest")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
-from sindyjoint.soundness.detectors.kin import Rows, find_odd_runs, rows_of_motions, scale_of, solve
+from sindyjoint.soundness.detectors.common_law import Rows, find_odd_runs, rows_of_motions, scale_of, solve
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
@@ -87,8 +87,8 @@ class Samples:
         return self.angle, self.rate, self.acceleration
 
 
-def find_broadband_kin(campaign: Campaign, runs: Sequence[Run], words: Words) -> Iterator[Finding]:
-    """Yield runs without a frequency that have another gain or law than their kin, and those that drift.
+def find_broadband_faults(campaign: Campaign, runs: Sequence[Run], words: Words) -> Iterator[Finding]:
+    """Yield runs without a frequency that have another gain or law than the others, and those that drift.
 
     Parameters
     ----------
@@ -104,13 +104,13 @@ def find_broadband_kin(campaign: Campaign, runs: Sequence[Run], words: Words) ->
         states = [force_states(run) for run in alive]
         samples = Samples.of([s for s in states if np.count_nonzero(s.moving) >= PARTS])
         inertia = campaign.joint.inertia
-        found, kin = find_odd_runs(samples, inertia, words)
-        if not len(kin):
+        found, alike = find_odd_runs(samples, inertia, words)
+        if not len(alike):
             return
         # What drifts departs from the law of the others, too.
         odd = [samples.names.index(f.run) for f in found if f.id == "run_differs" and f.run is not None]
-        drifts = list(_find_drifts(kin, kin, inertia, words))
-        drifts += _find_drifts(samples.take(odd), kin, inertia, words) if odd else []
+        drifts = list(_find_drifts(alike, alike, inertia, words))
+        drifts += _find_drifts(samples.take(odd), alike, inertia, words) if odd else []
         yield from drifts
         drifting = {f.run for f in drifts}
         yield from (f for f in found if f.run not in drifting)
@@ -119,10 +119,10 @@ def find_broadband_kin(campaign: Campaign, runs: Sequence[Run], words: Words) ->
         return
 
 
-def _find_drifts(runs: Samples, kin: Samples, inertia: float | None, words: Words) -> Iterator[Finding]:
-    """Yield runs of which the law that their kin have in common leaves a straight line over time."""
-    scale = scale_of(kin)
-    law = solve(rows_of_motions(kin, scale, inertia).products.sum(axis=0))[0]
+def _find_drifts(runs: Samples, alike: Samples, inertia: float | None, words: Words) -> Iterator[Finding]:
+    """Yield runs of which the law that the others have in common leaves a straight line over time."""
+    scale = scale_of(alike)
+    law = solve(rows_of_motions(alike, scale, inertia).products.sum(axis=0))[0]
     rows = rows_of_motions(runs, scale, inertia)
     for index, name in enumerate(runs.names):
         line = _line(rows, law, index, runs.part[index])
@@ -160,11 +160,11 @@ def _line(rows: Rows, law: Array, index: int, part: NDArray[np.intp]) -> float |
     return total if stands and even else None
 
 
-def _drifting(kin: Samples, index: int) -> str | None:
+def _drifting(alike: Samples, index: int) -> str | None:
     """Return the channel whose mean moves along, in its own amplitude, at least twice as far; None if neither."""
-    part = kin.part[index]
+    part = alike.part[index]
     moved = {}
-    for name, signal in (("moment", kin.moment[index]), ("angle", kin.angle[index])):
+    for name, signal in (("moment", alike.moment[index]), ("angle", alike.angle[index])):
         count = np.maximum(np.bincount(part, minlength=PARTS), 1)
         mean = np.bincount(part, signal, minlength=PARTS) / count
         moved[name] = abs(np.polyfit(np.arange(PARTS), mean, 1)[0]) / max(float(np.std(signal)), 1e-300)

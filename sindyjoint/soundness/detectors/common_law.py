@@ -1,4 +1,4 @@
-"""Runs held against their kin: the law that all other runs have in common, and the one that departs from it."""
+"""Runs held against the others: the law that all other runs have in common, and the one that departs from it."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ class Scale:
 def flexible_columns(a: Array, v: Array) -> list[Array]:
     """Return columns of a flexible law over scaled angle and rate.
 
-    Powers of the angle up to the fifth, viscous, quadratic and angle-dependent damping, friction with its dependence on
-    the angle.
+    Powers of the angle up to the fifth, stiffness that depends on the rate, viscous, quadratic and angle-dependent
+    damping, one of either direction's own, friction with its dependence on the angle.
     """
     sign = np.sign(v)
     return [
-        np.ones_like(a), a, a**2, a**3, a**5, v, v * np.abs(v), a * v, a**2 * v, sign, np.abs(a) * sign, a * sign,
+        np.ones_like(a), a, a**2, a**3, a**5, v, v * np.abs(v), a * v, a**2 * v, np.abs(v), a * v**2,
+        sign, np.abs(a) * sign, a * sign,
     ]  # fmt: skip
 
 
@@ -187,7 +188,7 @@ def odd_runs(rows: Rows, size: int) -> OddRuns | None:
     products = rows.products
     count = len(products)
     everything = float(np.sqrt(solve(products.sum(axis=0))[1] / count))
-    if everything < POLICY.kin_departure / np.sqrt(count):
+    if everything < POLICY.run_departure / np.sqrt(count):
         return None
     best: OddRuns | None = None
     for index in combinations(range(count), size):
@@ -200,33 +201,33 @@ def odd_runs(rows: Rows, size: int) -> OddRuns | None:
             best = OddRuns(index, min(rows.left_by(law, i) for i in index), common)
     if best is None:
         return None
-    alike = best.common < min(POLICY.kin_misfit, POLICY.kin_gain * everything)
-    apart = best.departure > max(POLICY.kin_departure, POLICY.kin_contrast * best.common)
+    alike = best.common < min(POLICY.common_misfit, POLICY.common_gain * everything)
+    apart = best.departure > max(POLICY.run_departure, POLICY.run_contrast * best.common)
     return best if alike and apart else None
 
 
 def find_odd_runs(cycles: M, inertia: float | None, words: Words) -> tuple[list[Finding], M]:
-    """Return findings on runs that differ from their kin, with what explains it, and the cycles of the others."""
+    """Return findings on runs that differ from the others, with what explains it, and the cycles of the others."""
     remaining = list(range(len(cycles)))
     odd: list[int] = []
     common = 0.0
-    while len(remaining) >= POLICY.fewest_kin and len(odd) <= len(cycles) // 3:
-        kin = cycles.take(remaining)
-        rows = rows_of_motions(kin, scale_of(kin), inertia)
+    while len(remaining) >= POLICY.fewest_compared and len(odd) <= len(cycles) // 3:
+        others = cycles.take(remaining)
+        rows = rows_of_motions(others, scale_of(others), inertia)
         found = odd_runs(rows, 1)
-        if found is None and len(remaining) >= 2 * POLICY.fewest_kin:
+        if found is None and len(remaining) >= 2 * POLICY.fewest_compared:
             found = odd_runs(rows, 2)  # two runs that have each other's channel
         if found is None:
             break
         common = found.common
         odd += [remaining[i] for i in found.index]
         remaining = [r for r in remaining if r not in odd]
-    kin = cycles.take(remaining)
+    others = cycles.take(remaining)
     if not odd or len(remaining) < 2:
-        return [], kin
-    scale = scale_of(kin)
-    law = solve(rows_of_motions(kin, scale, inertia).products.sum(axis=0))[0]
-    return [_describe(cycles.take([i]), law, common, scale, inertia, words) for i in odd], kin
+        return [], others
+    scale = scale_of(others)
+    law = solve(rows_of_motions(others, scale, inertia).products.sum(axis=0))[0]
+    return [_describe(cycles.take([i]), law, common, scale, inertia, words) for i in odd], others
 
 
 def _describe(

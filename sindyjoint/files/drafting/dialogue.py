@@ -25,7 +25,7 @@ KEYS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate") + tupl
 
 @dataclass(frozen=True)
 class Question:
-    """What cannot be told from files.
+    """What the files do not say.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Question:
 
 
 @dataclass
-class Doubts:
+class Dialogue:
     """Collects questions while a manifest is drafted, and gives the answers that are there already.
 
     Parameters

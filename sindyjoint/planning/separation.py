@@ -1,4 +1,4 @@
-"""What telling effects apart comes to."""
+"""How surely the runs of a plan separate effects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TELL_APART = "tell-apart"
 
 
 @dataclass(frozen=True)
-class Apart:
+class Separation:
     """How surely effects are told apart.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What a run promises with the rivals as they were found: nothing is fitted but what is linear.
+"""The evidence expected of a run with the rivals as they were found: only what is linear is fitted.
 
 The measured rows are the same for every run that is tried. Their columns go into one triangular factor, under which
 those of the run are laid (updating of a QR factorisation; Golub and Van Loan, Matrix Computations, chapter 6).

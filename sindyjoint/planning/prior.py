@@ -1,4 +1,4 @@
-"""What is known before a plan is made: the joint's range, and what the runs that were made tell."""
+"""What is known before a plan is made: the joint's range, and the information of the runs that were made."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sindyjoint.text import spelled
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class Prior:
     """What is known before the plan.
 
     Parameters
@@ -69,14 +69,14 @@ class Known:
         return np.array([(term.interval95[1] - term.interval95[0]) / 2 for term in self.model.terms])
 
 
-def known_of_runs(
+def prior_of_runs(
     model: JointModel,
     evidence: Evidence,
     states: Sequence[ForceStates],
     seconds: float,
     before: JointRange | None = None,
-) -> Known:
-    """Return what runs tell of the terms of a model that was found in them.
+) -> Prior:
+    """Return the information of runs on the terms of a model that was found in them.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def known_of_runs(
         joint, notes = _both(joint, before)
     runs = tuple((state.frequency or 0.0, float(np.ptp(state.angle)) / 2) for state in states)
     ids = () if before is None else before.model.ids
-    return Known(joint, stacked(parts), runs, seconds, model, ids, notes)
+    return Prior(joint, stacked(parts), runs, seconds, model, ids, notes)
 
 
 def _both(found: JointRange, before: JointRange) -> tuple[JointRange, tuple[str, ...]]:
