@@ -34,7 +34,7 @@ from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.replicates import recovered_replicate
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
-from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, with_slow
+from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, run_weights, with_slow
 from sindyjoint.substructure.update import Update, with_numbers
 from sindyjoint.text import spelled
 
@@ -49,6 +49,7 @@ COLUMNS = ("angle", "rate", "moment")
 SEARCHES = 4
 # Terms that may be added one after another for they stand out of the sensors' noise.
 STANDING_OUT = 3
+ALIKE = 0.8  # of the furthest: so far must another one stand out to be tried, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +177,7 @@ def _find_law(
         )
         rows, errors, more = found.rows, None, ""
         if rows is not None:
-            errors, more = _beyond(found.regressor, rows, recovered, slow)
+            errors, more = _beyond(found.regressor, rows, states, recovered, slow)
         if not more:
             break
         added = (*added, more)
@@ -225,7 +226,11 @@ def _search(
 
 
 def _beyond(
-    regressor: JointRegressor, rows: LawRows, recovered: Sequence[Recovered], slow: Sequence[Slow]
+    regressor: JointRegressor,
+    rows: LawRows,
+    states: Sequence[ForceStates],
+    recovered: Sequence[Recovered],
+    slow: Sequence[Slow],
 ) -> tuple[LawErrors, str]:
     """Return the errors of a law, and which further term stands furthest out of the sensors' noise; "" if none does."""
     selected = {*regressor.selected_}
@@ -234,11 +239,19 @@ def _beyond(
         term_columns(rest, each.states.angle[kept], each.states.rate[kept], each.states.acceleration[kept])
         for each, kept in zip(recovered, rows.kept, strict=True)
     ]
-    errors = law_errors(rows, [_source(each) for each in recovered], slow, columns)
+    sources = [_source(each) for each in recovered]
+    errors = law_errors(rows, sources, slow, columns)
     size = np.where(errors.excess_with < LIMITS.explained, np.abs(errors.others), 0.0)
     if not rest or size.max() < LIMITS.stands_out:
         return errors, ""
-    return errors, rest[int(np.argmax(size))].id
+
+    def left_with(term: ResolvedTerm) -> float:
+        fitted = find_slow(states, slow, [*_terms_of(regressor), term], rows.weights)
+        return law_errors(fitted, sources, slow).excess
+
+    # The slow angles follow each of them otherwise: those that are about alike are fitted.
+    rivals = [rest[place] for place in np.flatnonzero(size > ALIKE * size.max())]
+    return errors, min(rivals, key=left_with).id if len(rivals) > 1 else rivals[0].id
 
 
 def _terms_of(regressor: JointRegressor) -> list[ResolvedTerm]:
@@ -249,27 +262,6 @@ def _terms_of(regressor: JointRegressor) -> list[ResolvedTerm]:
 
 def _source(each: Recovered) -> Source:
     return Source(each.recovery, each.joint, each.states)
-
-
-def run_weights(states: Sequence[ForceStates]) -> Array:
-    """Return what rows of each run count, by the noise of its states, shape (runs,); one in the mean of all rows.
-
-    In moment the noise of angle and rate is that of the stiffness and damping that go with the best-known run. What
-    noise is below the scatter that any law leaves, a hundredth of the moment, does not matter.
-    """
-    best = min(states, key=lambda s: s.noise.rate / np.std(s.rate))
-    largest = float(np.std(best.moment))
-    by_angle, by_rate = largest / np.std(best.angle), largest / np.std(best.rate)
-    noise = np.array(
-        [
-            np.hypot(by_angle * s.noise.angle, by_rate * s.noise.rate) ** 2
-            + s.noise.moment**2 / (1 if s.replicate is None else s.block[-1] + 1)
-            for s in states
-        ]
-    )
-    weight = 1 / (noise + (LIMITS.well_known * largest) ** 2)
-    rows = np.array([np.count_nonzero(s.moving) for s in states])
-    return np.asarray(weight * rows.sum() / (weight @ rows))
 
 
 def _judged(
@@ -285,6 +277,11 @@ def _judged(
     campaign = recovered_campaign(test, kind, states)
     counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
     model = campaign_model(regressor, campaign, states, counts)
+    if errors is not None:
+        # Noise of the angle is in the rows, too.
+        floor = model.fitted.residual_rms / np.sqrt(max(1.0, errors.excess))
+        floor = max(floor, float(np.nan_to_num(model.fitted.noise_floor)))
+        model = replace(model, fitted=replace(model.fitted, noise_floor=floor))
     verdict = of_one_run(judge(regressor, model), len({each.recovery.run.name for each in recovered}))
     if rows is not None and errors is not None:
         verdict = within_the_states(verdict, errors.angle_share)

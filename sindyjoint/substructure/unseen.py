@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.states.record import ForceStates
+from sindyjoint.substructure.policy import POLICY as LIMITS
 
 Complex = NDArray[np.complex128]
 
@@ -254,6 +255,27 @@ def _solve(columns: Array, target: Array, counts: Array, said: Array) -> Array:
     known = np.zeros((counts.size, columns.shape[1]))
     known[:, columns.shape[1] - counts.size :] = np.diag(counts)
     return scaled_least_squares(np.vstack([columns, known]), np.concatenate([target, counts * said]), 1e-12)
+
+
+def run_weights(states: Sequence[ForceStates]) -> Array:
+    """Return what rows of each run count, by the noise of its states, shape (runs,); one in the mean of all rows.
+
+    In moment the noise of angle and rate is that of the stiffness and damping that go with the best-known run. What
+    noise is below the scatter that any law leaves, a hundredth of the moment, does not matter.
+    """
+    best = min(states, key=lambda s: s.noise.rate / np.std(s.rate))
+    largest = float(np.std(best.moment))
+    by_angle, by_rate = largest / np.std(best.angle), largest / np.std(best.rate)
+    noise = np.array(
+        [
+            np.hypot(by_angle * s.noise.angle, by_rate * s.noise.rate) ** 2
+            + s.noise.moment**2 / (1 if s.replicate is None else s.block[-1] + 1)
+            for s in states
+        ]
+    )
+    weight = 1 / (noise + (LIMITS.well_known * largest) ** 2)
+    rows = np.array([np.count_nonzero(s.moving) for s in states])
+    return np.asarray(weight * rows.sum() / (weight @ rows))
 
 
 def with_slow(state: ForceStates, slow: Slow, values: Array) -> ForceStates:
