@@ -59,10 +59,7 @@ def test_coefficients_follow_what_was_recovered_as_their_errors_say(found):
     weights, generator = np.array([each.weight for each in law.recovered]), np.random.default_rng(4)
 
     def fitted(recoveries):
-        states = [
-            joint_states(r, 0, r.run.name, e.mean_moment)
-            for r, e in zip(recoveries, law.recovered, strict=True)
-        ]
+        states = [joint_states(r, 0, r.run.name) for r in recoveries]
         slow = [slow_part(r, 0) for r in recoveries]
         return find_slow(states, slow, terms, weights).coefficients
 
