@@ -423,8 +423,8 @@ class Based(Made):
     def zero_start(self, straight, last, say):
         return None
 
-    def other_starts(self, straight, last, say, whole):
-        return iter([Start(self.other, (), "another base", self)] if self.other else [])
+    def other_starts(self, straight, last, say, whole=False):
+        return iter([Start(self.other, (), "another base", self)] if self.other and not whole else [])
 
     def residual(self, straight):
         return Residual(0.0, 1.0, 0.0)
