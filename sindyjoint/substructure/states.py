@@ -26,8 +26,13 @@ def kept_orders(amplitude: Complex, standard_error: Array, tone: bool) -> Orders
     None between is left out: what is left out of one side of the law for its noise stands on the other, and biases.
     """
     size = np.abs(amplitude)
-    out = significant_harmonics(size, standard_error) if tone else size > LIMITS.line * standard_error
+    out = significant_harmonics(size, standard_error) if tone else lines(size, standard_error)
     return np.logical_or.accumulate(out[::-1])[::-1]
+
+
+def lines(size: Array, standard_error: Array) -> Orders:
+    """Return which lines of a spectrum stand out of their noise, shape (h,)."""
+    return np.asarray(size > LIMITS.line * standard_error)
 
 
 def is_tone(drive: Complex) -> bool:

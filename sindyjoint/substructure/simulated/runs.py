@@ -30,7 +30,7 @@ from sindyjoint.substructure.simulated.steady import (
     condense,
     steady,
 )
-from sindyjoint.substructure.states import kept_orders
+from sindyjoint.substructure.states import lines
 
 Complex = NDArray[np.complex128]
 
@@ -113,8 +113,8 @@ class SteadyRun:
         spectra, joints = recovery.spectra, test.structure.n_joints
         count = spectra.amplitudes.shape[1]
         error = np.sqrt(spectra.variance)
-        driven = kept_orders(spectra.amplitudes[0], error[0], False)
         size = np.abs(spectra.amplitudes[0])
+        driven = lines(size, error[0])
         strong = driven & (size > STRONG * size.max())
         top = int(np.flatnonzero(strong)[-1]) + 1 if strong.any() else 1
         compared = min(count, max(COMPARED, COMPARED_ABOVE * top))
