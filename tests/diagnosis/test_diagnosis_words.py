@@ -47,24 +47,23 @@ def test_units_are_those_of_the_catalogue_and_of_the_motion():
 
 def test_a_translation_has_force_displacement_and_velocity(tmp_path, capsys):
     write_campaign(slide(900.0), tmp_path / "in")
-    told = {}
-    # The search for separating runs counts its work: what is told of it is the same after a part.
+    printed = {}
     for arguments in (["--no-advice"], ["--json", "--out", str(tmp_path / "out")]):
         with pytest.raises(SystemExit) as leave:
             main(["diagnose", str(tmp_path / "in"), *arguments])
         assert leave.value.code == 0
-        told[bool(arguments)] = capsys.readouterr().out
-    record = json.loads(told[True])
+        printed["--json" in arguments] = capsys.readouterr().out
+    record = json.loads(printed[True])
     step = record["steps"][0]
     assert set(step["units"]) == set(step["parameters"]) and step["units"]["c2"] == "N*s^2/m^2"
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     words = " ".join(place["words"] for place in record["where"])
     assert "velocity" in words
-    for text in (told[False], page, words):
+    for text in (printed[False], page, words):
         assert not any(
             word in text for word in ("rad/s", "|angle|", "|rate|", "positive angles", "moment gap")
         )
-    assert "force gap" in told[False] and "N·s²/m²" in told[False] and "N·s²/m²" in page
+    assert "force gap" in printed[False] and "N·s²/m²" in printed[False] and "N·s²/m²" in page
     drawn = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
     assert {"gap", "maps", "overlay", "where", "budget", "rivals"} <= drawn
 
