@@ -72,12 +72,9 @@ class Answer(NamedTuple):
 
 
 @pytest.fixture
-def sindyjoint(capsys, monkeypatch) -> Callable[..., Answer]:
+def sindyjoint(capsys) -> Callable[..., Answer]:
     """Run the command line as a person would, in this process; a traceback would fail the test."""
-    from sindyjoint.cli import main, progress
-
-    # On a busy machine whatever takes long enough names its stages.
-    monkeypatch.setattr(progress, "LONG", float("inf"))
+    from sindyjoint.cli import main
 
     def run(*arguments: object) -> Answer:
         capsys.readouterr()

@@ -1,4 +1,4 @@
-"""What a command says on stderr while it works: a spinner with the time that remains, or a line for each stage."""
+"""What a command says on stderr while it works: on a terminal a spinner with the time that remains, else nothing."""
 
 from __future__ import annotations
 
@@ -19,15 +19,13 @@ Verbose = Annotated[
 ]
 
 
-LONG = 3.0
 COUNT = re.compile(r": (\d+) of (\d+)$")
 
 
 class Progress:
-    """Tell of the stages: a spinner where stderr is a terminal, or a line for each with the time since the start.
+    """Show the stages: by a spinner where stderr is a terminal, or by a line for each with the time since the start.
 
-    Without ``--verbose`` the lines are those of what takes long: none in the first :data:`LONG` seconds. What fails at
-    once then still fails in one line.
+    Lines are for ``--verbose`` alone: what is no terminal gets warnings and errors, and what fails fails in one line.
 
     Parameters
     ----------
@@ -48,8 +46,6 @@ class Progress:
         self.quiet = quiet
         self._verbose, self._stage = verbose, ""
         self._spins = not quiet and not verbose and sys.stderr.isatty()
-        self._lines = not quiet and not self._spins
-        self._silent = 0.0 if verbose else LONG
         self._status: Any = None
         self._start = time.perf_counter()
         self._first: tuple[str, int, float] = ("", 0, 0.0)
@@ -76,8 +72,8 @@ class Progress:
             self._status.update(stage + self._remaining(stage))
             return
         before, self._stage = self._stage, stage.partition(":")[0]
-        seconds = time.perf_counter() - self._start
-        if self._lines and self._stage != before and seconds >= self._silent:
+        if self._verbose and self._stage != before:
+            seconds = time.perf_counter() - self._start
             print(f"{seconds:7.2f} s  {stage}", file=sys.stderr, flush=True)
 
     def _remaining(self, stage: str) -> str:

@@ -293,6 +293,7 @@ def discover_rig(
     InputError
         For a file that cannot be used, too few sensors, or runs that are too short.
     """
+    from sindyjoint.discovery.foreign_library import catalogue_of
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
     from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings
     from sindyjoint.mechanics.rig_test import RigTest
@@ -306,6 +307,7 @@ def discover_rig(
     runs = test.identification_runs
     if not runs:
         raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    catalogue_of(library)  # before work that takes seconds
     say("recovering angles and moments of the joints")
     recoveries = tuple(recover(test, run) for run in runs)
     update = update_structure(test, recoveries)

@@ -1,4 +1,4 @@
-"""What a command says while it works: how long a stage that counts will take, and a line per stage off a terminal."""
+"""What a command says while it works: on a terminal how long a stage will take, elsewhere nothing unless asked."""
 
 import sys
 
@@ -38,16 +38,14 @@ def test_a_terminal_shows_the_time_that_remains(clock, monkeypatch):
         assert spinner.said == shown
 
 
-def test_off_a_terminal_each_stage_has_one_line(clock, capsys, monkeypatch):
-    monkeypatch.setattr(progress, "LONG", 3.0)
-    told, quiet = Progress(), Progress(quiet=True)
-    for seconds, stage in (
-        (1.0, "force states"),
-        (4.0, "simulating runs: 1 of 2"),
-        (5.0, "simulating runs: 2 of 2"),
-    ):
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [({}, ""), ({"quiet": True}, ""), ({"verbose": True}, "   4.00 s  simulating runs: 1 of 2\n")],
+    ids=["usual", "quiet", "verbose"],
+)
+def test_off_a_terminal_only_verbose_has_a_line_for_each_stage(clock, capsys, options, expected):
+    shown = Progress(**options)
+    for seconds, stage in ((4.0, "simulating runs: 1 of 2"), (5.0, "simulating runs: 2 of 2")):
         clock[0] = seconds
-        told.say(stage)
-        quiet.say(stage)
-    # What takes no three seconds says nothing: what fails at once fails in one line.
-    assert capsys.readouterr().err == "   4.00 s  simulating runs: 1 of 2\n"
+        shown.say(stage)
+    assert capsys.readouterr().err == expected

@@ -124,12 +124,11 @@ def test_an_interruption_of_advice_leaves_the_diagnosis(
 
     write_campaign(campaign, tmp_path / "tests")
     monkeypatch.setattr(engine, "advise", interrupted)
-    monkeypatch.setattr("sindyjoint.cli.progress.LONG", 0.0)
-    answer = sindyjoint("diagnose", tmp_path / "tests", "--out", tmp_path / "out", "--max-effects", "1")
+    command = ("diagnose", tmp_path / "tests", "--out", tmp_path / "out", "--max-effects", "1", "--verbose")
+    answer = sindyjoint(*command)
     assert answer.status == 130
-    # Off a terminal: a line for each stage.
-    stages = [line.split(" s  ")[1] for line in answer.stderr.splitlines()[:3]]
-    assert stages == ["checking the data", "force states", "the gap"]
+    stages = [line.split(" s  ")[1] for line in answer.stderr.splitlines()[:4]]
+    assert stages == ["starting", "checking the data", "force states", "the gap"]
     record = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert record["advice_search"]["status"] == "not_sought" and record["steps"]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
