@@ -43,7 +43,7 @@ class SubstructurePolicy:
     )
     disagrees: float = limit(
         2.0,
-        "mean square of what is left of the sensors, in their noise, beyond which they disagree with the structure as "
+        "mean square of the residual of the sensors, in their noise, beyond which they disagree with the structure as "
         "described",
         source="noise alone makes 1",
     )
@@ -60,7 +60,7 @@ class SubstructurePolicy:
     )
     explained: float = limit(
         10.0,
-        "mean square of what is left of the rows, in that of the noise, up to which a term may stand out: beyond it "
+        "mean square of the residual of the rows, in that of the noise, up to which a term may stand out: beyond it "
         "the structure is another, and terms stand for that",
         source="1.8 with the pulse rig's beams 1 % wrong and updated, above 40 without the update",
     )
