@@ -1,13 +1,12 @@
 """The loop of a diagnosis on a problem made by hand: what is accepted, refused, taken back, and why it stops."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis.strategies import booleans, floats, just, one_of, tuples
 
-from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.loop import (
     Outcome,
     Progress,
@@ -18,81 +17,11 @@ from sindyjoint.diagnosis.loop import (
     without_needless_delay,
 )
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE
-from sindyjoint.diagnosis.problem import Added, Proposal, Start
 from sindyjoint.diagnosis.ranking import EvidenceScale, rank
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.diagnosis.verdict import Gaps, Residual, discount, judge, share_beyond_noise
 from sindyjoint.policy import described
-
-
-@dataclass(frozen=True)
-class Effect:
-    name: str
-    gain: float
-    gap: Gap
-    family: str = "made"
-    parameters: dict = field(default_factory=dict)
-    contains: tuple = ()
-
-
-@dataclass(frozen=True)
-class Made:
-    """Effects that each bring the gap to a figure of their own; ``second`` is proposed as the other of a pair."""
-
-    candidates: tuple
-    found: tuple = ()
-    gap: Gap = Gap(1.0, 1.0, 1.0)
-    noise_measured: bool = False
-    is_noise: bool = False
-    paired: tuple = ()
-    needless: str = ""
-    dropped: tuple = ()
-    policy: object = CAMPAIGN
-    impossible: tuple = ()
-    noise: float = 0.0001
-    swallowed: tuple = ()
-
-    def floor(self):
-        return Gap(self.noise, self.noise)
-
-    def replaced(self, name, other):
-        found = (*(f for f in self.found if f.name != name), other)
-        return replace(self, found=found, gap=other.gap, dropped=self.swallowed)
-
-    def propose(self, refused, pairs, say):
-        open_ones = [c for c in self.candidates if c.name not in refused and c not in self.found]
-        if not open_ones:
-            return None
-        scale = EvidenceScale(2000.0, 1000.0, 1000.0, 0.0)
-        ranking = rank(open_ones, [1] * len(open_ones), scale, self.policy)
-        return Proposal(ranking, pairs and ranking.fitted[0].name in self.paired)
-
-    def complaint(self, candidate=None):
-        return (
-            f"{candidate.name} pushes" if candidate is not None and candidate.name in self.impossible else ""
-        )
-
-    def add(self, best):
-        if np.isnan(best.gap.moment):
-            return None
-        again = {self.needless: None} if self.needless in [f.name for f in self.found] else {}
-        found = (*(f for f in self.found if f.name not in again), best)
-        return Added(replace(self, found=found, gap=best.gap), again)
-
-    def zero_errors(self, refused):
-        return None
-
-    def without_delay(self):
-        return None
-
-    def ranked_again(self, name, members):
-        return None
-
-    def gap_without(self, names):
-        return self.gap
-
-    def units(self, fitted):
-        return {}
+from tests.diagnosis.handmade_problem import Effect, Made
 
 
 def outcome(**changes):
@@ -399,69 +328,3 @@ def test_the_members_of_the_last_class_are_tried_in_its_place():
     # One beside which another step is needless is not of that class.
     greedy = replace(here, problem=replace(here.problem, swallowed=("first",)))
     assert not list(other_members(greedy))
-
-
-@dataclass(frozen=True)
-class Told:
-    verdict: str
-    final: Gap
-    steps: tuple
-    warnings: tuple = ()
-
-
-@dataclass(frozen=True)
-class Based(Made):
-    """A problem that can be started from another base."""
-
-    other: Made | None = None
-    numbers: int = 0
-    initial_gap = Gap(1.0, 1.0, 1.0)
-
-    def corrected(self):
-        return self, ()
-
-    def zero_start(self, straight, last, say):
-        return None
-
-    def other_starts(self, straight, last, say, whole=False):
-        return iter([Start(self.other, (), "another base", self)] if self.other and not whole else [])
-
-    def residual(self, straight):
-        return Residual(0.0, 1.0, 0.0)
-
-    def uncertainty(self):
-        return Gap(0.0, 0.0)
-
-    def finished(self):
-        return self
-
-    def budget(self, first, last):
-        return None
-
-    def places(self):
-        return ()
-
-    def diagnosis(self, first, found):
-        return Told(found["verdict"], found["final"], found["steps"])
-
-
-@pytest.mark.parametrize(
-    ("alone", "end", "used"),
-    [
-        (Gap(0.30, 0.30, 0.3), Gap(0.25, 0.42, 0.25), "right"),  # hardly worse, and ahead before the search
-        (Gap(0.38, 0.30, 0.3), Gap(0.35, 0.42, 0.35), "stand_in"),
-        (Gap(0.38, 0.30, 0.3), Gap(0.25, 0.25, 0.25), "right"),
-    ],
-)
-def test_the_base_that_is_better_held_out_is_used_and_the_other_one_told(alone, end, used):
-    stand_in = Effect("stand_in", 900.0, Gap(0.36, 0.27, 0.36))
-    other = Based(candidates=(Effect("right", 900.0, end),), gap=alone)
-    first = Based(candidates=(stand_in,), other=other)
-    result = explain_gap(first, 4, lambda words: None, advised=False)
-    assert [s.effect for s in result.steps] == [used] and result.verdict == "partly_named"
-    (line,) = result.warnings
-    given, found = "from the model as it was given", "from another base"
-    assert line.startswith(
-        f"the search started {found if used == 'right' else given}, which ends with a gap of"
-    )
-    assert f"{given if used == 'right' else found} it ends with" in line

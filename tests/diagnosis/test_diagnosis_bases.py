@@ -1,0 +1,77 @@
+"""From which base a diagnosis starts, on problems made by hand."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from sindyjoint.diagnosis.engine import explain_gap
+from sindyjoint.diagnosis.problem import Start
+from sindyjoint.diagnosis.result import Gap
+from sindyjoint.diagnosis.verdict import Residual
+from tests.diagnosis.handmade_problem import Effect, Made
+
+
+@dataclass(frozen=True)
+class Told:
+    verdict: str
+    final: Gap
+    steps: tuple
+    warnings: tuple = ()
+
+
+@dataclass(frozen=True)
+class Based(Made):
+    """A problem that can be started from another base."""
+
+    other: Made | None = None
+    numbers: int = 0
+    initial_gap = Gap(1.0, 1.0, 1.0)
+
+    def corrected(self):
+        return self, ()
+
+    def zero_start(self, straight, last, say):
+        return None
+
+    def other_starts(self, straight, last, say, whole=False):
+        return iter([Start(self.other, (), "another base", self)] if self.other and not whole else [])
+
+    def residual(self, straight):
+        return Residual(0.0, 1.0, 0.0)
+
+    def uncertainty(self):
+        return Gap(0.0, 0.0)
+
+    def finished(self):
+        return self
+
+    def budget(self, first, last):
+        return None
+
+    def places(self):
+        return ()
+
+    def diagnosis(self, first, found):
+        return Told(found["verdict"], found["final"], found["steps"])
+
+
+@pytest.mark.parametrize(
+    ("alone", "end", "used"),
+    [
+        (Gap(0.30, 0.30, 0.3), Gap(0.25, 0.42, 0.25), "right"),  # hardly worse, and ahead before the search
+        (Gap(0.38, 0.30, 0.3), Gap(0.35, 0.42, 0.35), "stand_in"),
+        (Gap(0.38, 0.30, 0.3), Gap(0.25, 0.25, 0.25), "right"),
+    ],
+)
+def test_the_base_that_is_better_held_out_is_used_and_the_other_one_told(alone, end, used):
+    stand_in = Effect("stand_in", 900.0, Gap(0.36, 0.27, 0.36))
+    other = Based(candidates=(Effect("right", 900.0, end),), gap=alone)
+    first = Based(candidates=(stand_in,), other=other)
+    result = explain_gap(first, 4, lambda words: None, advised=False)
+    assert [s.effect for s in result.steps] == [used] and result.verdict == "partly_named"
+    (line,) = result.warnings
+    given, found = "from the model as it was given", "from another base"
+    assert line.startswith(
+        f"the search started {found if used == 'right' else given}, which ends with a gap of"
+    )
+    assert f"{given if used == 'right' else found} it ends with" in line
