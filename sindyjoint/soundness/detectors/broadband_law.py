@@ -43,6 +43,7 @@ class Samples:
     moment: Array
     part: NDArray[np.intp]
     repeats: ClassVar[bool] = False
+    frequency: ClassVar[None] = None
 
     @classmethod
     def of(cls, states: Sequence[ForceStates]) -> Samples:
