@@ -169,6 +169,9 @@ class SoundnessPolicy:
         "least ratio of the slopes of both halves of a drift, which a start-up does not keep",
         source=CALIBRATED,
     )
+    drift_left: float = limit(
+        0.15, "RMS that the law and a drift may leave of a run that does not repeat, in parts of the moment's"
+    )
     clock_drift: float = limit(
         0.03, "drift of the phase between the channels that is reported", unit="rad", source=CALIBRATED
     )
@@ -201,6 +204,9 @@ class SoundnessPolicy:
     )
     compared_rows: float = limit(
         0.2, "share of a run's rows that the others must cover to be held against it"
+    )
+    stray_rows: float = limit(
+        0.05, "share of a run's rows, those furthest from the law, that alone make no departure"
     )
     gain_explains: float = limit(
         0.4, "what a factor must leave of the departure, at most, to explain it", source=CALIBRATED

@@ -291,13 +291,14 @@ class Held:
     def departs(self, run: int) -> bool:
         """Return whether a run departs where the others can say what is expected, and its kin does not depart alike.
 
-        No law that was fitted holds beyond the motion that it was fitted to, and what all runs of a frequency show is
-        the joint's.
+        No law that was fitted holds beyond the motion that it was fitted to, two runs leave open which of three is odd,
+        and what all runs of a frequency show is the joint's. A few rows at the steps of friction are no departure.
         """
         rows, covered = self.rows([run]), self._covered(run)
-        if np.mean(covered) < POLICY.compared_rows:
+        if len(self.alike) < POLICY.fewest_compared or np.mean(covered) < POLICY.compared_rows:
             return False
-        within = rms((rows.target[0] - rows.columns[0] @ self.law)[covered])
+        left = np.sort(np.abs(rows.target[0] - rows.columns[0] @ self.law)[covered])
+        within = rms(left[: int(np.ceil((1 - POLICY.stray_rows) * left.size))])
         return within > max(POLICY.run_departure, POLICY.run_contrast * self.common) and not self._kin_too(
             run
         )
