@@ -205,6 +205,10 @@ class SoundnessPolicy:
     compared_rows: float = limit(
         0.2, "share of a run's rows that the others must cover to be held against it"
     )
+    another_scale: float = limit(
+        10.0,
+        "ratio of a run's swing to the usual one, either way, from which it is no edge of a common range",
+    )
     stray_rows: float = limit(
         0.05, "share of a run's rows, those furthest from the law, that alone make no departure"
     )
