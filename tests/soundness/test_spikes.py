@@ -36,3 +36,13 @@ def test_a_joint_that_jumps_back_and_forth_on_its_way_in_has_no_spikes():
 )
 def test_what_knows_nothing_of_the_motion_is_a_spike(at, values):
     assert spiked(at, values) == [("spikes", "angle")]
+
+
+@pytest.mark.parametrize(("stops", "ids"), [(True, []), (False, [("spikes", "moment")])])
+def test_a_blow_that_stops_the_motion_is_no_spike(stops, ids):
+    angle = np.minimum(TIME, 2.0) if stops else TIME
+    noise = np.random.default_rng(1).standard_normal((2, TIME.size))
+    moment = np.sin(TIME) + 0.01 * noise[0]
+    moment[2000] += 4
+    run = Run("run", moment, angle + 1e-5 * noise[1], RATE)
+    assert [(f.id, f.channel) for f in find_spikes([profile_of(run)], words_of("rotation"))] == ids
