@@ -9,8 +9,9 @@ python benchmarks/bench_soundness.py show verdicts.jsonl
 ``run`` appends one line per joint and kind and skips those that the file holds already. Names: faults of
 tests/soundness/faults.py, ``sound`` (the same joints as they are), ``law`` (each seed another effect of
 tests/diagnosis/hidden_effects.py: a law that is no fault), ``multisine`` and ``sweep``. With ``--verdicts`` discovery
-and diagnosis answer, too (or discovery alone, much sooner), whatever stops them accepted: ``show`` then lists each *confirmed* or *refuted* that the
-sound campaign denies (``sound`` must be among the names), and each law above 0.8 that is not there.
+and diagnosis answer, too (or discovery alone, much sooner), whatever stops them accepted: ``show`` then lists each
+*confirmed* or *refuted* that the sound campaign denies (``sound`` must be among the names), and each law above 0.8 that
+is not there.
 """
 
 from __future__ import annotations
