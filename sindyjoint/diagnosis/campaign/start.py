@@ -44,7 +44,10 @@ from sindyjoint.states.rows import group_labels
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A campaign on its way through the loop: runs, states and rows as corrected so far."""
+    """A campaign on its way through the loop: runs, states and rows as corrected so far.
+
+    Sliders of runs that do not repeat begin where the joint rests (``rest``, rad), or at the mean of the motion.
+    """
 
     campaign: Campaign
     runs: tuple[Run, ...]
@@ -53,6 +56,7 @@ class Work:
     model: JointModel
     rows: tuple[GapRun, ...]
     policy: DiagnosisPolicy = CAMPAIGN
+    rest: float | None = None
 
     @classmethod
     def build(
@@ -76,7 +80,7 @@ class Work:
             rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
             rows = tuple(row.centred(rest) for row in rows)
         rows = without_processing(rows, errors)
-        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy)
+        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy, rest)
 
     def again(
         self,

@@ -297,6 +297,7 @@ def _motion(
         keep=keep,
         repeats=repeats,
         began=states.began,
+        centre=float(np.mean(angle)),
         inputs={name: np.interp(instants, states.time, values) for name, values in states.inputs.items()},
     )
 

@@ -98,9 +98,11 @@ class GapRun:
         stretch = np.arange(size) * STRETCHES // size
         return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
 
-    def centred(self, rest: float) -> GapRun:
-        """Return the run with the angle at which its sliders are in their middle; what repeats finds that itself."""
-        return self if self.folded else replace(self, motion=replace(self.motion, centre=rest))
+    def centred(self, rest: float | None) -> GapRun:
+        """Return the run with sliders that are in their middle where the joint rests; of what repeats at its mean."""
+        return (
+            self if self.folded or rest is None else replace(self, motion=replace(self.motion, centre=rest))
+        )
 
     def rough(self) -> GapRun:
         """Return the run for searching nonlinear parameters: internal states are integrated in longer steps."""
