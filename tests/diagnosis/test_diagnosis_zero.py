@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.campaign.add import counted_from_zero
 from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.start import Work, first_model
@@ -30,10 +31,10 @@ def shift_of(campaign, share):
     return share * max(float(np.ptp(run.angle)) / 2 for run in campaign.runs)
 
 
-def fitted_beside(campaign, name, numbers):
-    """Return the five terms, a constant and an effect fitted together, and the simulated response's gap."""
+def fitted_beside(campaign, name, numbers, zero="constant_moment"):
+    """Return the five terms, a zero error and an effect fitted together, and the simulated response's gap."""
     states = campaign_states(campaign)
-    constant, effect = (select_effects(load_effects(), [each])[0] for each in ("constant_moment", name))
+    constant, effect = (select_effects(load_effects(), [each])[0] for each in (zero, name))
     effects = [
         FittedEffect(constant, constant.variants[0], np.empty(0), np.ones(1), 0.0),
         FittedEffect(effect, effect.variants[0], np.array(numbers), np.ones(1), 0.0),
@@ -42,7 +43,7 @@ def fitted_beside(campaign, name, numbers):
     groups = group_labels(states)
     for _ in range(2):  # the rows' own noise needs the slopes of the law
         work = Work.build(campaign, campaign.identification_runs, states, groups, model, effects)
-        repaired = refit(work.rows, work.model, effects)
+        work, repaired = counted_from_zero(work, refit(work.rows, work.model, effects))
         model = repaired.model
     return repaired, response_gap(work, model, repaired.effects)
 
@@ -84,6 +85,22 @@ def test_a_slider_does_not_notice_where_the_sensor_has_its_zero(name, seed, shar
         held = follows_the_taylor_shift(before, after, shift)
         assert len(held) == 5 and all(held.values()), held
         assert shifted.effects[1].coefficients == pytest.approx(plain.effects[1].coefficients, rel=0.01)
+
+
+def test_a_zero_error_of_the_angle_leaves_the_law_as_it_is():
+    """Its column is the secant of the law, not the tangent at the sensor's zero."""
+    hidden = hide("jenkins_element", 5, duration=2.0)
+    numbers = hidden.parameters[1:]
+    plain, gap = fitted_beside(hidden.campaign, "jenkins_element", numbers)
+    shift = shift_of(hidden.campaign, 0.2)
+    later, gap_there = fitted_beside(
+        moved(hidden.campaign, shift), "jenkins_element", numbers, "angle_offset"
+    )
+    assert gap_there == pytest.approx(gap, rel=0.02)
+    assert later.effects[0].coefficients == pytest.approx([shift], rel=0.01)
+    before, after = ({term.id: term for term in each.model.terms} for each in (plain, later))
+    held = follows_the_taylor_shift(before, after, 0.0)
+    assert all(held.values()), held
 
 
 def test_a_run_that_does_not_repeat_brings_its_sliders_from_where_the_joint_rests():

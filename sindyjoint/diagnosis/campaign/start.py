@@ -20,10 +20,10 @@ from sindyjoint.diagnosis.campaign.repair import (
     refit_nonlinear,
     rest_angle,
 )
-from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import about_zero, gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.effects.from_model import effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
@@ -80,6 +80,8 @@ class Work:
             rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
             rows = tuple(row.centred(rest) for row in rows)
         rows = without_processing(rows, errors)
+        zero = Corrections.of(effects).zero
+        rows = tuple(about_zero(row, model, zero) for row in rows) if zero else rows
         return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy, rest)
 
     def again(

@@ -50,6 +50,8 @@ class GapRun:
         For pictures: the target of a run that does not repeat at every sample, NaN where the joint sticks.
     processing : ndarray, shape (m,), optional
         What the processing leaves of the model's own simulation, N·m: taken off the target.
+    zero : float
+        From which the model counts the angle, rad.
     """
 
     name: str
@@ -66,6 +68,7 @@ class GapRun:
     record: Array | None = None
     processing: Array | None = None
     noise_share: float = 1.0
+    zero: float = 0.0
 
     def whole(self) -> GapRun:
         """Return the run with every moving sample of its record as a row; its noise is not that of these rows."""
