@@ -231,28 +231,32 @@ class JointElement:
         count = len(self.columns)
         return replace(self, columns=later[:count], parameters=later[count:])
 
-    def along(self, angle: ArrayLike, rate: ArrayLike, step: float) -> Array:
+    def along(self, angle: ArrayLike, rate: ArrayLike, step: float, rest: float = 0.0) -> Array:
         """Return its moment along a motion, shape (n,), N·m (N).
 
         Parameters
         ----------
         angle, rate : array_like, shape (n,)
-            rad, rad/s, evenly spaced; at the first sample the states are as a joint at rest has them.
+            rad, rad/s, evenly spaced.
         step : float
             s between samples.
+        rest : float
+            Angle from which the joint came to the first sample, rad: there its sliders are in their middle.
         """
-        return np.asarray(self.columns_along(angle, rate, step) @ self.coefficients)
+        return np.asarray(self.columns_along(angle, rate, step, rest) @ self.coefficients)
 
-    def columns_along(self, angle: ArrayLike, rate: ArrayLike, step: float) -> Array:
+    def columns_along(self, angle: ArrayLike, rate: ArrayLike, step: float, rest: float = 0.0) -> Array:
         """Return its columns without their coefficients along such a motion, shape (n, n_columns)."""
         theta, omega = (np.asarray(x, dtype=np.float64) for x in (angle, rate))
         form, values = self.form, self.values
-        states = states_along(form, values, theta, omega, step)
+        states = states_along(form, values, theta, omega, step, rest=rest)
         columns = compile_terms([c.expression for c in form.columns], form.arguments)
         return np.asarray(columns(theta, omega, *states, *map(float, values)))
 
 
-def states_along(form: Form, values: Array, angle: Array, rate: Array, step: float, passes: int = 1) -> Array:
+def states_along(
+    form: Form, values: Array, angle: Array, rate: Array, step: float, passes: int = 1, rest: float = 0.0
+) -> Array:
     """Return the internal states of a form along a motion, in the last of so many passes, shape (n_states, n)."""
     from sindyjoint.equation.internal_states import integrate_runs
 
@@ -260,8 +264,7 @@ def states_along(form: Form, values: Array, angle: Array, rate: Array, step: flo
         return np.empty((0, angle.size))
     parameters = np.array(values, dtype=np.float64)
     # Four parts of a step: a reversal within one is then placed well enough.
-    # At rest at zero angle a slider is in its middle; where it never slips it stays about there.
-    timing = np.array([step]), np.array([passes]), np.array([4]), angle[:1]
+    timing = np.array([step]), np.array([passes]), np.array([4]), angle[:1] - rest
     integrate: Any = integrate_runs
     states: Array = integrate(
         angle, rate, np.array([angle.size]), timing, parameters, form.limits(parameters), form.state_program

@@ -12,8 +12,8 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import brought_from_zero, simulate, transfer_moment
-from sindyjoint.numeric import Array, rms
+from sindyjoint.mechanics.stickslip import brought_from_rest, simulate, transfer_moment
+from sindyjoint.numeric import Array, rising_zero, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
@@ -23,6 +23,8 @@ from sindyjoint.states import ForceStates, force_states
 WINDOW = 1.0
 # Steps of internal states per sample along a measured motion.
 SUBSTEPS = 8
+# Angles among which that at which a joint rests is looked for.
+RESTS = 401
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -205,7 +207,7 @@ def simulate_run(
     failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
     try:
         if response_only and drive == "moment" and (states.method == "periodic" or states.repeated):
-            inner = brought_from_zero(law, states.angle, states.rate)[:, None]
+            inner = brought_from_rest(law, states.angle, states.rate, rest_of(law, states))[:, None]
         else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
             if isinstance(law, LawInRun):
@@ -214,7 +216,7 @@ def simulate_run(
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
-            elif not states.repeated:
+            else:
                 # Many settle in a period that is not compared; a slider that never yields keeps where it began.
                 options = {"initial_state": inner[:, 0], **options}
             motion = _simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
@@ -254,10 +256,27 @@ def along_motion(
         np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
     )
     acceleration = np.concatenate([np.zeros(size), states.acceleration])
+    rest = rest_of(law, states)
     moment, inner = transfer_moment(
-        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps
+        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps, rest=rest
     )
     return moment[size:], inner[:, size:]
+
+
+def rest_of(law: Law, states: ForceStates) -> float:
+    """Return the angle from which a run brings the sliders of a law, rad: one that never yields shows it ever after.
+
+    Of a motion that repeats its mean, about which loops that fade leave a slider in its middle. Of any other the angle
+    at which the joint rests unloaded, nearest to that mean and within the motion; the mean where there is none.
+    """
+    mean = float(np.mean(states.angle))
+    if not law.n_states or states.method == "periodic" or states.repeated:
+        return mean
+    angle = np.linspace(float(np.min(states.angle)), float(np.max(states.angle)), RESTS)
+    still, inner = np.zeros(RESTS), np.zeros((law.n_states, RESTS))
+    sides = [law.moment(angle, still, np.full(RESTS, side), inner) for side in (-1.0, 1.0)]
+    rest = rising_zero(angle, 0.5 * (sides[0] + sides[1]), mean)
+    return mean if rest is None else rest
 
 
 def settling(states: ForceStates) -> int:
@@ -319,7 +338,7 @@ def _simulate_motion(
     if "limits" not in options:
         options["limits"] = angle_limits(law, states, drive)
     if states.repeated:
-        # Internal states of the law are not known at the start; they settle within one period.
+        # What internal states are at the start is known roughly; they settle within one period.
         periods = repeated(states.moment, states.n_samples / run.sample_rate)
         at = (states.angle[0], states.rate[0])
         duration = 2 * states.n_samples / run.sample_rate

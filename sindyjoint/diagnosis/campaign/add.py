@@ -14,13 +14,15 @@ from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
 
 LONGEST = POLICY.longest_delay  # that the linear steps may reach
+SAME_ZERO = 1e-4  # change of a zero error, of itself, that is none
+ZERO_ROUNDS = 12
 ROUNDS = 4  # of delays and nonlinear parameters in turn; the third changes neither by its error
 
 Retested = dict[str, Ranking[FittedEffect] | None]
@@ -53,8 +55,22 @@ def add_effect(
         # The rows are weighted anew by the residual, and with them the nonlinear parameters.
         effects = _refitted(replace(work, model=repaired.model), repaired.effects)
         repaired = refit(work.rows, repaired.model, effects, work.policy)
+    work, repaired = counted_from_zero(work, repaired)
     work = replace(work, model=repaired.model)
     return work, replace(repaired, effects=(*shifts, *repaired.effects)), again
+
+
+def counted_from_zero(work: Work, repaired: Repaired) -> tuple[Work, Repaired]:
+    """Correct what one linear step missed of a zero error of the angle: its column is that of the law in the end."""
+    for _ in range(ZERO_ROUNDS):
+        zero = Corrections.of(repaired.effects).zero
+        if not zero:
+            break
+        work = work.again(repaired.model, repaired.effects)
+        repaired = refit(work.rows, work.model, repaired.effects, keeping(work.policy))
+        if abs(Corrections.of(repaired.effects).zero - zero) < SAME_ZERO * abs(zero):
+            break
+    return work, repaired
 
 
 def without_term(work: Work, name: str) -> Work:

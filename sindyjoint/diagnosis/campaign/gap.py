@@ -44,7 +44,7 @@ def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) ->
     shift = Corrections.of(effects).shift
     states = [shifted(s, shift) for s in work.kept_states]
     rows = gap_runs(states, model, [s.run for s in states], work.policy)
-    return tuple(row.centred(work.rows[0].motion.centre) for row in rows)
+    return tuple(row.centred(work.rest) for row in rows)
 
 
 def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()) -> tuple[GapRun, ...]:

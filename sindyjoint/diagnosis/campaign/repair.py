@@ -13,10 +13,11 @@ from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
-from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, rising_zero
 from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.response.run import RESTS
 
 FRICTION = "friction"  # the family
 MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out
@@ -113,42 +114,40 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
     return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
 
 
-def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()) -> float:
+def rest_angle(
+    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()
+) -> float | None:
     """Return where the elastic moment of the terms and a constant, fitted beside effects, is zero; rad.
 
-    Nearest to the middle; zero where there is no such angle, and where it is not known: where no linear stiffness
-    stands out of its error about it, or where terms and effects leave much of the moment.
+    Nearest to the mean of the motion and within it. None where there is no such angle, and where it is not known: where
+    no stiffness about it stands out of its error, or where terms and effects leave much of the moment.
     """
-    if "linear_stiffness" not in model.ids:
-        return 0.0
-
     beside = [e for e in effects if e.family != "measurement"]
     plain = [np.column_stack([base_columns(model, r), np.ones(r.target.size)]) for r in runs]
     own = np.vstack([run.white(rows) for run, rows in zip(runs, plain, strict=True)])
     columns = np.hstack([own, *(effect_rows(runs, e) for e in beside)])
     solved, covariance = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
-    place = model.ids.index("linear_stiffness")
-    if not solved[place] > CAMPAIGN.needless_ratio * np.sqrt(covariance[place, place]):
-        return 0.0
     moment = np.concatenate([run.target for run in runs])
     whole = [
         np.hstack([rows, *(e.variant.along(r.motion, e.values) for e in beside)])
         for r, rows in zip(runs, plain, strict=True)
     ]
     if np.linalg.norm(moment - np.vstack(whole) @ solved) > CAMPAIGN.rest_misfit * np.linalg.norm(moment):
-        return 0.0
-    solved = solved[: own.shape[1]]
-    largest = max(float(np.abs(run.angle).max()) for run in runs)
-    angle = np.linspace(-largest, largest, 401)
-    function = compile_terms([term.expression for term in model.terms])
-    rest = np.zeros_like(angle)
-    elastic = function(angle, rest, rest) @ solved[:-1] + solved[-1]
-    change = np.flatnonzero(np.diff(np.sign(elastic)) != 0)
-    if not change.size:
-        return 0.0
-    nearest = change[np.argmin(np.abs(angle[change]))]
-    low, high = elastic[nearest], elastic[nearest + 1]
-    return float(angle[nearest] - low * (angle[nearest + 1] - angle[nearest]) / (high - low))
+        return None
+    size = own.shape[1]
+    solved, covariance = solved[:size], covariance[:size, :size]
+    moved = np.concatenate([run.motion.angle for run in runs])
+    angle = np.linspace(float(moved.min()), float(moved.max()), RESTS)
+    still = np.zeros_like(angle)
+    inputs = model.input_arrays(None, angle.shape)
+    terms = compile_terms([term.expression for term in model.terms], (*VARIABLES, *inputs))
+    elastic = np.column_stack([terms(angle, still, still, *inputs.values()), still + 1])
+    rest = rising_zero(angle, elastic @ solved, float(moved.mean()))
+    if rest is None:
+        return None
+    slope = np.array([np.interp(rest, angle, np.gradient(column, angle)) for column in elastic.T])
+    sure = slope @ solved > CAMPAIGN.needless_ratio * np.sqrt(slope @ covariance @ slope)
+    return rest if sure else None
 
 
 def coefficients_of(model: JointModel, effects: Sequence[FittedEffect]) -> Array:

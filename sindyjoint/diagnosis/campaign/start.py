@@ -20,10 +20,10 @@ from sindyjoint.diagnosis.campaign.repair import (
     refit_nonlinear,
     rest_angle,
 )
-from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import about_zero, gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.effects.from_model import effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
@@ -44,7 +44,10 @@ from sindyjoint.states.rows import group_labels
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A campaign on its way through the loop: runs, states and rows as corrected so far."""
+    """A campaign on its way through the loop: runs, states and rows as corrected so far.
+
+    Sliders of runs that do not repeat begin where the joint rests (``rest``, rad), or at the mean of the motion.
+    """
 
     campaign: Campaign
     runs: tuple[Run, ...]
@@ -53,6 +56,7 @@ class Work:
     model: JointModel
     rows: tuple[GapRun, ...]
     policy: DiagnosisPolicy = CAMPAIGN
+    rest: float | None = None
 
     @classmethod
     def build(
@@ -76,7 +80,9 @@ class Work:
             rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
             rows = tuple(row.centred(rest) for row in rows)
         rows = without_processing(rows, errors)
-        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy)
+        zero = Corrections.of(effects).zero
+        rows = tuple(about_zero(row, model, zero) for row in rows) if zero else rows
+        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy, rest)
 
     def again(
         self,

@@ -215,14 +215,14 @@ def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, mo
     if run.folded:
         motion, moment, _ = _mean_period(replicate, model, run.motion.angle.size)
         target = moment - (model.joint.inertia or 0.0) * motion.acceleration
-        return replace(run, motion=motion, target=target[motion.keep])
+        return about_zero(replace(run, motion=motion, target=target[motion.keep]), model, run.zero)
     every = _stride(states)
     rows = np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate / every).astype(
         int
     )
     moments, motion = _strided_motion(replicate, model, rows)
     motion = replace(motion, centre=run.motion.centre)
-    return replace(run, motion=motion, target=moments[rows])
+    return about_zero(replace(run, motion=motion, target=moments[rows]), model, run.zero)
 
 
 def _free_decay(states: ForceStates, model: JointModel, group: str, policy: DiagnosisPolicy) -> GapRun | None:
@@ -297,8 +297,26 @@ def _motion(
         keep=keep,
         repeats=repeats,
         began=states.began,
+        centre=float(np.mean(angle)),
         inputs={name: np.interp(instants, states.time, values) for name, values in states.inputs.items()},
     )
+
+
+def about_zero(run: GapRun, model: JointModel, zero: float) -> GapRun:
+    """Return the rows of a run whose angle the model counts from another zero θ₀.
+
+    What the zero error adds is −θ₀·[M(θ) − M(θ − θ₀)]/θ₀: the secant takes the place of the slope.
+    """
+    if not zero:
+        return run
+    motion = run.motion
+    names = [each.name for each in model.inputs if each.name in motion.inputs]
+    held = model.at(**{name: float(np.mean(motion.inputs[name])) for name in names})
+    there = motion.angle - zero
+    stiffness, damping = slopes(held, there, motion.rate)
+    secant = (held.moment(motion.angle, motion.rate) - held.moment(there, motion.rate)) / zero
+    rate = stiffness * motion.rate + damping * motion.acceleration
+    return replace(run, motion=replace(motion, moment_rate=rate, moment_slope=secant), zero=zero)
 
 
 def base_columns(model: JointModel, run: GapRun) -> Array:
