@@ -28,8 +28,9 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.numeric import Array
 
-# Beyond this share of a number and so many of its standard errors the processing is not known to move it so.
-LARGEST, LARGEST_SIGMAS = 0.5, 2.0
+# Beyond this share of a number and so many of its standard errors the processing is not known to move it so, unless
+# replicates with the numbers found differ from the measurement by little more than the noise, as a ratio of squares.
+LARGEST, LARGEST_SIGMAS, LIKE_NOISE = 0.5, 2.0, 2.0
 # Trials of the numbers, and the step, in standard errors, at which they end.
 ROUNDS, SAME = 8, 0.1
 # A nonlinear parameter of an effect stays above this share of where its fit began.
@@ -66,7 +67,7 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     An element is used in the form, of those that the catalogue has of it, whose replicates are most like the
     measurement: rounded corners of one form look like another. Of forms that are alike the plainest is used, and a note
     names the others. The model stays as it is where it has no element, where runs do not repeat, where a simulation
-    does not follow them, or where a number would move by more than its half.
+    does not follow them, or where a number would move by more than its half and replicates stay unlike the measurement.
     """
     if not any(is_element(e) for e in repaired.effects) or not all(row.folded for row in work.rows):
         return repaired, ()
@@ -154,13 +155,13 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
             values = np.maximum(values + step, least) if renewed else values
             break
     covariance = np.zeros((errors.size, errors.size))
-    own_noise = noise_covariance(found, fitted, slopes[:, free], target - rest)
+    own_noise, misfit = noise_covariance(found, fitted, slopes[:, free], target - rest)
     covariance[np.ix_(free, free)] = own_noise * np.outer(errors[free], errors[free])
     by_noise = mean_by_noise(found, fitted, slopes[:, free])
     values = values.copy()
     values[free] -= by_noise * errors[free]
     most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
-    if np.any(np.abs(values - numbers.values) > most):
+    if misfit > LIKE_NOISE and np.any(np.abs(values - numbers.values) > most):
         return None
     return _Solved(fitted, values, _with_fixed(covariance, numbers.covariance, free), best)
 

@@ -31,10 +31,12 @@ def left_in(row: GapRun, fitted: Repaired) -> Array:
     return row.white(row.target - modelled(row, fitted.model, fitted.effects))
 
 
-def noise_covariance(there: Replicates, fitted: Repaired, slopes: Array, misfit: Array) -> Array:
-    """Return the covariance of numbers found by least squares, widened where the misfit is beyond noise.
+def noise_covariance(
+    there: Replicates, fitted: Repaired, slopes: Array, misfit: Array
+) -> tuple[Array, float]:
+    """Return the covariance of numbers found by least squares, and by how much the misfit, squared, is beyond noise.
 
-    S⁺ΣS⁺ᵀ·max(1, |r|²/E|r|²), S the slopes, Σ the covariance of the noise and r the misfit.
+    S⁺ΣS⁺ᵀ·max(1, |r|²/E|r|²), S the slopes, Σ the covariance of the noise and r the misfit; and that ratio.
 
     Parameters
     ----------
@@ -59,7 +61,8 @@ def noise_covariance(there: Replicates, fitted: Repaired, slopes: Array, misfit:
         # Runs are independent: squares add.
         beyond += float(np.sum(sources**2) - np.sum(within**2))
     rest = misfit - along @ (along.T @ misfit)
-    return covariance * max(1.0, float(rest @ rest) / max(beyond, 1e-300))
+    ratio = float(rest @ rest) / max(beyond, 1e-300)
+    return covariance * max(1.0, ratio), ratio
 
 
 def _noise_in_rows(there: Replicates, fitted: Repaired) -> list[Array]:
