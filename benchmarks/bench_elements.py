@@ -44,8 +44,9 @@ TRUTH: dict[str, Callable[[tuple[float, ...]], dict[str, float]]] = {
 }
 # By which law an element is hidden, where that has not its own name: numbers at an end of their range say little.
 HIDDEN = {"bouc_wen_hysteresis": "bouc_wen_general"}
-# What is measured: 4 s at 500 Hz. The referee stops sliders in steps of its samples, so that it makes more of them.
-TEST = dict(duration=4.0)
+# What is measured: two to four levels at two frequencies, 3 s each at 500 Hz. The referee stops sliders in steps of
+# its samples, so that it makes more of them.
+TEST = dict(duration=3.0, frequencies=(3.5, 5.0))
 SAMPLE_RATE = 500.0
 FINER = {"moment": 8, "displacement": 32}
 
