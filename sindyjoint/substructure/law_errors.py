@@ -166,7 +166,9 @@ def law_errors(
     would_leave = (left - would_be**2 * unique) / expected
     spread = np.sqrt(np.diag(_covariance(sources, of_others)) * np.maximum(would_leave, 1.0))
     ratios = np.divide(would_be, spread, out=np.zeros_like(spread), where=spread > 0)
-    return LawErrors(k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, left / expected, ratios, would_leave)
+    return LawErrors(
+        k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, left / expected, ratios, would_leave
+    )
 
 
 def _weighted(rows: LawRows) -> Array:

@@ -141,7 +141,9 @@ def _strongest_orders(run: RigRun) -> Sequence[int]:
     assert run.frequency is not None
     per = run.sample_rate / run.frequency
     periods = int(run.drive.size / per)
-    size = np.abs(np.fft.rfft(run.drive[: round(periods * per)]))[periods::periods] if periods else np.zeros(0)
+    size = (
+        np.abs(np.fft.rfft(run.drive[: round(periods * per)]))[periods::periods] if periods else np.zeros(0)
+    )
     if size.size < len(FIRST_ORDERS) or np.argmax(size) == 0:
         return FIRST_ORDERS
     return [int(order) + 1 for order in np.argsort(-size)[: len(FIRST_ORDERS)]]
