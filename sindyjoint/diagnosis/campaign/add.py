@@ -62,15 +62,19 @@ def add_effect(
 
 
 def counted_from_zero(work: Work, repaired: Repaired) -> tuple[Work, Repaired]:
-    """Correct what one linear step missed of a zero error of the angle or its drift: the secant is of the law found."""
+    """Correct what one linear step missed of a zero error of the angle or its drift: the secant is of the law found.
+
+    Errors that do not settle are those of a law that lacks something else, and stay as they are.
+    """
+    later, fitted = work, repaired
     for _ in range(ZERO_ROUNDS):
-        before = _angle_errors(repaired)
+        before = _angle_errors(fitted)
         if not before.any():
             break
-        work = work.again(repaired.model, repaired.effects)
-        repaired = refit(work.rows, work.model, repaired.effects, keeping(work.policy))
-        if np.all(np.abs(_angle_errors(repaired) - before) <= SAME_ZERO * np.abs(before)):
-            break
+        later = later.again(fitted.model, fitted.effects)
+        fitted = refit(later.rows, later.model, fitted.effects, keeping(work.policy))
+        if np.all(np.abs(_angle_errors(fitted) - before) <= SAME_ZERO * np.abs(before)):
+            return later, fitted
     return work, repaired
 
 
