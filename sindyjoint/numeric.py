@@ -86,6 +86,18 @@ def line_spectrum(signal: ArrayLike) -> Array:
     return np.abs(np.fft.rfft((values - values.mean()) * np.hanning(values.size)))
 
 
+def without_line(segments: Array) -> Array:
+    """Return segments less their least-squares line each, shape (..., n): Welch's ``detrend``.
+
+    As ``"linear"`` is, which solves a least-squares problem for each segment in four times the time.
+    """
+    size = segments.shape[-1]
+    place = np.arange(size) - (size - 1) / 2
+    centred = segments - np.mean(segments, axis=-1, keepdims=True)
+    slope = centred @ place / (place @ place)
+    return np.asarray(centred - slope[..., None] * place)
+
+
 def main_frequency(signal: ArrayLike, sample_rate: float, between_bins: bool = False) -> float:
     """Return the frequency of the strongest line of a signal's spectrum, Hz, without zero frequency.
 

@@ -103,21 +103,28 @@ class Form:
         """
         from sympy import Abs, Heaviside, Symbol
 
-        here = {
+        pairs = {
             s: Symbol(names[s.name], real=True, positive=s.is_positive) if s.name in names else given[s.name]
             for s in self.symbols
             if s.name in names or s.name in given
         }
+        here = frozenset(pairs.items())
         _, omega, _ = variable_symbols()
         rates = {}
         for state in self.states:
-            rate = state.rate.xreplace(here)
+            rate = _renamed(state.rate, here)
             if state.limit is not None:
                 z = Symbol(names[state.name], real=True)
-                full = Heaviside(Abs(z) - state.limit.xreplace(here), 1) * Heaviside(z * omega, 0)
+                full = Heaviside(Abs(z) - _renamed(state.limit, here), 1) * Heaviside(z * omega, 0)
                 rate = rate * (1 - full)
             rates[names[state.name]] = rate
-        return [column.expression.xreplace(here) for column in self.columns], rates
+        return [_renamed(column.expression, here) for column in self.columns], rates
+
+
+@lru_cache(maxsize=512)
+def _renamed(expression: sympy.Expr, pairs: frozenset[tuple[Any, Any]]) -> Any:
+    """Return an expression with other symbols; SymPy takes long over a minimum, and a fit asks thousands of times."""
+    return expression.xreplace(dict(pairs))
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,8 @@ class LawErrors:
         δ(c, u) = Re Σ slopes·(δθ, δM) over the harmonics of each joint in each run.
     angle_error : ndarray, shape (runs,)
         RMS of the error of the angle: of the slow part by the covariance, of the rest as the sensors have it; rad.
+    weights : ndarray, shape (runs,)
+        What a row of each run counts.
     excess : float
         Mean square of what is left of the rows, of what noise makes of it.
     others : ndarray, shape (m,)
@@ -59,6 +61,7 @@ class LawErrors:
     sources: tuple[Source, ...]
     slopes: tuple[Complex, ...]
     angle_error: Array
+    weights: Array
     excess: float
     others: Array
     excess_with: Array
@@ -75,9 +78,10 @@ class LawErrors:
 
     @property
     def angle_share(self) -> float:
-        """RMS error of the angles, of themselves."""
-        shares = [e / np.std(s.states.angle) for e, s in zip(self.angle_error, self.sources, strict=True)]
-        return float(np.sqrt(np.mean(np.square(shares))))
+        """RMS error of the angles over all rows of the law, of the angles: a run counts by what it moves the joint."""
+        rows = np.array([np.count_nonzero(s.states.moving) for s in self.sources]) * self.weights
+        sizes = np.array([np.std(s.states.angle) for s in self.sources])
+        return float(np.sqrt(rows @ self.angle_error**2 / (rows @ sizes**2)))
 
     def change(self, others: Sequence[Recovery]) -> Array:
         """Return by how much the coefficients change where the same runs are recovered otherwise, shape (k,)."""
@@ -162,7 +166,9 @@ def law_errors(
     would_leave = (left - would_be**2 * unique) / expected
     spread = np.sqrt(np.diag(_covariance(sources, of_others)) * np.maximum(would_leave, 1.0))
     ratios = np.divide(would_be, spread, out=np.zeros_like(spread), where=spread > 0)
-    return LawErrors(k, tuple(sources), tuple(slopes), np.array(angle), left / expected, ratios, would_leave)
+    return LawErrors(
+        k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, left / expected, ratios, would_leave
+    )
 
 
 def _weighted(rows: LawRows) -> Array:

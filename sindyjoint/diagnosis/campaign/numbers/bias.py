@@ -17,19 +17,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
+from sindyjoint.diagnosis.campaign.numbers.noise import left_in_all, mean_by_noise, noise_covariance
 from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
 from sindyjoint.diagnosis.campaign.numbers.whole import is_element, numbers_of, with_numbers
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, modelled, refit, scaled_covariance
-from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, refit
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.numeric import Array
 
-# Beyond this share of a number and so many of its standard errors the processing is not known to move it so.
-LARGEST, LARGEST_SIGMAS = 0.5, 2.0
+# Beyond this share of a number and so many of its standard errors the processing is not known to move it so, unless
+# replicates with the numbers found differ from the measurement by little more than the noise, as a ratio of squares.
+LARGEST, LARGEST_SIGMAS, LIKE_NOISE = 0.5, 2.0, 2.0
 # Trials of the numbers, and the step, in standard errors, at which they end.
 ROUNDS, SAME = 8, 0.1
 # A nonlinear parameter of an effect stays above this share of where its fit began.
@@ -37,8 +38,6 @@ LEAST_LEFT = 0.05
 # Forms of an element whose unlikeness to the measurement, a χ², is within this of the least are not told apart: they
 # are as probable as one to twenty.
 FORM_LEAD = 6.0
-# Draws of noise, each used with both signs: what is linear in it then leaves the mean.
-PAIRS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +67,7 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     An element is used in the form, of those that the catalogue has of it, whose replicates are most like the
     measurement: rounded corners of one form look like another. Of forms that are alike the plainest is used, and a note
     names the others. The model stays as it is where it has no element, where runs do not repeat, where a simulation
-    does not follow them, or where a number would move by more than its half.
+    does not follow them, or where a number would move by more than its half and replicates stay unlike the measurement.
     """
     if not any(is_element(e) for e in repaired.effects) or not all(row.folded for row in work.rows):
         return repaired, ()
@@ -128,11 +127,11 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     own = own[free[own]]
     least = np.full(errors.size, -np.inf)
     least[inner] = LEAST_LEFT * numbers.values[inner]
-    target = _left(work.rows, fitted)
+    target = left_in_all(work.rows, fitted)
 
     def left(values: Array) -> tuple[Replicates, Array] | None:
         there = Replicates.of(work, with_numbers(fitted, values, numbers.covariance))
-        return None if there is None else (there, _left(there.rows(), fitted))
+        return None if there is None else (there, left_in_all(there.rows(), fitted))
 
     values, step, best = numbers.values, np.zeros_like(errors), np.inf
     slopes = np.zeros((target.size, errors.size))
@@ -141,10 +140,10 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
         if tried is None or not np.sum((target - tried[1]) ** 2) < best:
             if not np.isfinite(best):
                 return None
-            step = step / 2
+            step, renewed = step / 2, False
         else:
             # Slopes by the coefficients of the terms hardly change on the way.
-            places = np.flatnonzero(free) if np.isinf(best) else own
+            places, renewed = np.flatnonzero(free) if np.isinf(best) else own, True
             values, (found, rest) = np.maximum(values + step, least), tried
             best = float(np.sum((target - rest) ** 2))
             if not _renew(slopes, places, values, errors, rest, left):
@@ -152,19 +151,17 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
             step = np.zeros_like(errors)
             step[free] = least_squares(slopes[:, free], target - rest)[0] * errors[free]
         if np.all(np.abs(step) < SAME * errors):
+            # A step that small is taken without a look where it leads.
+            values = np.maximum(values + step, least) if renewed else values
             break
-    covariance = np.diag(np.where(free, 0.0, errors**2))
-    covariance[np.ix_(free, free)] = scaled_covariance(slopes[:, free], target - rest) * np.outer(
-        errors[free], errors[free]
-    )
-    by_noise, scatter = _by_noise(found, fitted, rest, slopes[:, free])
-    # One factor for all numbers: a few draws do not give the scatter of each.
-    wider = max(1.0, float(np.mean(scatter * errors[free] ** 2 / np.diag(covariance)[free])))
-    covariance[np.ix_(free, free)] *= wider
+    covariance = np.zeros((errors.size, errors.size))
+    own_noise, misfit = noise_covariance(found, fitted, slopes[:, free], target - rest)
+    covariance[np.ix_(free, free)] = own_noise * np.outer(errors[free], errors[free])
+    by_noise = mean_by_noise(found, fitted, slopes[:, free])
     values = values.copy()
     values[free] -= by_noise * errors[free]
     most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
-    if np.any(np.abs(values - numbers.values) > most):
+    if misfit > LIKE_NOISE and np.any(np.abs(values - numbers.values) > most):
         return None
     return _Solved(fitted, values, _with_fixed(covariance, numbers.covariance, free), best)
 
@@ -181,13 +178,6 @@ def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array
     covariance[np.ix_(free, fixed)], covariance[np.ix_(fixed, free)] = between, between.T
     covariance[np.ix_(free, free)] += between @ np.linalg.pinv(across, hermitian=True) @ between.T
     return covariance
-
-
-def _left(rows: Sequence[GapRun], fitted: Repaired) -> Array:
-    """Return what a repaired model leaves of rows, in units of noise."""
-    return np.concatenate(
-        [row.white(row.target - modelled(row, fitted.model, fitted.effects)) for row in rows]
-    )
 
 
 def _renew(
@@ -212,26 +202,6 @@ def _renew(
         else:
             return False
     return True
-
-
-def _by_noise(there: Replicates, fitted: Repaired, own: Array, slopes: Array) -> tuple[Array, Array]:
-    """Return by how much noise moves numbers on average, and their variance by it, in units of their errors.
-
-    Pairs of opposite noise: the mean of a pair holds what is quadratic in it, half of the difference what is linear.
-    """
-    rng = np.random.default_rng(0)
-    means, halves = [], []
-    for _ in range(PAIRS):
-        noise = there.draw_noise(rng)
-        both = [
-            least_squares(slopes, _left(there.rows([(sign * m, sign * a) for m, a in noise]), fitted) - own)[
-                0
-            ]
-            for sign in (1.0, -1.0)
-        ]
-        means.append((both[0] + both[1]) / 2)
-        halves.append((both[0] - both[1]) / 2)
-    return np.mean(means, axis=0), np.mean(np.square(halves), axis=0)
 
 
 def _other_forms(effect: FittedEffect) -> list[FittedEffect]:
