@@ -64,7 +64,7 @@ def simulate_free(law: Law, run: Run, states: ForceStates, samples: int, by_moti
     try:
         moment, internal = transfer_moment(
             law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration,
-            rest=rest_of(law, states),
+            rest=rest_of(states),
         )  # fmt: skip
         if not motion_drives:
             motion = _simulate_from(law, run, states, begin, settled, internal[:, begin])

@@ -280,7 +280,7 @@ def record_of(
         columns=term_columns(model, states) if drive == "motion" else None,
         added=None
         if added is None
-        else transfer_moment(added, states.angle, states.rate, run.sample_rate, rest=rest_of(law, states))[0],
+        else transfer_moment(added, states.angle, states.rate, run.sample_rate, rest=rest_of(states))[0],
     )
 
 

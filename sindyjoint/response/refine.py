@@ -12,7 +12,6 @@ from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
-from sindyjoint.response.law_in_run import law_in_run
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
@@ -264,7 +263,7 @@ def _update_residual(
     widely = replace(model, fitted=replace(model.fitted, angle=np.inf, rate=np.inf))
     for state in states:
         keep = state.moving
-        rest = rest_of(law_in_run(model, state), state)
+        rest = rest_of(state)
         modelled = widely.moment(state.angle, state.rate, 1 / state.sample_rate, state.inputs, rest)
         added = None if test is None else test.added(state)
         if added is not None:

@@ -13,7 +13,7 @@ from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import brought_from_rest, simulate, transfer_moment
-from sindyjoint.numeric import Array, rising_zero, rms
+from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
@@ -23,8 +23,8 @@ from sindyjoint.states import ForceStates, force_states
 WINDOW = 1.0
 # Steps of internal states per sample along a measured motion.
 SUBSTEPS = 8
-# Angles among which that at which a joint rests is looked for.
-RESTS = 401
+# Of the largest rate: one that is smaller is no motion.
+AT_REST = 0.05
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -207,7 +207,7 @@ def simulate_run(
     failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
     try:
         if response_only and drive == "moment" and (states.method == "periodic" or states.repeated):
-            inner = brought_from_rest(law, states.angle, states.rate, rest_of(law, states))[:, None]
+            inner = brought_from_rest(law, states.angle, states.rate, rest_of(states))[:, None]
         else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
             if isinstance(law, LawInRun):
@@ -256,27 +256,25 @@ def along_motion(
         np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
     )
     acceleration = np.concatenate([np.zeros(size), states.acceleration])
-    rest = rest_of(law, states)
+    rest = rest_of(states)
     moment, inner = transfer_moment(
         law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps, rest=rest
     )
     return moment[size:], inner[:, size:]
 
 
-def rest_of(law: Law, states: ForceStates) -> float:
-    """Return the angle from which a run brings the sliders of a law, rad: one that never yields shows it ever after.
+def rest_of(states: ForceStates) -> float:
+    """Return the angle from which a run brings its sliders, rad: they are in their middle there.
 
-    Of a motion that repeats its mean, about which loops that fade leave a slider in its middle. Of any other the angle
-    at which the joint rests unloaded, nearest to that mean and within the motion; the mean where there is none.
+    One that never yields shows it ever after. Of a driven motion that does not repeat it is the first angle, where the
+    record begins at rest; of any other the mean, about which loops that fade leave a slider.
     """
-    mean = float(np.mean(states.angle))
-    if not law.n_states or states.method == "periodic" or states.repeated:
-        return mean
-    angle = np.linspace(float(np.min(states.angle)), float(np.max(states.angle)), RESTS)
-    still, inner = np.zeros(RESTS), np.zeros((law.n_states, RESTS))
-    sides = [law.moment(angle, still, np.full(RESTS, side), inner) for side in (-1.0, 1.0)]
-    rest = rising_zero(angle, 0.5 * (sides[0] + sides[1]), mean)
-    return mean if rest is None else rest
+    repeats = states.method == "periodic" or states.repeated
+    early = states.lead if states.lead is not None and states.lead[0].size else (states.angle, states.rate)
+    at_rest = abs(early[1][0]) < AT_REST * float(np.max(np.abs(states.rate)))
+    if at_rest and not repeats and np.ptp(states.moment) > 0:
+        return float(early[0][0])
+    return float(np.mean(states.angle))
 
 
 def settling(states: ForceStates) -> int:

@@ -19,9 +19,10 @@ from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 
 LONGEST = POLICY.longest_delay  # that the linear steps may reach
-SAME_ZERO = 1e-4  # change of a zero error, of itself, that is none
+SAME_ZERO = 1e-4  # change of a zero error or a drift, of itself, that is none
 ZERO_ROUNDS = 12
 ROUNDS = 4  # of delays and nonlinear parameters in turn; the third changes neither by its error
 
@@ -61,16 +62,25 @@ def add_effect(
 
 
 def counted_from_zero(work: Work, repaired: Repaired) -> tuple[Work, Repaired]:
-    """Correct what one linear step missed of a zero error of the angle: its column is that of the law in the end."""
+    """Correct what one linear step missed of a zero error of the angle or its drift: the secant is of the law found.
+
+    Errors that do not settle are those of a law that lacks something else, and stay as they are.
+    """
+    later, fitted = work, repaired
     for _ in range(ZERO_ROUNDS):
-        zero = Corrections.of(repaired.effects).zero
-        if not zero:
+        before = _angle_errors(fitted)
+        if not before.any():
             break
-        work = work.again(repaired.model, repaired.effects)
-        repaired = refit(work.rows, work.model, repaired.effects, keeping(work.policy))
-        if abs(Corrections.of(repaired.effects).zero - zero) < SAME_ZERO * abs(zero):
-            break
+        later = later.again(fitted.model, fitted.effects)
+        fitted = refit(later.rows, later.model, fitted.effects, keeping(work.policy))
+        if np.all(np.abs(_angle_errors(fitted) - before) <= SAME_ZERO * np.abs(before)):
+            return later, fitted
     return work, repaired
+
+
+def _angle_errors(repaired: Repaired) -> Array:
+    found = Corrections.of(repaired.effects)
+    return np.array([found.zero, found.drift])
 
 
 def without_term(work: Work, name: str) -> Work:

@@ -11,13 +11,12 @@ from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, rising_zero
 from sindyjoint.response.model_law import with_coefficients
-from sindyjoint.response.run import RESTS
 
 FRICTION = "friction"  # the family
 MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out
@@ -114,6 +113,24 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
     return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
 
 
+def about_zero(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> GapRun:
+    """Return the rows of a run with the secants of the law in the place of its slopes, where the angle has an error.
+
+    What a zero error and a drift d(t) add is M(θ) − M(θ − d), linear in d by the secant alone.
+    """
+    found = Corrections.of(effects)
+    motion = run.motion
+    away = found.zero + found.drift * motion.time
+    if not np.any(away):
+        return run
+    laws = [e for e in effects if e.effect.enters == "moment"]
+    here = replace(run, motion=replace(motion, keep=np.arange(motion.angle.size)))
+    own = replace(here.motion, angle=motion.angle - away, centre=motion.centre - found.zero)
+    change = modelled(here, model, laws) - modelled(replace(here, motion=own), model, laws)
+    slope = np.where(away == 0, motion.moment_slope, change / np.where(away == 0, 1.0, away))
+    return replace(run, motion=replace(motion, moment_slope=slope), secant=True)
+
+
 def rest_angle(
     runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()
 ) -> float | None:
@@ -137,7 +154,7 @@ def rest_angle(
     size = own.shape[1]
     solved, covariance = solved[:size], covariance[:size, :size]
     moved = np.concatenate([run.motion.angle for run in runs])
-    angle = np.linspace(float(moved.min()), float(moved.max()), RESTS)
+    angle = np.linspace(float(moved.min()), float(moved.max()), 401)
     still = np.zeros_like(angle)
     inputs = model.input_arrays(None, angle.shape)
     terms = compile_terms([term.expression for term in model.terms], (*VARIABLES, *inputs))

@@ -14,16 +14,16 @@ from sindyjoint.diagnosis.campaign.processing import processing_errors, without_
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import (
     Repaired,
+    about_zero,
     keeping,
     model_errors,
     refit,
     refit_nonlinear,
-    rest_angle,
 )
-from sindyjoint.diagnosis.campaign.rows.build import about_zero, gap_runs
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.from_model import effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
@@ -44,10 +44,7 @@ from sindyjoint.states.rows import group_labels
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A campaign on its way through the loop: runs, states and rows as corrected so far.
-
-    Sliders of runs that do not repeat begin where the joint rests (``rest``, rad), or at the mean of the motion.
-    """
+    """A campaign on its way through the loop: runs, states and rows as corrected so far."""
 
     campaign: Campaign
     runs: tuple[Run, ...]
@@ -56,7 +53,6 @@ class Work:
     model: JointModel
     rows: tuple[GapRun, ...]
     policy: DiagnosisPolicy = CAMPAIGN
-    rest: float | None = None
 
     @classmethod
     def build(
@@ -72,17 +68,13 @@ class Work:
         """Return the work with the rows that its states, and the model with its effects, make."""
         free = is_free(campaign)
         rows = gap_runs(states, model, groups, policy, free=free)
-        rest = 0.0 if free else rest_angle(rows, model, effects)
-        rows = tuple(row.centred(rest) for row in rows)
         errors = processing_errors(runs, states, rows, model, effects, policy)
         beyond = model_errors(without_processing(rows, errors), model, effects)
         if any(beyond):
             rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
-            rows = tuple(row.centred(rest) for row in rows)
         rows = without_processing(rows, errors)
-        zero = Corrections.of(effects).zero
-        rows = tuple(about_zero(row, model, zero) for row in rows) if zero else rows
-        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy, rest)
+        rows = tuple(about_zero(row, model, effects) for row in rows)
+        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy)
 
     def again(
         self,

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.numbers.noise import left_in_all, mean_by_noise, noise_covariance
 from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
-from sindyjoint.diagnosis.campaign.numbers.whole import is_element, numbers_of, with_numbers
+from sindyjoint.diagnosis.campaign.numbers.whole import Numbers, is_element, numbers_of, with_numbers
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, refit
+from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -74,7 +75,8 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     forms = [repaired]
     for place, each in enumerate(repaired.effects):
         if is_element(each):
-            forms += [_in_form(work, repaired, place, other) for other in _other_forms(each)]
+            others = [_in_form(work, repaired, place, other) for other in _other_forms(each)]
+            forms += [other for other in others if _has_signs(other.effects[place])]
     solved = [found for form in forms if (found := _solve(work, form)) is not None]
     if not solved:
         return repaired, ()
@@ -83,6 +85,12 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     # The catalogue begins with the plainest form.
     best = min(alike, key=lambda each: [_rank(e) for e in each.fitted.effects])
     return with_numbers(best.fitted, best.values, best.covariance), _undetermined_forms(best, alike)
+
+
+def _has_signs(effect: FittedEffect) -> bool:
+    """Return whether what the catalogue asks to be positive is."""
+    columns = zip(effect.variant.columns, effect.coefficients, strict=True)
+    return all(value > 0 for column, value in columns if column.positive)
 
 
 def _undetermined_forms(best: _Solved, alike: Sequence[_Solved]) -> tuple[str, ...]:
@@ -122,11 +130,9 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     for each in fitted.effects:
         # A delay is out of the states already and does not move.
         free[numbers.coefficients[each.name]] = not each.shifts
-    inner = np.r_[tuple(numbers.inner.values())].astype(int)
     own = np.r_[(*numbers.coefficients.values(), *numbers.inner.values())].astype(int)
     own = own[free[own]]
-    least = np.full(errors.size, -np.inf)
-    least[inner] = LEAST_LEFT * numbers.values[inner]
+    ranges = _ranges(work, fitted, numbers)
     target = left_in_all(work.rows, fitted)
 
     def left(values: Array) -> tuple[Replicates, Array] | None:
@@ -136,7 +142,7 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     values, step, best = numbers.values, np.zeros_like(errors), np.inf
     slopes = np.zeros((target.size, errors.size))
     for _ in range(ROUNDS):
-        tried = left(np.maximum(values + step, least))
+        tried = left(np.clip(values + step, *ranges))
         if tried is None or not np.sum((target - tried[1]) ** 2) < best:
             if not np.isfinite(best):
                 return None
@@ -144,7 +150,7 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
         else:
             # Slopes by the coefficients of the terms hardly change on the way.
             places, renewed = np.flatnonzero(free) if np.isinf(best) else own, True
-            values, (found, rest) = np.maximum(values + step, least), tried
+            values, (found, rest) = np.clip(values + step, *ranges), tried
             best = float(np.sum((target - rest) ** 2))
             if not _renew(slopes, places, values, errors, rest, left):
                 return None
@@ -152,7 +158,7 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
             step[free] = least_squares(slopes[:, free], target - rest)[0] * errors[free]
         if np.all(np.abs(step) < SAME * errors):
             # A step that small is taken without a look where it leads.
-            values = np.maximum(values + step, least) if renewed else values
+            values = np.clip(values + step, *ranges) if renewed else values
             break
     covariance = np.zeros((errors.size, errors.size))
     own_noise, misfit = noise_covariance(found, fitted, slopes[:, free], target - rest)
@@ -164,6 +170,20 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     if misfit > LIKE_NOISE and np.any(np.abs(values - numbers.values) > most):
         return None
     return _Solved(fitted, values, _with_fixed(covariance, numbers.covariance, free), best)
+
+
+def _ranges(work: Work, fitted: Repaired, numbers: Numbers) -> tuple[Array, Array]:
+    """Return the least and the largest value of each number: nonlinear ones stay in the ranges of the catalogue."""
+    least, most = np.full(numbers.values.size, -np.inf), np.full(numbers.values.size, np.inf)
+    reference = reference_scales(work.rows)
+    for each in fitted.effects:
+        place = numbers.inner.get(each.name)
+        if place is None or not each.values.size:
+            continue
+        low, high = each.variant.bounds(reference).T
+        least[place] = np.minimum(np.maximum(LEAST_LEFT * each.values, low), each.values)
+        most[place] = np.maximum(high, each.values)
+    return least, most
 
 
 def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array:
