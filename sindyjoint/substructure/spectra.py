@@ -109,7 +109,7 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     top = (
         LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
     )
-    count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, (int(np.diff(edges).min()) - 8) // 4)))
+    count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, 3 * (int(np.diff(edges).min()) - 8) // 8)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
     means, whole, variance, parts = [], [], [], []
     for number, signal in enumerate(signals[:, first:stop]):
@@ -141,7 +141,9 @@ def _strongest_orders(run: RigRun) -> Sequence[int]:
     assert run.frequency is not None
     per = run.sample_rate / run.frequency
     periods = int(run.drive.size / per)
-    size = np.abs(np.fft.rfft(run.drive[: round(periods * per)]))[periods::periods] if periods else np.zeros(0)
+    size = (
+        np.abs(np.fft.rfft(run.drive[: round(periods * per)]))[periods::periods] if periods else np.zeros(0)
+    )
     if size.size < len(FIRST_ORDERS) or np.argmax(size) == 0:
         return FIRST_ORDERS
     return [int(order) + 1 for order in np.argsort(-size)[: len(FIRST_ORDERS)]]
