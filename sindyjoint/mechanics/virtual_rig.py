@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
@@ -216,6 +216,7 @@ def virtual_rig_test(
     drives: Sequence[Drive],
     recorder: Recorder,
     random_state: int | np.random.Generator | None = 0,
+    seen: Callable[[str, Response], None] = lambda name, response: None,
 ) -> RigTest:
     """Return a test of a structure whose joints' laws are known, with simulated runs.
 
@@ -227,9 +228,12 @@ def virtual_rig_test(
     recorder : Recorder
     random_state : int, Generator or None
         Source of noise and phases.
+    seen : callable
+        Called with the name of each run and what really happened in it.
     """
-    generator = np.random.default_rng(random_state)
-    runs = tuple(
-        simulate_run(test.structure, test.at, test.sensors, drive, recorder, generator)[0] for drive in drives
-    )
-    return replace(test, runs=runs, simulated=True)
+    generator, runs = np.random.default_rng(random_state), []
+    for drive in drives:
+        run, response = simulate_run(test.structure, test.at, test.sensors, drive, recorder, generator)
+        seen(run.name, response)
+        runs.append(run)
+    return replace(test, runs=tuple(runs), simulated=True)

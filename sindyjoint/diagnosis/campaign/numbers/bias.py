@@ -22,6 +22,7 @@ from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
 from sindyjoint.diagnosis.campaign.numbers.whole import Numbers, is_element, numbers_of, with_numbers
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, refit
+from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -97,8 +98,8 @@ def _undetermined_forms(best: _Solved, alike: Sequence[_Solved]) -> tuple[str, .
     """Return a note for each element of which other forms are as like the measurement."""
     notes = []
     for place, mine in enumerate(best.fitted.effects):
-        others = [each.fitted.effects[place].variant for each in alike]
-        forms = [form for v in others if (form := _formulas(v)) != _formulas(mine.variant)]
+        others = dict.fromkeys(_formulas(each.fitted.effects[place].variant) for each in alike)
+        forms = [form for form in others if form != _formulas(mine.variant)]
         if forms:
             notes.append(
                 f"these runs do not determine the form of {mine.effect.name}: {_formulas(mine.variant)} is used, and "
@@ -192,7 +193,7 @@ def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array
 def _ends(work: Work, fitted: Repaired, numbers: Numbers) -> Array:
     """Return the least and the largest value of each number, shape (2, n): of parameters as the catalogue has them."""
     ends = np.outer([-np.inf, np.inf], np.ones(numbers.values.size))
-    reference = work.regression(()).reference
+    reference = reference_scales(work.rows)
     for each in fitted.effects:
         if not each.shifts:
             within = each.variant.bounds(reference) if each.within is None else each.within
