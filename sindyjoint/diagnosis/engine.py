@@ -156,10 +156,16 @@ def _with_end(
     ends: list[Explained[P]],
     lead: float = 0.0,
 ) -> Explained[P]:
-    """Add the end of the search from another start; return the best so far, or that one where it is better."""
-    better = end.cost(first.policy) < best.cost(first.policy) + lead
-    ends.append(_led(first, start, end) if better else end)
-    return ends[-1] if better else best
+    """Add the end of the search from another start; return the best so far, or that one where it is better.
+
+    To try the members of its classes takes time: that is for a start that is ahead, or has ended better.
+    """
+
+    def better(each: Explained[P]) -> bool:
+        return each.cost(first.policy) < best.cost(first.policy) + lead
+
+    ends.append(_led(first, start, end) if lead > 0 or better(end) else end)
+    return ends[-1] if better(ends[-1]) else best
 
 
 def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTime) -> Explained[P]:
