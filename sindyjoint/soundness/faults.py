@@ -71,6 +71,7 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
     yield from find_repeated_blocks(raw, words)
     yield from find_scaled_copies(raw, words)
     samples = [finding for profile in raw for finding in _find_in_samples(profile, words)]
+    samples += find_spikes(raw, words)
     yield from samples
     profiles = [_bridged(profile, samples) for profile in raw]
     for profile in profiles:
@@ -98,7 +99,6 @@ def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
 
 def _find_in_samples(profile: Profile, words: Words) -> Iterator[Finding]:
     yield from find_saturation(profile, words)
-    yield from find_spikes(profile, words)
     yield from find_held(profile, words)
     yield from find_coarse_steps(profile, words)
 

@@ -81,6 +81,14 @@ class SoundnessPolicy:
     spike_acceleration: float = limit(
         2.0, "the same of an acceleration, which jumps within its range where friction does"
     )
+    fewest_jumps: int = limit(3, "jumps in a campaign from which a joint may be what jumps")
+    jump_range: float = limit(
+        1.5, "range of the other samples within which a joint's jumps end", source="set on seeds 971 and 1921"
+    )
+    jump_share: float = limit(
+        0.8, "share of jumps while the channel goes one way, in or out", source="half of them do by chance"
+    )
+    jump_values: float = limit(0.05, "range of the ends of jumps, in amplitudes, that dropouts do not have")
     sensors_gain: float = limit(
         0.03, "relative difference of the motions that two sensors show, beyond which they disagree"
     )
@@ -161,6 +169,9 @@ class SoundnessPolicy:
         "least ratio of the slopes of both halves of a drift, which a start-up does not keep",
         source=CALIBRATED,
     )
+    drift_left: float = limit(
+        0.15, "RMS that the law and a drift may leave of a run that does not repeat, in parts of the moment's"
+    )
     clock_drift: float = limit(
         0.03, "drift of the phase between the channels that is reported", unit="rad", source=CALIBRATED
     )
@@ -186,6 +197,17 @@ class SoundnessPolicy:
     run_contrast: float = limit(
         3.0, "departure of an odd run over the misfit of the others", source=CALIBRATED
     )
+    kin_departs: float = limit(
+        0.5,
+        "departure of all other runs of its frequency, in parts of a run's, from which the law depends on frequency",
+        source="a fault of one run leaves the others where they are",
+    )
+    compared_rows: float = limit(
+        0.2, "share of a run's rows that the others must cover to be held against it"
+    )
+    stray_rows: float = limit(
+        0.05, "share of a run's rows, those furthest from the law, that alone make no departure"
+    )
     gain_explains: float = limit(
         0.4, "what a factor must leave of the departure, at most, to explain it", source=CALIBRATED
     )
@@ -196,6 +218,11 @@ class SoundnessPolicy:
         0.6, "what undoing a filter must lower the misfit to, at most", source=CALIBRATED
     )
     filter_left: float = limit(0.04, "misfit that may remain with a filter undone", source=CALIBRATED)
+    filter_contrast: float = limit(
+        10.0,
+        "time constant of a low-pass on the moment in standard errors by its scatter over frequencies and levels",
+        source="friction that builds up with time lags likewise, but not by one time",
+    )
     filter_over_delay: float = limit(
         0.9, "misfit with a filter undone over that with a delay removed, at most", source=CALIBRATED
     )

@@ -109,7 +109,7 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     top = (
         LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
     )
-    count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, (int(np.diff(edges).min()) - 8) // 4)))
+    count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, 3 * (int(np.diff(edges).min()) - 8) // 8)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
     means, whole, variance, parts = [], [], [], []
     for number, signal in enumerate(signals[:, first:stop]):

@@ -9,6 +9,7 @@ from itertools import combinations
 from typing import Protocol, Self, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
@@ -17,6 +18,8 @@ from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
 
 Columns = Callable[[Array, Array], list[Array]]
+# Directions in which the motion that runs cover is bounded.
+HULL = 32
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,10 @@ class Motions(Protocol):
     @property
     def repeats(self) -> bool:
         """Whether they are mean cycles."""
+
+    @property
+    def frequency(self) -> Array | None:
+        """Of the runs, Hz; None of runs that do not repeat."""
 
     def __len__(self) -> int: ...
 
@@ -237,15 +244,97 @@ def find_odd_runs(cycles: M, inertia: float | None, words: Words) -> tuple[list[
     others = cycles.take(remaining)
     if not odd or len(remaining) < 2:
         return [], others
-    scale = scale_of(others)
-    law = solve(rows_of_motions(others, scale, inertia).products.sum(axis=0))[0]
-    return [_describe(cycles.take([i]), law, common, scale, inertia, words) for i in odd], others
+    held = Held(cycles, tuple(remaining), inertia, common)
+    found_odd = [_describe(cycles.take([i]), held, words) for i in odd]
+    return [
+        f for i, f in zip(odd, found_odd, strict=True) if f.id != "run_differs" or held.departs(i)
+    ], others
 
 
-def _describe(
-    run: Motions, law: Array, common: float, scale: Scale, inertia: float | None, words: Words
-) -> Finding:
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Runs held against the law of some of them.
+
+    Parameters
+    ----------
+    runs : Motions
+    alike : tuple of int
+        Those that have a law in common.
+    inertia : float or None
+    common : float
+        RMS that their law leaves of them.
+    """
+
+    runs: Motions
+    alike: tuple[int, ...]
+    inertia: float | None
+    common: float
+
+    @cached_property
+    def scale(self) -> Scale:
+        """Scale of the runs that are alike."""
+        return scale_of(self.runs.take(self.alike))
+
+    @cached_property
+    def law(self) -> Array:
+        """Coefficients of their law."""
+        return self.law_of(self.alike)
+
+    def law_of(self, index: Sequence[int]) -> Array:
+        """Return the coefficients of the law of some runs."""
+        return solve(self.rows(index).products.sum(axis=0))[0]
+
+    def rows(self, index: Sequence[int]) -> Rows:
+        """Return rows of some runs."""
+        return rows_of_motions(self.runs.take(index), self.scale, self.inertia)
+
+    def departs(self, run: int) -> bool:
+        """Return whether a run departs where the others can say what is expected, and its kin does not depart alike.
+
+        No law that was fitted holds beyond the motion that it was fitted to, two runs leave open which of three is odd,
+        and what all runs of a frequency show is the joint's. A few rows at the steps of friction are no departure.
+        """
+        rows, covered = self.rows([run]), self._covered(run)
+        if len(self.alike) < POLICY.fewest_compared or np.mean(covered) < POLICY.compared_rows:
+            return False
+        left = np.sort(np.abs(rows.target[0] - rows.columns[0] @ self.law)[covered])
+        within = rms(left[: int(np.ceil((1 - POLICY.stray_rows) * left.size))])
+        return within > max(POLICY.run_departure, POLICY.run_contrast * self.common) and not self._kin_too(
+            run
+        )
+
+    def _covered(self, run: int) -> NDArray[np.bool_]:
+        """Return the rows whose angle and rate lie in the convex hull of the others'.
+
+        None where no other run has as small an amplitude: a law with memory depends on it.
+        """
+        turn = np.linspace(0, 2 * np.pi, HULL, endpoint=False)
+        ways = np.stack([np.cos(turn) / self.scale.angle, np.sin(turn) / self.scale.rate])
+        angle, rate, _ = self.runs.take([run]).motion()
+        others, their_rate, _ = self.runs.take(self.alike).motion()
+        furthest = (np.stack([others.ravel(), their_rate.ravel()], axis=1) @ ways).max(axis=0)
+        inside: NDArray[np.bool_] = np.all(np.stack([angle[0], rate[0]], axis=1) @ ways <= furthest, axis=1)
+        smallest = float(np.ptp(others, axis=1).min())
+        return inside & (smallest <= POLICY.same_level * float(np.ptp(angle)))
+
+    def _kin_too(self, run: int) -> bool:
+        """Return whether all other runs of its frequency depart from the law of other frequencies as well."""
+        if self.runs.frequency is None:
+            return False
+        ratio = self.runs.frequency / self.runs.frequency[run]
+        same = np.maximum(ratio, 1 / ratio) < POLICY.same_frequency
+        kin = [i for i in np.flatnonzero(same).tolist() if i != run]
+        rest = [i for i in self.alike if not same[i]]
+        if not kin or len(rest) < 2:
+            return False
+        law = self.law_of(rest)
+        left = [self.rows([i]).left_by(law, 0) for i in (run, *kin)]
+        return min(left[1:]) > POLICY.kin_departs * left[0]
+
+
+def _describe(run: Motions, held: Held, words: Words) -> Finding:
     """Return the finding: the factor on moment or angle that restores the law, or that none does."""
+    law, common, scale, inertia = held.law, held.common, held.scale, held.inertia
     rows = rows_of_motions(run, scale, inertia)
     expected, target = rows.columns[0] @ law, rows.target[0]
     moment_gain = float(target @ expected / max(float(expected @ expected), 1e-300))

@@ -137,6 +137,7 @@ def find_filters(cycles: Cycles, inertia: float | None, words: Words) -> Iterato
         and best.left < POLICY.filter_gain * best.before
         and best.left < POLICY.filter_left
         and (delay is None or best.left < POLICY.filter_over_delay * fit.misfit(DELAY, delay.parameter))
+        and not _may_be_friction(fit, best)
     ):
         yield _filter_finding(best, cycles, words)
     elif delay is not None:
@@ -184,25 +185,31 @@ def _may_be_rounded(fast: float, near: float) -> bool:
     return abs(fast) > POLICY.least_delay and (near > 0 if fast > 0 else near < fast)
 
 
-def _is_one_time(fit: Fit, best: Undone) -> bool:
-    """Return whether a delay is the same at every frequency and level: the phase of a law or of noise is not.
+def _may_be_friction(fit: Fit, best: Undone) -> bool:
+    """Return whether a low-pass on the moment may be friction that builds up with time, and lags by itself."""
+    of_moment = best.kind.id == "low_pass" and best.kind.channel == "moment"
+    return of_moment and not _is_one_time(fit, best, POLICY.filter_contrast)
+
+
+def _is_one_time(fit: Fit, best: Undone, contrast: float = POLICY.delay_contrast) -> bool:
+    """Return whether a time is the same at every frequency and level: the phase of a law or of noise is not.
 
     Its standard error is that of the jackknife over frequencies, or over levels where they scatter more.
     """
     size = np.argsort(np.abs(fit.cycles.angle[:, 1]))
     levels = np.array_split(size, min(POLICY.delay_levels, len(size)))
     frequencies = [np.flatnonzero(fit.cycles.frequency == f) for f in np.unique(fit.cycles.frequency)]
-    error = max(_jackknife(fit, groups) for groups in (levels, frequencies))
-    return abs(best.parameter) > POLICY.delay_contrast * error
+    error = max(_jackknife(fit, best.kind, groups) for groups in (levels, frequencies))
+    return abs(best.parameter) > contrast * error
 
 
-def _jackknife(fit: Fit, groups: Sequence[NDArray[np.intp]]) -> float:
-    """Return the standard error of a delay by its scatter, s, where each group of runs in turn is left out."""
+def _jackknife(fit: Fit, kind: Kind, groups: Sequence[NDArray[np.intp]]) -> float:
+    """Return the standard error of a filter's time by its scatter, s, where each group of runs in turn is left out."""
     if len(groups) < 2:
         return 0.0
     everything = range(len(fit.cycles))
     others = [fit.cycles.take([i for i in everything if i not in set(group)]) for group in groups]
-    times = [replace(fit, cycles=each).best(DELAY).parameter for each in others]
+    times = [replace(fit, cycles=each).best(kind).parameter for each in others]
     return float(np.sqrt((len(times) - 1) * np.var(times)))
 
 

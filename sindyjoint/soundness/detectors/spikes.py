@@ -1,8 +1,8 @@
-"""Spikes: samples far from their neighbours on both sides."""
+"""Spikes: samples far from their neighbours on both sides, unless they are the motion of a joint that jumps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,8 @@ from sindyjoint.soundness.words import Words
 
 # Neighbours on either side: a step between two of them is kept by their median, a spike of up to three is not.
 REACH = 3
+# Samples before a jump whose two halves tell where the motion goes.
+BEFORE = 12
 
 
 def spike_samples(channel: Channel) -> NDArray[np.bool_]:
@@ -48,9 +50,45 @@ def _spread(x: Array) -> float:
     return 0.5 * float(high - low)
 
 
-def find_spikes(profile: Profile, words: Words) -> Iterator[Finding]:
+def _joint_jumps(profiles: Sequence[Profile], name: str) -> bool:
+    """Return whether the spikes of a channel are the motion of the joint, which jumps back within a sample or two.
+
+    A spike knows nothing of the motion. Where several ones all remain near the range of the other samples, nearly all
+    come while the channel goes the same way, back to its middle or away from it, and they do not end at one value (as
+    dropouts do), they are the joint's.
+    """
+    inwards: list[bool] = []
+    ends: list[Array] = []
+    for x, marked in ((c.values, spike_samples(c)) for p in profiles for c in p.channels if c.name == name):
+        if not 0 < np.count_nonzero(marked) <= POLICY.most_spikes * x.size:
+            continue
+        others = x[~marked]
+        middle = float(np.median(others))
+        far = POLICY.jump_range * np.array([others.min() - middle, others.max() - middle])
+        away = x[marked] - middle
+        if away.min() < far[0] or away.max() > far[1]:
+            return False
+        ends.append(away / _spread(x))
+        begins = np.array([begin for begin, _ in spans_of(marked)])
+        for at in begins[np.diff(begins, prepend=-BEFORE) >= BEFORE]:  # one that rings is one
+            before = x[max(at - BEFORE, 0) : at] - middle
+            early, late = (float(np.median(half)) for half in np.array_split(before, 2) if half.size)
+            inwards.append((late - early) * late < 0)
+    if len(inwards) < POLICY.fewest_jumps or np.ptp(np.abs(np.concatenate(ends))) < POLICY.jump_values:
+        return False
+    share = float(np.mean(inwards))
+    return max(share, 1 - share) >= POLICY.jump_share
+
+
+def find_spikes(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
     """Yield a finding for each channel of a run that has spikes."""
-    for channel in profile.channels:
+    own = {name for name in {c.name for p in profiles for c in p.channels} if _joint_jumps(profiles, name)}
+    for profile in profiles:
+        yield from _of_run(profile, [c for c in profile.channels if c.name not in own], words)
+
+
+def _of_run(profile: Profile, channels: Sequence[Channel], words: Words) -> Iterator[Finding]:
+    for channel in channels:
         marked = spike_samples(channel)
         count = int(np.count_nonzero(marked))
         # What happens all the time (impacts, stick-slip) belongs to the joint.
