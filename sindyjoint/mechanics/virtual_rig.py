@@ -24,6 +24,7 @@ Shape = Literal["sine", "multisine", "sweep", "impact"]
 # of any recorder does.
 OVERSAMPLING = 8
 # Central differences of sixth order: at a third of the record's rate 1e-5 of a rate of change is missing.
+REACH = 20  # samples of the record that the filter looks to either side
 CENTRAL = np.array([3 / 4, -3 / 20, 1 / 60])
 FADE_IN = 1.0  # s
 
@@ -145,7 +146,13 @@ def simulate_run(
     settling = recorder.settling if drive.period else 0.0
     fine = recorder.sample_rate * OVERSAMPLING
     time = np.arange(0, settling + recorder.duration + 2 / fine, 1 / fine)
-    values = drive.values(time, generator)
+    # The filter looks ahead: what is recorded last needs what comes after it.
+    ahead = np.arange(1, OVERSAMPLING * REACH + 1) / fine
+    if drive.period:
+        time = np.concatenate([time, time[-1] + ahead])
+        values = drive.values(time, generator)
+    else:
+        values = np.concatenate([drive.values(time, generator), np.zeros(ahead.size)])
     if drive.period:
         edge = np.clip(time / FADE_IN, 0, 1)
         values *= edge**2 * (3 - 2 * edge)
@@ -154,8 +161,8 @@ def simulate_run(
         moved = replace(structure, points={**structure.points, BASE: load_row(structure, at)})
     points = tuple(dict.fromkeys(sensor.point for sensor in sensors))
     response = respond(
-        moved, sampled(values, fine), at, duration=settling + recorder.duration, sample_rate=fine, step=recorder.step,
-        points=points, limits="softening",
+        moved, sampled(values, fine), at, duration=settling + recorder.duration + ahead[-1], sample_rate=fine,
+        step=recorder.step, points=points, limits="softening",
     )  # fmt: skip
     rate = recorder.sample_rate
     whole = [
@@ -208,7 +215,7 @@ def _recorder_filter() -> Array:
     """Return the filter of the recorder: within 1e-5 of one up to 0.4 of its rate, where harmonics are compared."""
     from scipy.signal import firwin
 
-    return np.asarray(firwin(40 * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
+    return np.asarray(firwin(2 * REACH * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
 
 
 def virtual_rig_test(
