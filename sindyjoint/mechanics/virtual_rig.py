@@ -11,12 +11,11 @@ import numpy as np
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, Sensor, load_row
+from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, RigUse, Sensor, load_row
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.numeric import Array
-from sindyjoint.record import Use
 
 Shape = Literal["sine", "multisine", "sweep", "impact"]
 
@@ -46,7 +45,7 @@ class Drive:
     width : float or None
         Of an impact, a half-sine, s.
     level : str or None
-    use : {"identify", "validate"}
+    use : {"identify", "validate", "update"}
     """
 
     name: str
@@ -56,7 +55,7 @@ class Drive:
     band: tuple[float, float] | None = None
     width: float | None = None
     level: str | None = None
-    use: Use = "identify"
+    use: RigUse = "identify"
 
     def __post_init__(self) -> None:
         needed = {
