@@ -9,7 +9,7 @@ Random joints with one element hidden, moved by a moment (even seeds) or by a mo
 only candidate, unless ``--all``: its numbers are asked for here, not its name. ``run`` appends one line per campaign
 and resumes. ``--quick`` adds the element and finishes its numbers, without the check, the verdict and the gaps of a
 diagnosis: the same numbers wherever that adds this element alone and starts once. A number counts where the form that
-was hidden is found; a Bouc-Wen law between the catalogue's powers has no numbers in the catalogue.
+was hidden is found.
 """
 
 from __future__ import annotations
@@ -34,24 +34,19 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
 from sindyjoint.record import Campaign  # noqa: E402
 
-
-def _bouc_wen(p: tuple[float, ...]) -> dict[str, float]:
-    # z' = omega·(1 − (sgn(omega·z) + 1)/2·|z/p1|^n), and the catalogue's theta_y is that of both halves together.
-    if p[2] not in (1.0, 2.0):
-        return {}
-    return {"k_z": p[0] / p[1], "theta_y": p[1] * 2 ** (1 / p[2]), "shape": 3.0}
-
-
 # What the numbers of the catalogue's elements are, from the parameters of the referee's law.
 TRUTH: dict[str, Callable[[tuple[float, ...]], dict[str, float]]] = {
     "jenkins_element": lambda p: {"k_t": p[0] / p[1], "theta_y": p[1]},
     "dahl_friction": lambda p: {"k_z": p[0] / p[1], "theta_y": p[1]},
-    "bouc_wen_hysteresis": _bouc_wen,
+    "bouc_wen_hysteresis": lambda p: {"k_z": p[0] / p[1], "theta_y": p[1], "shape": p[3]},
     "maxwell_branch": lambda p: {"k_m": p[0], "tau": p[1]},
     "backlash_play": lambda p: {"M_g": p[0], "gap": p[1], "ramp": p[2]},
 }
-# What is measured: 4 s at 500 Hz. The referee stops sliders in steps of its samples, so that it makes more of them.
-TEST = dict(duration=4.0)
+# By which law an element is hidden, where that has not its own name: numbers at an end of their range say little.
+HIDDEN = {"bouc_wen_hysteresis": "bouc_wen_general"}
+# What is measured: two to four levels at two frequencies, 3 s each at 500 Hz. The referee stops sliders in steps of
+# its samples, so that it makes more of them.
+TEST = dict(duration=3.0, frequencies=(3.5, 5.0))
 SAMPLE_RATE = 500.0
 FINER = {"moment": 8, "displacement": 32}
 
@@ -63,11 +58,9 @@ def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bo
     record = dict(name=name, seed=seed, size=size, noise=noise, refine=refine, every=every, quick=quick)
     try:
         finer = FINER["displacement" if seed % 2 else "moment"]
-        hidden = hide(name, seed, size, noise, sample_rate=finer * SAMPLE_RATE, **TEST)
+        hidden = hide(HIDDEN.get(name, name), seed, size, noise, sample_rate=finer * SAMPLE_RATE, **TEST)
         truth = TRUTH[name](hidden.parameters)
         record |= dict(drive=hidden.plan.drive, parameters=list(hidden.parameters), truth=truth)
-        if not truth:
-            return record
         known = load_effects()
         candidates = known if every else select_effects(known, [name])
         start = time.process_time()
@@ -156,7 +149,7 @@ def show(args: argparse.Namespace) -> None:
     held: dict[tuple[str, ...], list[tuple[bool, float, float]]] = defaultdict(list)
     for r in records:
         key = (r["name"], r.get("drive", "?"))
-        state = "error" if "error" in r else "no truth" if not r["truth"] else "counted"
+        state = "error" if "error" in r else "counted"
         if state == "counted" and not as_hidden(r):
             state = "other form" if r["numbers"] else "not found"
         counts[key][state] += 1

@@ -6,7 +6,7 @@
 
 Each seed draws k1, k2, k3, c1, M_F of every kind of joint within 20 % of the paper's, drives the structure at forces
 found by trial simulations, and discovers the laws from accelerometers and a force cell with 1 % noise. Runs of 20 s
-that repeat are simulated for 5 s (multisines 4 s) once they are steady, and these repeated with noise of their own.
+that repeat are simulated for 5 s (multisines 2 s) once they are steady, and these repeated with noise of their own.
 `--wrong`: the beams' stiffness is 1 % and their mass 0.5 % (standard deviations, one number each) other than the file
 says, and the file says that it may be.
 """
@@ -28,7 +28,7 @@ from sindyjoint.mechanics.rig_test import RigTest, Sensor, uncertain_numbers
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Hinge, assemble
-from sindyjoint.mechanics.virtual_rig import Drive, Recorder, simulate_run, virtual_rig_test
+from sindyjoint.mechanics.virtual_rig import Drive, Recorder, simulate_run
 from sindyjoint.paper import TERMS
 
 STATIONS = {
@@ -41,11 +41,17 @@ SINES = {
     "pulse-rig": {3.0: 4.4, 3.6: 2.6, 5.2: 5.2, 6.0: 10.0},
     "four-panel-wing": {1.2: 0.92, 4.4: 3.4, 5.4: 2.4, 6.4: 6.5},
 }
-BANDS = {"pulse-rig": (2.0, 12.0), "four-panel-wing": (1.0, 9.0)}
+BANDS = {"pulse-rig": (2.0, 12.0), "four-panel-wing": (1.0, 9.0)}  # of a sweep
+# The mode that moves the joints: on the wing the outer ones slip in the second and not in the first. A multisine has
+# lines from 0.8 of its frequency with joints that slip, as they soften, to that with joints that stick.
+MODE, BELOW = {"pulse-rig": 1, "four-panel-wing": 2}, 0.8
+FIRST_MULTISINE = {"pulse-rig": 2.5, "four-panel-wing": 3.0}  # N, of a trial
+SPACING, REALISATIONS = 0.5, 3  # Hz; random phases of each multisine
 STRIKE = 0.03  # s, of an impact
-STRETCH = {"sine": 5.0, "multisine": 4.0}  # s, whole periods of what repeats
+STRETCH = {"sine": 5.0, "multisine": 2.0}  # s, whole periods of what repeats
 LEVELS = (1.0, 0.87, 0.75)
 LARGEST = 0.6  # of the softening limit
+LARGEST_MULTISINE = 0.75  # which comes near its largest angle a few times in a period
 NAMES = ("k1", "k2", "k3", "c1", "M_F")
 
 
@@ -69,31 +75,31 @@ def with_other_beams(rig, stiffness, mass):
     return replace(rig, items=items)
 
 
-def largest_share(structure, at, sensors, drive, recorder):
+def largest_share(structure, at, sensors, drive, recorder, phases):
     """Return the largest joint angle as a share of its softening limit; infinite where it is passed."""
     # A sweep has to pass the resonance; what a blow does shows at once.
     seconds = recorder.duration if drive.shape == "sweep" else 3.0
-    quick = replace(recorder, duration=seconds, settling=4.0, noise=0.0, step=5e-4)
+    quick = replace(recorder, duration=seconds, settling=5.0, noise=0.0, step=5e-4)
     try:
-        _, response = simulate_run(structure, at, sensors, drive, quick, np.random.default_rng(0))
+        _, response = simulate_run(structure, at, sensors, drive, quick, np.random.default_rng(phases))
     except SimulationError:
         return np.inf
     limits = [min(map(abs, softening_limit(hinge.law))) for hinge in structure.hinges]
     return max(np.abs(angle).max() / limit for angle, limit in zip(response.angle, limits, strict=True))
 
 
-def find_force(structure, at, sensors, drive, recorder, start):
+def find_force(structure, at, sensors, drive, recorder, start, wanted=LARGEST, phases=0):
     """Return the force at which the largest joint angle is about the wanted share of its softening limit."""
     low, high, force = 0.0, np.inf, start
     for _ in range(9):
-        share = largest_share(structure, at, sensors, replace(drive, amplitude=force), recorder)
-        if 0.85 * LARGEST < share < LARGEST:
+        share = largest_share(structure, at, sensors, replace(drive, amplitude=force), recorder, phases)
+        if 0.85 * wanted < share < wanted:
             break
-        low, high = (force, high) if share < LARGEST else (low, force)
+        low, high = (force, high) if share < wanted else (low, force)
         middle = (low + high) / 2 if np.isfinite(high) else 1.6 * force
-        wanted = 0.93 * LARGEST / share * force if np.isfinite(share) else middle
-        force = wanted if low < wanted < min(high, 2 * force) else middle
-    return force if share < LARGEST else low
+        guess = 0.93 * wanted / share * force if np.isfinite(share) else middle
+        force = guess if low < guess < min(high, 2 * force) else middle
+    return force if share < wanted else low
 
 
 def drives_of(name, structure, at, sensors, recorder, kind):
@@ -117,18 +123,30 @@ def drives_of(name, structure, at, sensors, recorder, kind):
             for level in LEVELS
             for again in (1, 2)
         ]
-    drive = Drive("trial", "multisine", 1.0, 0.5, BANDS[name])
-    top = find_force(structure, at, sensors, drive, recorder, 3.0)
-    return [
-        Drive(f"multisine {level:g}", "multisine", level * top, 0.5, BANDS[name], level=f"{level:g}")
-        for level in LEVELS
-    ]
+    band = band_of(structure, MODE[name])
+    drive = Drive("trial", "multisine", 1.0, SPACING, band)
+    drives, top = [], FIRST_MULTISINE[name]
+    for number in range(REALISATIONS):
+        # Every run has phases of its own, and its force is found with these.
+        top = find_force(structure, at, sensors, drive, recorder, top, LARGEST_MULTISINE, number)
+        drives.append(replace(drive, name=f"multisine {number}", level=str(number), amplitude=top))
+    return drives
+
+
+def band_of(structure, mode):
+    """Return the frequencies between which a mode lies that slips and softens, or sticks, Hz."""
+    slipping, sticking = (structure.frequencies(mode, locked=locked)[-1] for locked in (False, True))
+    return BELOW * float(slipping), float(sticking)
 
 
 def recorded(test, drives, recorder, kind, generator):
     """Return a test with its runs; of what repeats a stretch is simulated."""
     stretch = STRETCH.get(kind, recorder.duration)
-    exact = virtual_rig_test(test, drives, replace(recorder, noise=0.0, duration=stretch), generator)
+    quick = replace(recorder, noise=0.0, duration=stretch)
+    exact = [
+        simulate_run(test.structure, test.at, test.sensors, drive, quick, np.random.default_rng(phases))[0]
+        for phases, drive in enumerate(drives)
+    ]
     channel, times = Channel(noise=recorder.noise), round(recorder.duration / stretch)
 
     def shown(signal):
@@ -136,9 +154,9 @@ def recorded(test, drives, recorder, kind, generator):
 
     runs = tuple(
         replace(run, drive=shown(run.drive), responses=np.array([shown(s) for s in run.responses]))
-        for run in exact.runs
+        for run in exact
     )
-    return replace(exact, runs=runs)
+    return replace(test, runs=runs, simulated=True)
 
 
 def campaign(name, seed, kind="sine", wrong=False):

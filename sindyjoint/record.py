@@ -25,6 +25,8 @@ Motion = Literal["rotation", "translation"]
 Use = Literal["identify", "validate"]
 
 MINIMUM_SAMPLES = 32
+#: What every report says first on runs of a virtual test.
+SIMULATED = "the campaign is simulated (a virtual test), not measured"
 # Channels of a run with an accelerometer, beside which its angle is that of all sensors.
 MEASURED_ANGLE, MEASURED_RATE = "measured angle", "measured rate"
 WITHOUT_TIME = (
@@ -329,8 +331,7 @@ class Campaign(Shown):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What every report on the campaign says first."""
-        simulated = "the campaign is simulated (a virtual test), not measured"
-        said = (*[simulated] * self.simulated, *[WITHOUT_TIME] * self.quasi_static, *self.notes)
+        said = (*[SIMULATED] * self.simulated, *[WITHOUT_TIME] * self.quasi_static, *self.notes)
         runs = {run.name: run.fusion for run in self.runs}
         return (*said, *unknown_means(runs, quantities(self.joint.motion)))
 

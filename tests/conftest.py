@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 
 # Before NumPy is imported: two workers with two threads of linear algebra each, on two cores, wait for one another.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
-# Processes begun here load what one of them has translated, as they do anywhere else; numba keeps its code there, too.
+# Workers, and processes begun here, load what one of them has translated, as they do anywhere else; numba keeps its
+# code there, too.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 import re
 import signal

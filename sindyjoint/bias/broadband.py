@@ -11,7 +11,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, without_line
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
@@ -210,7 +210,7 @@ def _drive_bandwidth(drive: Array, state: ForceStates, exciter_inertia: float) -
 
     segment = int(min(drive.size, max(256, drive.size // 8)))
     frequency, density = welch(
-        drive, state.sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+        drive, state.sample_rate, window="blackmanharris", nperseg=segment, detrend=without_line
     )
     unit_noise = 2 / state.sample_rate  # one-sided density of white noise of variance one
     floor = unit_noise * (

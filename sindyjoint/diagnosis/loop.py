@@ -99,7 +99,7 @@ def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | 
         here = later
         been.append(here)
     kept = without_begun_pair(here, begun)
-    return without_idle_end(been[: been.index(kept) + 1])
+    return without_idle_end(_response_kept(been[: been.index(kept) + 1]))
 
 
 def without_idle_end(been: Sequence[Progress[P]]) -> Progress[P]:
@@ -115,6 +115,19 @@ def without_idle_end(been: Sequence[Progress[P]]) -> Progress[P]:
     if any(not later > (1 - policy.least_help) * before for later, before in pairs if np.isfinite(before)):
         return here
     return without_idle_end(earlier)
+
+
+def _response_kept(been: Sequence[Progress[P]]) -> Sequence[Progress[P]]:
+    """Return the way up to the last progress whose response is no worse than at the start, where a remainder is left.
+
+    What leaves much of the moment and simulates the joint worse than no effect does is not its law.
+    """
+    start, here = been[0], been[-1]
+    most, floor = here.problem.policy.within_floors, here.problem.floor()
+    remains = here.gap.moment > most * floor.moment
+    if not remains or not here.gap.response > max(start.gap.response, np.nan_to_num(most * floor.response)):
+        return been
+    return _response_kept(been[:-1])
 
 
 def without_begun_pair(here: Progress[P], begun: Progress[P] | None) -> Progress[P]:

@@ -13,6 +13,8 @@ from sindyjoint.text import spelled
 
 #: The name under which what is outside the catalogue stands among the rivals of a step.
 UNKNOWN = "unknown"
+#: Beside the terms of a Taylor series one zero error of a channel is the other: of the joint both say the same.
+ZERO_ERRORS = frozenset(("constant_moment", "angle_offset"))
 #: The verdict where the data are not sound enough for any other.
 UNDECIDED = "undecided"
 
@@ -171,7 +173,11 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
             "partly_named",
             f"{names} explains the {'motion' if gaps.of_response else 'moment'}, yet {complaint}",
         )
-    apart = [" or ".join(map(spelled, s.members)) for s in steps if len(s.members) > 1]
+    apart = [
+        " or ".join(map(spelled, s.members))
+        for s in steps
+        if len(s.members) > 1 and not ZERO_ERRORS.issuperset(s.members)
+    ]
     if apart:
         return "ambiguous", f"{residual.data} cannot tell apart: {'; '.join(apart)}"
     return "named", "found: " + ", then ".join(spelled(s.effect) for s in steps)

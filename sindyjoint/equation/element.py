@@ -103,21 +103,28 @@ class Form:
         """
         from sympy import Abs, Heaviside, Symbol
 
-        here = {
+        pairs = {
             s: Symbol(names[s.name], real=True, positive=s.is_positive) if s.name in names else given[s.name]
             for s in self.symbols
             if s.name in names or s.name in given
         }
+        here = frozenset(pairs.items())
         _, omega, _ = variable_symbols()
         rates = {}
         for state in self.states:
-            rate = state.rate.xreplace(here)
+            rate = _renamed(state.rate, here)
             if state.limit is not None:
                 z = Symbol(names[state.name], real=True)
-                full = Heaviside(Abs(z) - state.limit.xreplace(here), 1) * Heaviside(z * omega, 0)
+                full = Heaviside(Abs(z) - _renamed(state.limit, here), 1) * Heaviside(z * omega, 0)
                 rate = rate * (1 - full)
             rates[names[state.name]] = rate
-        return [column.expression.xreplace(here) for column in self.columns], rates
+        return [_renamed(column.expression, here) for column in self.columns], rates
+
+
+@lru_cache(maxsize=512)
+def _renamed(expression: sympy.Expr, pairs: frozenset[tuple[Any, Any]]) -> Any:
+    """Return an expression with other symbols; SymPy takes long over a minimum, and a fit asks thousands of times."""
+    return expression.xreplace(dict(pairs))
 
 
 @dataclass(frozen=True)
@@ -231,28 +238,32 @@ class JointElement:
         count = len(self.columns)
         return replace(self, columns=later[:count], parameters=later[count:])
 
-    def along(self, angle: ArrayLike, rate: ArrayLike, step: float) -> Array:
+    def along(self, angle: ArrayLike, rate: ArrayLike, step: float, rest: float = 0.0) -> Array:
         """Return its moment along a motion, shape (n,), N·m (N).
 
         Parameters
         ----------
         angle, rate : array_like, shape (n,)
-            rad, rad/s, evenly spaced; at the first sample the states are as a joint at rest has them.
+            rad, rad/s, evenly spaced.
         step : float
             s between samples.
+        rest : float
+            Angle from which the joint came to the first sample, rad: there its sliders are in their middle.
         """
-        return np.asarray(self.columns_along(angle, rate, step) @ self.coefficients)
+        return np.asarray(self.columns_along(angle, rate, step, rest) @ self.coefficients)
 
-    def columns_along(self, angle: ArrayLike, rate: ArrayLike, step: float) -> Array:
+    def columns_along(self, angle: ArrayLike, rate: ArrayLike, step: float, rest: float = 0.0) -> Array:
         """Return its columns without their coefficients along such a motion, shape (n, n_columns)."""
         theta, omega = (np.asarray(x, dtype=np.float64) for x in (angle, rate))
         form, values = self.form, self.values
-        states = states_along(form, values, theta, omega, step)
+        states = states_along(form, values, theta, omega, step, rest=rest)
         columns = compile_terms([c.expression for c in form.columns], form.arguments)
         return np.asarray(columns(theta, omega, *states, *map(float, values)))
 
 
-def states_along(form: Form, values: Array, angle: Array, rate: Array, step: float, passes: int = 1) -> Array:
+def states_along(
+    form: Form, values: Array, angle: Array, rate: Array, step: float, passes: int = 1, rest: float = 0.0
+) -> Array:
     """Return the internal states of a form along a motion, in the last of so many passes, shape (n_states, n)."""
     from sindyjoint.equation.internal_states import integrate_runs
 
@@ -260,8 +271,7 @@ def states_along(form: Form, values: Array, angle: Array, rate: Array, step: flo
         return np.empty((0, angle.size))
     parameters = np.array(values, dtype=np.float64)
     # Four parts of a step: a reversal within one is then placed well enough.
-    # At rest at zero angle a slider is in its middle; where it never slips it stays about there.
-    timing = np.array([step]), np.array([passes]), np.array([4]), angle[:1]
+    timing = np.array([step]), np.array([passes]), np.array([4]), angle[:1] - rest
     integrate: Any = integrate_runs
     states: Array = integrate(
         angle, rate, np.array([angle.size]), timing, parameters, form.limits(parameters), form.state_program

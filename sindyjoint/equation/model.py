@@ -159,6 +159,7 @@ class JointModel:
         rate: ArrayLike,
         step: float | None = None,
         inputs: Mapping[str, ArrayLike] | None = None,
+        rest: float = 0.0,
     ) -> NDArray[np.float64]:
         """Return the transfer moment at a state, or along a motion; without the part of the inertia.
 
@@ -173,6 +174,8 @@ class JointModel:
             on how a state was reached.
         inputs : mapping of str to array_like, shape (...) or (), optional
             SI; those not given are at their reference.
+        rest : float
+            Angle from which the joint came to the first sample of a motion, rad: sliders are in their middle there.
 
         Returns
         -------
@@ -205,7 +208,7 @@ class JointModel:
             )
             total = (columns @ np.array([term.coefficient for term in terms])).reshape(angle.shape)
         for element in self.elements:
-            total = total + element.along(angle, rate, float(step or 0.0))
+            total = total + element.along(angle, rate, float(step or 0.0), rest)
         return total
 
     def __repr__(self) -> str:

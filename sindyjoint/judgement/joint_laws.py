@@ -18,9 +18,9 @@ from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.judgement.discovery import Discovery, fitted_to
-from sindyjoint.judgement.policy import POLICY
+from sindyjoint.judgement.rig_verdict import of_one_run, within_the_states
 from sindyjoint.judgement.second_search import campaign_model
-from sindyjoint.judgement.verdict import Verdict, judge
+from sindyjoint.judgement.verdict import judge
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -284,7 +284,7 @@ def _judged(
         model = replace(model, fitted=replace(model.fitted, noise_floor=floor))
     verdict = of_one_run(judge(regressor, model), len({each.recovery.run.name for each in recovered}))
     if rows is not None and errors is not None:
-        verdict = within_the_states(verdict, errors.angle_share)
+        verdict = within_the_states(verdict, errors.angle_share, float(errors.hidden.max(initial=0.0)))
         model = model.with_numbers(rows.coefficients, errors.covariance)
 
     def replicated(known: JointModel) -> list[Replicate]:
@@ -308,30 +308,6 @@ def _judged(
         campaign=campaign,
         bias=fixed.bias,
     )
-
-
-def of_one_run(verdict: Verdict, runs: int) -> Verdict:
-    """Return a verdict that refutes nothing by one run: what the recovery does to it, no other run tells."""
-    if runs > 1 or verdict.verdict != "refuted":
-        return verdict
-    reason = f"one run of the structure refutes no term; others at other levels would tell: {verdict.reason}"
-    return replace(verdict, verdict="undecided", reason=reason)
-
-
-def within_the_states(verdict: Verdict, share: float) -> Verdict:
-    """Return a verdict that is no surer than the states: undecided where their angle is known less well than a term.
-
-    An error of the angle is one of the elastic moment of the same share: beyond the share below which a term counts as
-    absent, neither absence nor presence follows from what fits best.
-    """
-    if share <= POLICY.negligible_share or verdict.verdict == "undecided":
-        return verdict
-    reason = (
-        f"the sensors show the angle of the joint only within {100 * share:.1f} % of itself, and terms are judged down "
-        f"to {100 * POLICY.negligible_share:.0f} % of the moment: sensors of displacement, longer runs or sines would "
-        f"tell; without that: {verdict.verdict}, {verdict.reason}"
-    )
-    return replace(verdict, verdict="undecided", reason=reason)
 
 
 def recovered_campaign(test: RigTest, kind: str, states: Sequence[ForceStates]) -> Campaign:

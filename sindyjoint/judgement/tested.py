@@ -47,6 +47,8 @@ class Tested:
     lags : tuple of InputLag
     hidden : HiddenCampaign or None
         What a virtual test hides.
+    beyond : tuple of str
+        What to say of runs beyond what a given model was tested to.
     """
 
     campaign: Campaign
@@ -54,6 +56,7 @@ class Tested:
     delay: ChannelDelay | None
     lags: tuple[InputLag, ...]
     hidden: Any
+    beyond: tuple[str, ...] = ()
 
     def complete(self, result: Diagnosis) -> Diagnosis:
         """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
@@ -62,7 +65,7 @@ class Tested:
         elements = () if result.whole is None else result.whole.elements
         named = [spelled(each.effect, self.campaign.joint.motion) for each in elements]
         notes = (*lag_notes(self.lags), *fixed_notes(self.campaign.inputs, named))
-        warnings = (*self.checked.warned(self.delay is not None), *result.warnings, *notes)
+        warnings = (*self.checked.warned(self.delay is not None), *self.beyond, *result.warnings, *notes)
         result = replace(
             result, test=test, model=self._fitted(result.model), whole=whole, soundness=self.checked.soundness,
             warnings=warnings, hidden=self.hidden,

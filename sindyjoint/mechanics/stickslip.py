@@ -280,8 +280,8 @@ def slip_direction(rate: ArrayLike) -> Array:
 APPROACH = 200  # samples
 
 
-def brought_from_zero(law: Law, angle: Array, rate: Array) -> Array:
-    """Return the internal states of a joint brought from zero to the first angle, as fast as it moves later.
+def brought_from_rest(law: Law, angle: Array, rate: Array, rest: float = 0.0) -> Array:
+    """Return the internal states of a joint brought from an angle of rest to the first one, as fast as it moves later.
 
     A state that changes at standstill is no memory of the motion but a clock, which the approach does not advance.
     """
@@ -290,11 +290,12 @@ def brought_from_zero(law: Law, angle: Array, rate: Array) -> Array:
     compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, APPROACH))
     fastest = float(np.abs(rate).max()) if rate.size else 0.0
-    if not (fastest > 0 and np.isfinite(fastest) and angle[0] != 0):
+    way = float(angle[0]) - rest if angle.size else 0.0
+    if not (fastest > 0 and np.isfinite(fastest) and way != 0):
         return state[:, 0]
-    duration = 0.5 * np.pi * abs(float(angle[0])) / fastest
+    duration = 0.5 * np.pi * abs(way) / fastest
     phase = np.linspace(0.0, np.pi, APPROACH)
-    approach, speed = 0.5 * angle[0] * (1 - np.cos(phase)), 0.5 * angle[0] * np.sin(phase) * np.pi / duration
+    approach, speed = rest + 0.5 * way * (1 - np.cos(phase)), 0.5 * way * np.sin(phase) * np.pi / duration
     integrate_states(compiled.address, approach, speed, compiled.numbers, duration / (APPROACH - 1), 1, state)
     still = np.zeros((1 + compiled.n_states, 1))
     zero = np.zeros(1)
@@ -312,6 +313,7 @@ def transfer_moment(
     *,
     acceleration: ArrayLike | None = None,
     substeps: int = 8,
+    rest: float = 0.0,
 ) -> tuple[Array, Array]:
     """Return the moment at the sensor for a prescribed motion, I·θ̈ + M_T, and the internal states.
 
@@ -326,6 +328,8 @@ def transfer_moment(
         rad/s²; without it the inertia moment is omitted and only M_T is returned.
     substeps : int
         Runge–Kutta steps of the internal states per sample; more where a state settles faster than they follow.
+    rest : float
+        Angle of the joint before the motion, rad (m).
 
     Returns
     -------
@@ -333,8 +337,8 @@ def transfer_moment(
         N·m (N). Where the rate is exactly zero, friction keeps the side of the motion before: while a prescribed
         motion stands still, its moment is not determined.
     state : ndarray, shape (n_states, n)
-        From those of a joint brought from standstill at zero to the first angle; a slider that never slips afterwards
-        keeps them.
+        From those of a joint brought from standstill at ``rest`` to the first angle; a slider that never slips
+        afterwards keeps them.
 
     Raises
     ------
@@ -352,7 +356,7 @@ def transfer_moment(
     compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
-        state[:, 0] = brought_from_zero(law, theta, omega)
+        state[:, 0] = brought_from_rest(law, theta, omega, rest)
         step, steps = 1.0 / sample_rate, int(substeps)
         integrate_states(compiled.address, theta, omega, compiled.numbers, step, steps, state)
         decay = fastest_decay(compiled.address, theta, omega, direction, compiled.numbers, state) * step

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from sindyjoint.mechanics.laws import Law
-from sindyjoint.numeric import rms
+from sindyjoint.numeric import rms, without_line
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.model_law import elastic_moment
 from sindyjoint.response.policy import POLICY
@@ -72,7 +72,7 @@ def unanswered(states: ForceStates, inertia: float) -> float:
         return 0.0
     segment = int(min(states.n_samples, max(256, states.n_samples // 8)))
     frequency, density = welch(
-        states.moment, states.sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+        states.moment, states.sample_rate, window="blackmanharris", nperseg=segment, detrend=without_line
     )
     unit_noise = 2 / states.sample_rate  # one-sided density of white noise of variance one
     floor = unit_noise * states.noise.moment**2

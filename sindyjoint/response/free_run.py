@@ -14,7 +14,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.response.drive import choose_drive
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import RTOL, SimulatedRun, angle_limits, cut_states, span_of
+from sindyjoint.response.run import RTOL, SimulatedRun, angle_limits, cut_states, rest_of, span_of
 from sindyjoint.states import ForceStates, force_states
 
 # Step of the differences by an initial angle or rate, in RMS of the signal.
@@ -63,8 +63,9 @@ def simulate_free(law: Law, run: Run, states: ForceStates, samples: int, by_moti
     begin = settled // 2 if law.n_states else 0
     try:
         moment, internal = transfer_moment(
-            law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration
-        )
+            law, states.angle, states.rate, run.sample_rate, acceleration=states.acceleration,
+            rest=rest_of(states),
+        )  # fmt: skip
         if not motion_drives:
             motion = _simulate_from(law, run, states, begin, settled, internal[:, begin])
     except SimulationError as error:

@@ -27,6 +27,7 @@ from sindyjoint.response.output_error_parts import (
     nuisance_parameter,
 )
 from sindyjoint.response.output_error_runs import Record, initial_parameters, record_of
+from sindyjoint.response.run import rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
@@ -283,7 +284,7 @@ class OutputError:
             float(self._inertia(record, x[None])[0]),
         )
         s, rate = record.states, record.run.sample_rate
-        inner = transfer_moment(law, s.angle, s.rate, rate)[1] if law.n_states else None
+        inner = transfer_moment(law, s.angle, s.rate, rate, rest=rest_of(s))[1] if law.n_states else None
         starts = np.zeros((record.moment.size, 2))
         first = record.initial_indices
         starts[list(record.starts)] = x[first.start : first.stop].reshape(-1, 2)
@@ -298,8 +299,9 @@ class OutputError:
         assert record.columns is not None
         total = record.columns @ x[: record.columns.shape[1]]
         total = total + self._inertia(record, x[None])[0] * s.acceleration
+        rest = rest_of(s)
         for element in self.elements(x):
-            total = total + element.along(s.angle, s.rate, 1 / record.run.sample_rate)
+            total = total + element.along(s.angle, s.rate, 1 / record.run.sample_rate, rest)
         return total if record.added is None else total + record.added
 
     @property

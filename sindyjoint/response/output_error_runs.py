@@ -24,7 +24,7 @@ from sindyjoint.response.model_law import law_terms, model_law
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import along_motion, angle_limits, measured_drive, settling, span_of
+from sindyjoint.response.run import along_motion, angle_limits, measured_drive, rest_of, settling, span_of
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 
@@ -280,7 +280,7 @@ def record_of(
         columns=term_columns(model, states) if drive == "motion" else None,
         added=None
         if added is None
-        else transfer_moment(added, states.angle, states.rate, run.sample_rate)[0],
+        else transfer_moment(added, states.angle, states.rate, run.sample_rate, rest=rest_of(states))[0],
     )
 
 

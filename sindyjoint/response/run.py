@@ -12,7 +12,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import brought_from_zero, simulate, transfer_moment
+from sindyjoint.mechanics.stickslip import brought_from_rest, simulate, transfer_moment
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
@@ -23,6 +23,8 @@ from sindyjoint.states import ForceStates, force_states
 WINDOW = 1.0
 # Steps of internal states per sample along a measured motion.
 SUBSTEPS = 8
+# Of the largest rate: one that is smaller is no motion.
+AT_REST = 0.05
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -205,7 +207,7 @@ def simulate_run(
     failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
     try:
         if response_only and drive == "moment" and (states.method == "periodic" or states.repeated):
-            inner = brought_from_zero(law, states.angle, states.rate)[:, None]
+            inner = brought_from_rest(law, states.angle, states.rate, rest_of(states))[:, None]
         else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
             if isinstance(law, LawInRun):
@@ -214,7 +216,7 @@ def simulate_run(
             if drive == "windows":
                 # Where a segment starts the internal states are as along the measured motion.
                 options = {"initial_state": inner, **options}
-            elif not states.repeated:
+            else:
                 # Many settle in a period that is not compared; a slider that never yields keeps where it began.
                 options = {"initial_state": inner[:, 0], **options}
             motion = _simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
@@ -254,10 +256,25 @@ def along_motion(
         np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
     )
     acceleration = np.concatenate([np.zeros(size), states.acceleration])
+    rest = rest_of(states)
     moment, inner = transfer_moment(
-        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps
+        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps, rest=rest
     )
     return moment[size:], inner[:, size:]
+
+
+def rest_of(states: ForceStates) -> float:
+    """Return the angle from which a run brings its sliders, rad: they are in their middle there.
+
+    One that never yields shows it ever after. Of a driven motion that does not repeat it is the first angle, where the
+    record begins at rest; of any other the mean, about which loops that fade leave a slider.
+    """
+    repeats = states.method == "periodic" or states.repeated
+    early = states.lead if states.lead is not None and states.lead[0].size else (states.angle, states.rate)
+    at_rest = abs(early[1][0]) < AT_REST * float(np.max(np.abs(states.rate)))
+    if at_rest and not repeats and np.ptp(states.moment) > 0:
+        return float(early[0][0])
+    return float(np.mean(states.angle))
 
 
 def settling(states: ForceStates) -> int:
@@ -319,7 +336,7 @@ def _simulate_motion(
     if "limits" not in options:
         options["limits"] = angle_limits(law, states, drive)
     if states.repeated:
-        # Internal states of the law are not known at the start; they settle within one period.
+        # What internal states are at the start is known roughly; they settle within one period.
         periods = repeated(states.moment, states.n_samples / run.sample_rate)
         at = (states.angle[0], states.rate[0])
         duration = 2 * states.n_samples / run.sample_rate

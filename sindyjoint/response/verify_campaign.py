@@ -63,9 +63,7 @@ def verify_campaign(
     for states in compared_states(campaign, runs, test.timed):
         run = next(each for each in runs if each.name == states.run)
         say(f"simulating runs: {len(results) + 1} of {len(runs)}")
-        exceeded = range_warnings(
-            model.fitted, model.joint.motion, states.angle, states.rate, run.name, states.method != "path"
-        )
+        exceeded = beyond_tested(model, states)
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
         simulate = _way_of(run, states, test, settings)
@@ -78,6 +76,25 @@ def verify_campaign(
         results.append(_compare_run(simulated, campaign, run, band))
     result = judged(model, "campaign", campaign.joint.name, settings.tolerance, results, warnings)
     return replace(result, free_run=free_run, independent=independent, beyond_range=tuple(beyond))
+
+
+def beyond_tested(model: JointModel, *states: ForceStates, whose: str = "") -> tuple[str, ...]:
+    """Return what to say of runs that go beyond what a model was tested to, each begun with ``whose`` model it is."""
+    return tuple(
+        line
+        for each in states
+        for line in range_warnings(
+            model.fitted,
+            model.joint.motion,
+            each.angle,
+            each.rate,
+            f"{whose}{each.run}",
+            each.method != "path",
+        )
+    )
+
+
+GIVEN = "the given model in "
 
 
 def _way_of(

@@ -9,14 +9,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states.mask import moving_mask, rate_limit, within
-from sindyjoint.states.noise import (
-    WIDEST,
-    coherent_to_the_top,
-    moment_noise,
-    motion_noise,
-    noise_before_filter,
-    signal_end,
-)
+from sindyjoint.states.noise import WIDEST, channel_noise
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 from sindyjoint.states.smoothing import filtered_inputs, smoothing_kernels
@@ -73,10 +66,7 @@ def broadband_states(
     InputError
         If the record is too short for the kernel.
     """
-    filtered_angle = (
-        noise_before_filter(run.angle, run.moment, run.sample_rate) if run.fusion is None else None
-    )
-    cutoff, kernels = _kernels_for(run, bandwidth, filtered_angle)
+    cutoff, kernels = _kernels_for(run, bandwidth)
     low, first, _ = kernels
     edge = 0 if repeated else low.size // 2
     middle = slice(edge, run.n_samples - edge)
@@ -89,7 +79,7 @@ def broadband_states(
         int(np.ceil(guard_periods * run.sample_rate / cutoff)),
         int(POLICY.broadband_guard_limit * _measure_reversal_spacing(rate)),
     )
-    noise = _noise_floor(run, kernels, filtered_angle)
+    noise = _noise_floor(run, kernels)
     slowest = rate_limit(rate, noise.rate, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)
     if run.valid is not None:
@@ -123,15 +113,9 @@ def broadband_states(
     )
 
 
-def _kernels_for(
-    run: Run, bandwidth: float | None, filtered_angle: float | None
-) -> tuple[float, tuple[Array, Array, Array]]:
+def _kernels_for(run: Run, bandwidth: float | None) -> tuple[float, tuple[Array, Array, Array]]:
     """Return the cut-off of the smoothing kernels, Hz, and the kernels; a short record has a higher one."""
-    end = signal_end(run.angle, run.sample_rate, filtered_angle)
-    if run.fusion is not None:
-        # Where the noise of the angle falls with the fourth power of frequency, the sensors show where they end.
-        sensors = [each for each in (run.fusion.acceleration, run.fusion.angle) if each is not None]
-        end = max((signal_end(each, run.sample_rate) for each in sensors), key=lambda each: each.bandwidth)
+    end = channel_noise(run).end
     highest = bandwidth or (ROOM * end.bandwidth if end.abrupt else end.bandwidth)
     cutoff = float(np.clip(highest, 1e-6, WIDEST * run.sample_rate))
     kernels = smoothing_kernels(cutoff, run.sample_rate)
@@ -168,46 +152,34 @@ def _smooth_motion(
     return angle, smooth(centred, first), smooth(centred, second)
 
 
-def _noise_floor(run: Run, kernels: tuple[Array, Array, Array], filtered_angle: float | None) -> NoiseFloor:
+def _noise_floor(run: Run, kernels: tuple[Array, Array, Array]) -> NoiseFloor:
     """Return the noise of the moment and of what the kernels make of the angle's, or of the measured rate's."""
-    declared = run.noise
+    of = channel_noise(run)
     if run.fusion is not None:
-        return _fused_noise_floor(run, run.fusion, kernels)
-    angle, angle_measured = motion_noise(run.angle, run.sample_rate, declared.angle)
-    if declared.angle is None and filtered_angle is not None:
-        angle, angle_measured = filtered_angle, True
+        motion = _fused_noise_floor(run.fusion, run.sample_rate, max(run.n_samples, kernels[0].size), kernels)
+        return NoiseFloor(of.moment, *motion, measured=of.moment_known)
     low, first, second = (float(np.linalg.norm(kernel)) for kernel in kernels)
     if run.rate is None:
-        rate, acceleration, motion_measured = angle * first, angle * second, angle_measured
+        rate, acceleration = of.angle * first, of.angle * second
     else:
-        of_rate, motion_measured = motion_noise(run.rate, run.sample_rate, declared.rate)
-        rate, acceleration = of_rate * low, of_rate * first
-    of_moment, moment_measured = moment_noise(run.moment, run.sample_rate, declared.moment)
-    shared = coherent_to_the_top(run.angle, run.moment, run.sample_rate)
-    filtered = noise_before_filter(run.moment, run.angle, run.sample_rate)
-    if declared.moment is None and filtered is not None:
-        of_moment, moment_measured = filtered, True
+        rate, acceleration = of.rate * low, of.rate * first
+    known = of.angle_known and of.rate_known
     return NoiseFloor(
-        of_moment,
-        angle,
-        rate,
-        acceleration,
-        measured=moment_measured and (declared.moment is not None or not shared),
-        motion_measured=angle_measured and motion_measured and (declared.angle is not None or not shared),
+        of.moment, of.angle, rate, acceleration, measured=of.moment_known, motion_measured=known
     )
 
 
-def _fused_noise_floor(run: Run, fusion: Fusion, kernels: tuple[Array, Array, Array]) -> NoiseFloor:
-    """Return the noise of a run with an accelerometer: that of the sensors, weighed by frequency, after the kernels."""
-    size = max(run.n_samples, kernels[0].size)
-    frequency = np.fft.rfftfreq(size, 1 / run.sample_rate)[1:]
-    density = fusion.white_noise(frequency, run.sample_rate)
+def _fused_noise_floor(
+    fusion: Fusion, sample_rate: float, size: int, kernels: tuple[Array, Array, Array]
+) -> tuple[float, float, float]:
+    """Return the noise of angle, rate, acceleration: that of the sensors, weighed by frequency, after the kernels."""
+    frequency = np.fft.rfftfreq(size, 1 / sample_rate)[1:]
+    density = fusion.white_noise(frequency, sample_rate)
     of_kernels = [np.abs(np.fft.rfft(kernel, size))[1:] for kernel in kernels[1:]]
     angle, rate, acceleration = (
         float(np.sqrt(np.mean((density * response) ** 2))) for response in (np.ones(1), *of_kernels)
     )
-    moment, measured = moment_noise(run.moment, run.sample_rate, run.noise.moment)
-    return NoiseFloor(moment, angle, rate, acceleration, measured=measured)
+    return angle, rate, acceleration
 
 
 def _lead(angle: Array, low: Array, first: Array) -> tuple[Array, Array]:

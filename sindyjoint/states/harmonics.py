@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from sindyjoint.numeric import Array, chunks
 from sindyjoint.states.policy import POLICY
 
 CHUNK = 4096
+FIRST_ORDERS = (1, 2, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,30 +162,34 @@ def significant_harmonics(amplitude: Array, standard_error: Array) -> NDArray[np
     return keep
 
 
-def refine_frequency(signal: Array, sample_rate: float, frequency: float) -> float:
-    """Return the frequency of the strongest line near ``frequency``, from the drift of its phase.
+def refine_frequency(signal: Array, sample_rate: float, frequency: float, order: int = 1) -> float:
+    """Return the frequency at which a signal repeats, near ``frequency``, from the drift of a harmonic's phase.
 
-    The record is cut into whole periods; the slope of the unwrapped phase of their fundamental is the error of
-    the declared frequency. The declared value is kept unless the data contradict it by four standard errors.
+    The record is cut into whole periods; the slope of the unwrapped phase of a harmonic, the fundamental unless it is
+    hardly there, is the error of the declared frequency. The declared value is kept unless the data contradict it by
+    four standard errors.
     """
     per = sample_rate / frequency
     periods = int(signal.size / per)
     if periods < 4:
         return frequency
-    phase = np.unwrap(np.angle(_sum_periods(signal, sample_rate, frequency, 1)[:, 0]))
+    phase = np.unwrap(np.angle(_sum_periods(signal, sample_rate, frequency, [order])[:, 0]))
     centre = np.arange(periods) - (periods - 1) / 2
     slope = centre @ phase / (centre @ centre)
     scatter = np.std(phase - np.mean(phase) - slope * centre, ddof=2) / np.sqrt(centre @ centre)
     if abs(slope) <= POLICY.frequency_significance * scatter:
         return frequency
-    return float(frequency * (1 + slope / (2 * np.pi)))
+    return float(frequency * (1 + slope / (2 * np.pi * order)))
 
 
-def steady_start(signal: Array, sample_rate: float, frequency: float) -> int:
+def steady_start(
+    signal: Array, sample_rate: float, frequency: float, orders: Sequence[int] = FIRST_ORDERS
+) -> int:
     """Return the index of the first period from which the motion repeats.
 
-    A period is steady when its first three harmonics lie within five scatters of their median over the second half of
-    the record (scatter: median distance there, and at least 0.2 % of the fundamental).
+    A period is steady when some harmonics, the first three unless others are stronger, lie within five scatters of
+    their median over the second half of the record (scatter: median distance there, and at least 0.2 % of the first of
+    these harmonics).
 
     Returns
     -------
@@ -194,7 +200,7 @@ def steady_start(signal: Array, sample_rate: float, frequency: float) -> int:
     periods = int(signal.size / per)
     if periods < 4:
         return 0
-    phasor = _sum_periods(signal, sample_rate, frequency, 3) / per
+    phasor = _sum_periods(signal, sample_rate, frequency, orders) / per
     late = phasor[periods // 2 :]
     target = np.median(late.real, axis=0) + 1j * np.median(late.imag, axis=0)
     distance = np.sqrt(np.sum(np.abs(phasor - target) ** 2, axis=1))
@@ -206,9 +212,9 @@ def steady_start(signal: Array, sample_rate: float, frequency: float) -> int:
 
 
 def _sum_periods(
-    signal: Array, sample_rate: float, frequency: float, harmonics: int
+    signal: Array, sample_rate: float, frequency: float, orders: Sequence[int]
 ) -> NDArray[np.complex128]:
-    """Return the sums of a signal times each harmonic's rotation over each whole period, shape (periods, harmonics).
+    """Return the sums of a signal times some harmonics' rotation over each whole period, shape (periods, orders).
 
     A harmonic's sum over one period is not zero where the period is no whole number of samples; the mean is removed
     first, so the remainder is the same in every period.
@@ -216,6 +222,6 @@ def _sum_periods(
     per = sample_rate / frequency
     edges = np.round(np.arange(int(signal.size / per) + 1) * per).astype(int)
     time = np.arange(edges[-1]) / sample_rate
-    rotation = np.exp(-2j * np.pi * frequency * np.outer(time, np.arange(1, harmonics + 1)))
+    rotation = np.exp(-2j * np.pi * frequency * np.outer(time, orders))
     centred = signal[: edges[-1]] - np.mean(signal)
     return np.add.reduceat(centred[:, None] * rotation, edges[:-1], axis=0)

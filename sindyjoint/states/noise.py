@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, without_line
+from sindyjoint.record import Run
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
 
@@ -71,7 +73,7 @@ def signal_end(signal: Array, sample_rate: float, noise: float | None = None) ->
 
     segment = int(min(signal.size, max(256, signal.size // 24)))
     frequency, density = welch(
-        signal, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+        signal, sample_rate, window="blackmanharris", nperseg=segment, detrend=without_line
     )
     top = density[2 * density.size // 3 :]
     floor = float(np.median(top)) if noise is None else 2 * noise**2 / sample_rate
@@ -195,7 +197,7 @@ def noise_before_filter(channel: Array, other: Array, sample_rate: float) -> flo
     if not (end.abrupt and end.flat) or np.ptp(channel) == 0 or np.ptp(other) == 0:
         return None
     segment = int(np.clip(channel.size // SEGMENTS, 16, 512))
-    settings: dict[str, Any] = dict(window="blackmanharris", nperseg=segment, detrend="linear")
+    settings: dict[str, Any] = dict(window="blackmanharris", nperseg=segment, detrend=without_line)
     with np.errstate(invalid="ignore", divide="ignore"):
         frequency, shared = coherence(channel, other, sample_rate, **settings)
     density = welch(channel, sample_rate, **settings)[1]
@@ -221,11 +223,77 @@ def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool
     segment = int(np.clip(first.size // SEGMENTS, 16, 256))
     with np.errstate(invalid="ignore", divide="ignore"):
         _, shared = coherence(
-            first, second, sample_rate, window="blackmanharris", nperseg=segment, detrend="linear"
+            first, second, sample_rate, window="blackmanharris", nperseg=segment, detrend=without_line
         )
     top = shared[2 * shared.size // 3 :]
     known = top[np.isfinite(top)]
     return bool(known.size and np.median(known) > POLICY.shared_top)
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """Where the motion of a run ends in its spectrum, and the noise of its channels.
+
+    Parameters
+    ----------
+    end : SignalEnd
+        Of the angle, or of what an accelerometer's run fuses it from.
+    moment, angle, rate : float
+        RMS of a single sample, N·m, rad, rad/s; the rate's is zero where no rate was measured.
+    moment_known, angle_known, rate_known : bool
+        Whether the noise was measured or declared.
+    """
+
+    end: SignalEnd
+    moment: float
+    moment_known: bool
+    angle: float
+    angle_known: bool
+    rate: float = 0.0
+    rate_known: bool = True
+
+
+# Of runs that are in use: a diagnosis asks for the states of the same run many times.
+_known: WeakKeyDictionary[Run, ChannelNoise] = WeakKeyDictionary()
+
+
+def channel_noise(run: Run) -> ChannelNoise:
+    """Return the noise of a run's channels; it is measured once for each run."""
+    found = _known.get(run)
+    if found is None:
+        found = _known[run] = _measured_noise(run) if run.fusion is None else _fused_noise(run)
+    return found
+
+
+def _measured_noise(run: Run) -> ChannelNoise:
+    sample_rate, declared = run.sample_rate, run.noise
+    filtered_angle = noise_before_filter(run.angle, run.moment, sample_rate)
+    filtered_moment = noise_before_filter(run.moment, run.angle, sample_rate)
+    shared = coherent_to_the_top(run.angle, run.moment, sample_rate)
+    angle, angle_known = motion_noise(run.angle, sample_rate, declared.angle)
+    if declared.angle is None and filtered_angle is not None:
+        angle, angle_known = filtered_angle, True
+    moment, moment_known = moment_noise(run.moment, sample_rate, declared.moment)
+    if declared.moment is None and filtered_moment is not None:
+        moment, moment_known = filtered_moment, True
+    rate, rate_known = (0.0, True) if run.rate is None else motion_noise(run.rate, sample_rate, declared.rate)
+    return ChannelNoise(
+        end=signal_end(run.angle, sample_rate, filtered_angle),
+        moment=moment,
+        moment_known=moment_known and (declared.moment is not None or not shared),
+        angle=angle,
+        angle_known=angle_known and (declared.angle is not None or not shared),
+        rate=rate,
+        rate_known=rate_known and (declared.angle is not None or not shared),
+    )
+
+
+def _fused_noise(run: Run) -> ChannelNoise:
+    """Where the noise of the angle falls with the fourth power of frequency, the sensors show where they end."""
+    assert run.fusion is not None
+    sensors = [each for each in (run.fusion.acceleration, run.fusion.angle) if each is not None]
+    end = max((signal_end(each, run.sample_rate) for each in sensors), key=lambda each: each.bandwidth)
+    return ChannelNoise(end, *moment_noise(run.moment, run.sample_rate, run.noise.moment), 0.0, True)
 
 
 def transfer_noise(states: ForceStates, inertia: float) -> float:

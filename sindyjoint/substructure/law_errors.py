@@ -47,37 +47,51 @@ class LawErrors:
         δ(c, u) = Re Σ slopes·(δθ, δM) over the harmonics of each joint in each run.
     angle_error : ndarray, shape (runs,)
         RMS of the error of the angle: of the slow part by the covariance, of the rest as the sensors have it; rad.
+    weights : ndarray, shape (runs,)
+        What a row of each run counts.
     excess : float
         Mean square of what is left of the rows, of what noise makes of it.
     others : ndarray, shape (m,)
         Coefficients that other terms would have beside the law, in their standard errors.
     excess_with : ndarray, shape (m,)
         The excess with each of these.
+    hidden : ndarray, shape (m,)
+        Share of the moment, beside the law, that a standard error of each of these is.
     """
 
     size: int
     sources: tuple[Source, ...]
     slopes: tuple[Complex, ...]
     angle_error: Array
+    weights: Array
     excess: float
     others: Array
     excess_with: Array
+    hidden: Array
 
     @property
     def covariance(self) -> Array:
-        """Of the coefficients, shape (k, k); larger by the excess of what is left of the rows.
+        """Of the coefficients, shape (k, k); larger by what is left of the rows beyond the noise, where terms see it.
 
-        Harmonics beyond the band of the sensors are missing from both sides of the law: what they leave in the rows
-        is not noise, and errs alike in all runs.
+        Harmonics beyond the band of the sensors are missing from both sides of the law. What they leave in the rows is
+        too quick to pass for any term; an error of the structure is not, and shows in terms beside the law.
         """
         noise = _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
-        return noise * max(1.0, self.excess)
+        return noise * max(1.0, min(self.excess, self.lack))
+
+    @property
+    def lack(self) -> float:
+        """Mean square of the coefficients that other terms would have, in their noise; infinite without any."""
+        if not self.others.size:
+            return float("inf")
+        return float(np.mean(self.others**2 * np.maximum(self.excess_with, 1.0)))
 
     @property
     def angle_share(self) -> float:
-        """RMS error of the angles, of themselves."""
-        shares = [e / np.std(s.states.angle) for e, s in zip(self.angle_error, self.sources, strict=True)]
-        return float(np.sqrt(np.mean(np.square(shares))))
+        """RMS error of the angles over all rows of the law, of the angles: a run counts by what it moves the joint."""
+        rows = np.array([np.count_nonzero(s.states.moving) for s in self.sources]) * self.weights
+        sizes = np.array([np.std(s.states.angle) for s in self.sources])
+        return float(np.sqrt(rows @ self.angle_error**2 / (rows @ sizes**2)))
 
     def change(self, others: Sequence[Recovery]) -> Array:
         """Return by how much the coefficients change where the same runs are recovered otherwise, shape (k,)."""
@@ -162,7 +176,18 @@ def law_errors(
     would_leave = (left - would_be**2 * unique) / expected
     spread = np.sqrt(np.diag(_covariance(sources, of_others)) * np.maximum(would_leave, 1.0))
     ratios = np.divide(would_be, spread, out=np.zeros_like(spread), where=spread > 0)
-    return LawErrors(k, tuple(sources), tuple(slopes), np.array(angle), left / expected, ratios, would_leave)
+    law = np.linalg.qr(scaled[:, :k])[0]
+    alone = np.linalg.norm(beyond - law @ (law.T @ beyond), axis=0)
+    return LawErrors(
+        k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, left / expected, ratios, would_leave,
+        spread * alone / _size(rows, sources),
+    )  # fmt: skip
+
+
+def _size(rows: LawRows, sources: Sequence[Source]) -> float:
+    """Return the norm of the weighted moment of the rows."""
+    moments = (source.states.moment[kept] for source, kept in zip(sources, rows.kept, strict=True))
+    return float(np.sqrt(sum(w * np.sum(m**2) for w, m in zip(rows.weights, moments, strict=True))))
 
 
 def _weighted(rows: LawRows) -> Array:

@@ -12,7 +12,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.recovery import Recovery, solve_channels
 from sindyjoint.substructure.spectra import strongest
-from sindyjoint.substructure.states import kept_of, record_series
+from sindyjoint.substructure.states import kept_of, record_series, strongest_line
 
 # Harmonics of each run from which the worth of sensors is computed.
 HARMONICS = 8
@@ -67,7 +67,7 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
     errors, peaks, correlations = [], [], []
     for recovery in recoveries:
         size = np.abs(recovery.values)
-        main = np.argmax(size, axis=1)
+        main = np.array([strongest_line(*pair) for pair in zip(size, recovery.standard_error, strict=True)])
         at = np.arange(2 * joints)
         errors.append(recovery.standard_error[at, main] / np.maximum(size[at, main], 1e-300))
         peaks.append([_peak(recovery, joint) for joint in range(joints)])

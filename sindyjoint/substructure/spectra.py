@@ -5,6 +5,7 @@ The noise is measured: from what does not repeat, or from what is left where the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,13 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun
 from sindyjoint.numeric import Array
-from sindyjoint.states.harmonics import HarmonicBasis, local_noise, refine_frequency, steady_start
+from sindyjoint.states.harmonics import (
+    FIRST_ORDERS,
+    HarmonicBasis,
+    local_noise,
+    refine_frequency,
+    steady_start,
+)
 from sindyjoint.states.noise import signal_end
 from sindyjoint.states.periodic import REPLICATES
 from sindyjoint.states.policy import POLICY
@@ -84,9 +91,10 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
         return _record_spectra(run, declared, bandwidth)
     signals = run.signals
     main = signals[np.argmax(signals.std(axis=1) / (np.abs(signals).max(axis=1) + 1e-300))]
-    frequency = refine_frequency(main, run.sample_rate, run.frequency)
+    orders = _strongest_orders(run)
+    frequency = refine_frequency(main, run.sample_rate, run.frequency, orders[0])
     per = run.sample_rate / frequency
-    first = max(int(round(steady_start(s, run.sample_rate, frequency) * per)) for s in signals[1:])
+    first = max(int(round(steady_start(s, run.sample_rate, frequency, orders) * per)) for s in signals[1:])
     periods = int(np.floor((run.drive.size - first) / per + 1e-3))
     if periods < POLICY.fewest_periods:
         raise InputError(
@@ -101,7 +109,7 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     top = (
         LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
     )
-    count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, (int(np.diff(edges).min()) - 8) // 4)))
+    count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, 3 * (int(np.diff(edges).min()) - 8) // 8)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
     means, whole, variance, parts = [], [], [], []
     for number, signal in enumerate(signals[:, first:stop]):
@@ -123,6 +131,22 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     return Spectra(
         frequency, first, edges, np.array(means), np.array(whole), np.array(parts).swapaxes(0, 1), np.array(variance)
     )  # fmt: skip
+
+
+def _strongest_orders(run: RigRun) -> Sequence[int]:
+    """Return three harmonics of the declared frequency: the first ones, or where the drive lacks these its strongest.
+
+    A multisine of a band has no line at the frequency at which it repeats.
+    """
+    assert run.frequency is not None
+    per = run.sample_rate / run.frequency
+    periods = int(run.drive.size / per)
+    size = (
+        np.abs(np.fft.rfft(run.drive[: round(periods * per)]))[periods::periods] if periods else np.zeros(0)
+    )
+    if size.size < len(FIRST_ORDERS) or np.argmax(size) == 0:
+        return FIRST_ORDERS
+    return [int(order) + 1 for order in np.argsort(-size)[: len(FIRST_ORDERS)]]
 
 
 def _record_spectra(run: RigRun, declared: Array | None, bandwidth: float | None) -> Spectra:

@@ -35,6 +35,11 @@ def lines(size: Array, standard_error: Array) -> Orders:
     return np.asarray(size > LIMITS.line * standard_error)
 
 
+def strongest_line(size: Array, standard_error: Array) -> int:
+    """Return the place of the strongest line of a spectrum that stands out of its noise, which grows as 1/ω²."""
+    return int(np.argmax(np.where(lines(size, standard_error), size, 0.0)))
+
+
 def is_tone(drive: Complex) -> bool:
     """Return whether the first harmonic is most of a drive."""
     power = np.abs(drive) ** 2
@@ -70,7 +75,7 @@ def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
 def slow_orders(recovery: Recovery, joint: int) -> Orders:
     """Return which harmonics below the strongest one the sensors hardly show, as accelerations small, shape (h,)."""
     size, error = np.abs(recovery.values[joint]), recovery.standard_error[joint]
-    main = int(np.argmax(size))
+    main = strongest_line(size, error)
     if not recovery.spectra.repeats:
         # The errors of all harmonics from one up, against the angle about and above where its rate is largest.
         main = int(np.argmax(size * recovery.spectra.angular))

@@ -16,7 +16,7 @@ from sindyjoint.discovery.methods import METHODS
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import inclusion
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.model_file import as_model, read_model
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.against_paper import against_paper
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
@@ -35,7 +35,9 @@ from sindyjoint.judgement.question import (
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
+from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 from sindyjoint.soundness.check import require_sound
+from sindyjoint.states import campaign_states
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.verify import given_model
@@ -124,11 +126,12 @@ def compare(
         compared = _compared(question, libraries, replicates, margin, options.get("forbidden", ()), clock)
     if model is None:
         return compared
+    measured = found.measured or found.campaign
+    beyond = beyond_tested(as_model(model), *campaign_states(measured), whose=GIVEN)
     return replace(
         compared,
-        given=clock.run(
-            "simulating the given model", given_model, model, found.measured or found.campaign, accept
-        ),
+        warnings=(*compared.warnings, *beyond),
+        given=clock.run("simulating the given model", given_model, model, measured, accept),
     )
 
 

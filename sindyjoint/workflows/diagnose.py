@@ -118,6 +118,7 @@ def diagnose(
     """
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.diagnosis.campaign.start import kept_out
+    from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 
     say = progress or (lambda stage: None)
     check_accepted(accept)
@@ -145,7 +146,8 @@ def diagnose(
             usable = without_delay(usable, delay)
         usable, lags = followed(usable, model)
         problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
-        tested = Tested(campaign, checked, delay, lags, hidden)
+        beyond = () if model is None else beyond_tested(model, *problem.states, whose=GIVEN)
+        tested = Tested(campaign, checked, delay, lags, hidden, beyond)
         keep = before_advice or (lambda result: None)
 
         def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:

@@ -23,7 +23,7 @@ from sindyjoint.response.refine import Refinement
 from sindyjoint.response.refine import refine as refine_response
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings
-from sindyjoint.response.verify_campaign import verify_campaign
+from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, verify_campaign
 from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
@@ -149,6 +149,7 @@ def refine(
     result = refine_response(
         model, usable, states=states, nuisance=nuisance, test=applied, window=window, progress=say
     )
+    notes = (*notes, *beyond_tested(model, *states, whose=GIVEN))
     later = result.model
     if result.refined:
         later = fitted_to(tested_on(later, states, usable), given)

@@ -61,6 +61,13 @@ def _bouc_wen(theta, omega, direction, state, p, out):
     out[1] = (omega - abs(z) ** p[2] * (0.5 * direction * np.sign(z) + 0.5) * omega) / p[1]
 
 
+def _bouc_wen_general(theta, omega, direction, state, p, out):
+    """z' = θ̇·(1 − (sgn(θ̇z) + p3 − 2)·|z|^p2)/p1; with p3 of 3 the one above, its yield that of both parts alike."""
+    z = state[0]
+    out[0] = p[0] * z
+    out[1] = omega * (1.0 - (direction * np.sign(z) + p[3] - 2.0) * abs(z) ** p[2]) / p[1]
+
+
 def _jenkins(theta, omega, direction, state, p, out):
     out[0] = p[0] * state[0]
     yielding = (state[0] >= 1.0 and omega > 0) or (state[0] <= -1.0 and omega < 0)
@@ -159,6 +166,16 @@ LAWS = {
         _bouc_wen,
         1,
         lambda a, v, g: (a * g.uniform(0.05, 0.4), g.choice([1.0, 1.5, 2.0])),
+    ),
+    # Numbers inside the ranges of the catalogue, whose ends (shape 3 and, with the first power, 2) are other laws.
+    "bouc_wen_general": (
+        _bouc_wen_general,
+        1,
+        lambda a, v, g: (
+            a * g.uniform(0.05, 0.4),
+            n := g.choice([1.0, 2.0]),
+            g.uniform(1.2, 1.55) if n == 1.0 and g.uniform() < 0.5 else g.uniform(2.45, 2.9),
+        ),
     ),
     "jenkins_element": (_jenkins, 1, lambda a, v, g: (a * g.uniform(0.05, 0.4),)),
     "lugre_friction": (

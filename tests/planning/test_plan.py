@@ -208,7 +208,7 @@ PAIR = ("maxwell_branch", "fractional_damping")
 def test_effects_are_told_apart_by_the_search_of_the_advice(hidden, monkeypatch):
     judged = []
     # A part of the runs that could be made: what becomes of those that separate best is tested.
-    monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::4])
+    monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::9])
     monkeypatch.setattr(
         "sindyjoint.workflows.plan.diagnosed",
         lambda *given, **options: judged.append(diagnose(*given, **options)) or judged[-1],

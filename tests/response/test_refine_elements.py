@@ -11,6 +11,7 @@ from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Run
 from sindyjoint.response import refine as refine_module
 from sindyjoint.response.drive import prescribed
+from sindyjoint.response.element_law import parts_of, sum_law
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.refine import refine
@@ -164,6 +165,30 @@ def test_a_slider_that_never_slips_has_no_yield_angle():
     assert "k_t of jenkins_element is not determined" in said
     # A slider that slips says nothing of the kind.
     assert refine(model_with(jenkins()), campaign(SLIDER)).undetermined == ()
+
+
+def bouc_wen(stiffness, beta, gamma, n):
+    """Bouc and Wen's law with the numbers of the literature, its state in units of the yield angle."""
+    rate = f"(omega - beta*abs(omega)*sign(z)*abs(z)**n - gamma*omega*abs(z)**n)/{YIELD}"
+    return JointElement(
+        "bw", "bw", "k_z", "Bouc-Wen hysteresis", (value("k_z", stiffness * YIELD, "N*m", "z"),),
+        (value("beta", beta, "1"), value("gamma", gamma, "1"), value("n", n, "1")), (ElementState("z", "1", rate),),
+    )  # fmt: skip
+
+
+def test_numbers_of_bouc_and_wen_that_go_together_are_said(monkeypatch):
+    monkeypatch.setattr(refine_module, "spread_starts", lambda model, states: [])
+    model = model_with(bouc_wen(STIFFNESS, 0.6, 0.4, 1.5))
+
+    def undetermined(levels):
+        law, seldom = sum_law(parts_of(model.elements)), dict(duration=1.5, sample_rate=500.0)
+        return refine(model, campaign(law, "displacement", levels=levels, **seldom)).undetermined
+
+    sentence, *_ = undetermined([1.0])
+    assert all(f"{name} of bw" in sentence for name in ("beta", "gamma", "n"))
+    assert "are not determined one by one: they can change together" in sentence
+    # Loops of two sizes show how the moment bends.
+    assert undetermined([0.5, 0.25]) == ()
 
 
 def test_what_belongs_to_the_test_is_no_number_of_the_joint():

@@ -98,6 +98,19 @@ def test_frequency_is_refined(true):
     assert refine_frequency(noisy, RATE, 4.0) == pytest.approx(true, abs=1e-4)
 
 
+def test_frequency_is_refined_by_a_harmonic_where_the_fundamental_is_noise():
+    """A multisine of a band has no line at the frequency at which it repeats."""
+    time = np.arange(10_000) / RATE
+    for seed in range(5):
+        noise = 0.05 * np.random.default_rng(seed).normal(size=time.size)
+        multisine = [
+            np.sin(2 * np.pi * k * 0.5 * time) + np.cos(2 * np.pi * (k + 1) * 0.5 * time) for k in (7, 11)
+        ]
+        assert refine_frequency(multisine[0] + multisine[1] + noise, RATE, 0.5, 7) == 0.5
+        off = np.sin(2 * np.pi * 7 * 0.502 * time) + noise
+        assert refine_frequency(off, RATE, 0.5, 7) == pytest.approx(0.502, abs=2e-5)
+
+
 def test_a_right_frequency_is_not_touched():
     time = np.arange(10_000) / RATE
     for seed in range(5):

@@ -4,13 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, cheby2, ellip, sosfilt
+from scipy.signal import butter, cheby2, detrend, ellip, sosfilt
 
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import without_line
 from sindyjoint.record import Run
 from sindyjoint.source import SensorNoise
 from sindyjoint.states import force_states, pooled_noise
-from sindyjoint.states.noise import coherent_to_the_top, moment_noise, motion_noise, quantisation_step
+from sindyjoint.states import noise as states_noise
+from sindyjoint.states.noise import (
+    channel_noise,
+    coherent_to_the_top,
+    moment_noise,
+    motion_noise,
+    quantisation_step,
+    signal_end,
+)
 
 RATE, N = 1000.0, 20_000
 
@@ -135,3 +144,19 @@ def test_declared_noise_is_a_lower_bound_where_a_run_repeats():
 def test_noise_is_above_zero():
     with pytest.raises(InputError, match="noise of the angle"):
         SensorNoise(angle=0.0)
+
+
+def test_a_line_is_taken_out_as_scipy_does():
+    signals = np.random.default_rng(4).normal(size=(3, 40)).cumsum(axis=1)
+    np.testing.assert_allclose(without_line(signals), detrend(signals, type="linear"), atol=1e-12)
+
+
+def test_noise_is_measured_once_for_a_run(monkeypatch):
+    calls = []
+    monkeypatch.setattr(states_noise, "signal_end", lambda *given: calls.append(1) or signal_end(*given))
+    values = np.random.default_rng(4).normal(size=(2, 2000)).cumsum(axis=1)
+    run = Run(name="run", moment=values[0], angle=values[1], sample_rate=100.0)
+    first = channel_noise(run)
+    count = len(calls)
+    assert channel_noise(run) is first and len(calls) == count > 0
+    assert channel_noise(replace(run)) == first and len(calls) == 2 * count

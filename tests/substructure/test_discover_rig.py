@@ -9,12 +9,12 @@ import pytest
 from sindyjoint.cli import main
 from sindyjoint.equation.terms import term_columns
 from sindyjoint.files.writers import ENCODERS
-from sindyjoint.judgement.joint_laws import within_the_states
+from sindyjoint.judgement.rig_verdict import within_the_states
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.records.structure import StructureRecord
 from sindyjoint.substructure.law_errors import Source, law_errors
 from sindyjoint.substructure.policy import POLICY
-from sindyjoint.substructure.states import joint_states, kept_orders, slow_part
+from sindyjoint.substructure.states import joint_states, kept_orders, slow_part, strongest_line
 from sindyjoint.substructure.unseen import find_slow
 from sindyjoint.workflows.discover import discover_rig
 
@@ -120,9 +120,22 @@ def test_a_verdict_is_no_surer_than_the_angles(found):
     discovery = found.laws[0].discovery
     sure = replace(discovery.verdict, verdict="refuted")
 
-    assert within_the_states(sure, 0.001) == sure
-    open_one = within_the_states(sure, 0.05)
+    assert within_the_states(sure, 0.001, 0.0) == sure
+    open_one = within_the_states(sure, 0.05, 0.0)
     assert open_one.verdict == "undecided" and "within 5.0 % of itself" in open_one.reason
+
+
+def test_terms_that_are_there_need_no_better_angle_than_shows_that_no_other_is(found):
+    discovery = found.laws[0].discovery
+    confirmed = replace(discovery.verdict, verdict="confirmed")
+    assert within_the_states(confirmed, 0.05, 0.001) == confirmed
+    assert within_the_states(confirmed, 0.001, 0.01).verdict == "undecided"
+
+
+def test_noise_of_slow_harmonics_is_not_the_motion_of_a_joint():
+    """Angles of accelerometers have noise that grows as 1/ω²: larger than the motion at the first line here."""
+    size, error = np.array([3.0, 0.4, 0.2, 2.0, 0.1]), np.array([1.6, 0.4, 0.18, 0.1, 0.06])
+    assert strongest_line(size, error) == 3
 
 
 def test_a_structure_that_is_another_one_is_seen(runs):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from sindyjoint.diagnosis.campaign.gap import noise_floor
+from sindyjoint.diagnosis.campaign.gap import gap_rows, noise_floor
+from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.policy import CAMPAIGN
@@ -69,6 +70,9 @@ def test_floor_and_pictures_are_those_of_the_runs_kept_out():
     assert problem.noise_floor.moment == pytest.approx(0.06, rel=0.15)
     assert problem.gap.moment == pytest.approx(0.06, rel=0.25)
     assert [s.run for s in problem.work.kept_states] == ["kept"]
+    shown = run_gaps(gap_rows(problem.work, problem.work.model), problem.work.model)
+    assert [each.run for each in shown] == ["kept"]
+    assert shown[0].noise == pytest.approx(0.06 * float(np.std(runs[2].moment)), rel=0.15)
     everything = CampaignProblem.build(campaign(*runs[:2]), None, "paper", load_effects(), CAMPAIGN)
     assert everything.noise_floor.moment == pytest.approx(0.01, rel=0.15)
 

@@ -14,13 +14,16 @@ from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
+from sindyjoint.numeric import Array
 
 LONGEST = POLICY.longest_delay  # that the linear steps may reach
+SAME_ZERO = 1e-4  # change of a zero error or a drift, of itself, that is none
+ZERO_ROUNDS = 12
 ROUNDS = 4  # of delays and nonlinear parameters in turn; the third changes neither by its error
 
 Retested = dict[str, Ranking[FittedEffect] | None]
@@ -53,8 +56,31 @@ def add_effect(
         # The rows are weighted anew by the residual, and with them the nonlinear parameters.
         effects = _refitted(replace(work, model=repaired.model), repaired.effects)
         repaired = refit(work.rows, repaired.model, effects, work.policy)
+    work, repaired = counted_from_zero(work, repaired)
     work = replace(work, model=repaired.model)
     return work, replace(repaired, effects=(*shifts, *repaired.effects)), again
+
+
+def counted_from_zero(work: Work, repaired: Repaired) -> tuple[Work, Repaired]:
+    """Correct what one linear step missed of a zero error of the angle or its drift: the secant is of the law found.
+
+    Errors that do not settle are those of a law that lacks something else, and stay as they are.
+    """
+    later, fitted = work, repaired
+    for _ in range(ZERO_ROUNDS):
+        before = _angle_errors(fitted)
+        if not before.any():
+            break
+        later = later.again(fitted.model, fitted.effects)
+        fitted = refit(later.rows, later.model, fitted.effects, keeping(work.policy))
+        if np.all(np.abs(_angle_errors(fitted) - before) <= SAME_ZERO * np.abs(before)):
+            return later, fitted
+    return work, repaired
+
+
+def _angle_errors(repaired: Repaired) -> Array:
+    found = Corrections.of(repaired.effects)
+    return np.array([found.zero, found.drift])
 
 
 def without_term(work: Work, name: str) -> Work:

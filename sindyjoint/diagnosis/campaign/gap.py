@@ -8,7 +8,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.kept import kept_runs
 from sindyjoint.diagnosis.campaign.numbers.free_decay import continuation_gap
-from sindyjoint.diagnosis.campaign.repair import held_out_gap, kept_weighted_gap
+from sindyjoint.diagnosis.campaign.repair import about_zero, held_out_gap, kept_weighted_gap
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -44,7 +44,7 @@ def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) ->
     shift = Corrections.of(effects).shift
     states = [shifted(s, shift) for s in work.kept_states]
     rows = gap_runs(states, model, [s.run for s in states], work.policy)
-    return tuple(row.centred(work.rows[0].motion.centre) for row in rows)
+    return tuple(about_zero(row, model, effects) for row in rows)
 
 
 def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()) -> tuple[GapRun, ...]:

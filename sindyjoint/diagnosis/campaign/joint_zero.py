@@ -90,7 +90,9 @@ def _best_zero(
         problem = GapRegression.build(shifted, work.model, [always], work.policy)
         return max(fit_effect(problem, effect).gain for effect in effects)
 
-    begin, spacing = rest_angle(rows, work.model), REACH * largest / (POINTS // 2)
+    rest = rest_angle(rows, work.model)
+    begin = float(np.mean([run.motion.angle.mean() for run in rows])) if rest is None else rest
+    spacing = REACH * largest / (POINTS // 2)
     places = [begin + spacing * k for k in range(-(POINTS // 2), POINTS // 2 + 1)]
     gains = {(place, e.id): gain(place, [e]) for place in places for e in candidates}
     best, name = max(gains, key=lambda each: gains[each])
@@ -105,7 +107,7 @@ def _best_zero(
 
 def _shifted(run: GapRun, zero: float) -> GapRun:
     motion = run.motion
-    return replace(run, motion=replace(motion, angle=motion.angle - zero))
+    return replace(run, motion=replace(motion, angle=motion.angle - zero, centre=motion.centre - zero))
 
 
 def _counted_from(straight: Problem, zero: float) -> Problem:

@@ -10,12 +10,12 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
-from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales, row_groups
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
-from sindyjoint.equation.formula import compile_terms
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, rising_zero
 from sindyjoint.response.model_law import with_coefficients
 
 FRICTION = "friction"  # the family
@@ -113,42 +113,58 @@ def all_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect])
     return np.hstack([base_columns(model, run), *(e.variant.along(run.motion, e.values) for e in effects)])
 
 
-def rest_angle(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()) -> float:
+def about_zero(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> GapRun:
+    """Return the rows of a run with the secants of the law in the place of its slopes, where the angle has an error.
+
+    What a zero error and a drift d(t) add is M(θ) − M(θ − d), linear in d by the secant alone.
+    """
+    found = Corrections.of(effects)
+    motion = run.motion
+    away = found.zero + found.drift * motion.time
+    if not np.any(away):
+        return run
+    laws = [e for e in effects if e.effect.enters == "moment"]
+    here = replace(run, motion=replace(motion, keep=np.arange(motion.angle.size)))
+    own = replace(here.motion, angle=motion.angle - away, centre=motion.centre - found.zero)
+    change = modelled(here, model, laws) - modelled(replace(here, motion=own), model, laws)
+    slope = np.where(away == 0, motion.moment_slope, change / np.where(away == 0, 1.0, away))
+    return replace(run, motion=replace(motion, moment_slope=slope), secant=True)
+
+
+def rest_angle(
+    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()
+) -> float | None:
     """Return where the elastic moment of the terms and a constant, fitted beside effects, is zero; rad.
 
-    Nearest to the middle; zero where there is no such angle, and where it is not known: where no linear stiffness
-    stands out of its error about it, or where terms and effects leave much of the moment.
+    Nearest to the mean of the motion and within it. None where there is no such angle, and where it is not known: where
+    no stiffness about it stands out of its error, or where terms and effects leave much of the moment.
     """
-    if "linear_stiffness" not in model.ids:
-        return 0.0
-
     beside = [e for e in effects if e.family != "measurement"]
     plain = [np.column_stack([base_columns(model, r), np.ones(r.target.size)]) for r in runs]
     own = np.vstack([run.white(rows) for run, rows in zip(runs, plain, strict=True)])
     columns = np.hstack([own, *(effect_rows(runs, e) for e in beside)])
     solved, covariance = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
-    place = model.ids.index("linear_stiffness")
-    if not solved[place] > CAMPAIGN.needless_ratio * np.sqrt(covariance[place, place]):
-        return 0.0
     moment = np.concatenate([run.target for run in runs])
     whole = [
         np.hstack([rows, *(e.variant.along(r.motion, e.values) for e in beside)])
         for r, rows in zip(runs, plain, strict=True)
     ]
     if np.linalg.norm(moment - np.vstack(whole) @ solved) > CAMPAIGN.rest_misfit * np.linalg.norm(moment):
-        return 0.0
-    solved = solved[: own.shape[1]]
-    largest = max(float(np.abs(run.angle).max()) for run in runs)
-    angle = np.linspace(-largest, largest, 401)
-    function = compile_terms([term.expression for term in model.terms])
-    rest = np.zeros_like(angle)
-    elastic = function(angle, rest, rest) @ solved[:-1] + solved[-1]
-    change = np.flatnonzero(np.diff(np.sign(elastic)) != 0)
-    if not change.size:
-        return 0.0
-    nearest = change[np.argmin(np.abs(angle[change]))]
-    low, high = elastic[nearest], elastic[nearest + 1]
-    return float(angle[nearest] - low * (angle[nearest + 1] - angle[nearest]) / (high - low))
+        return None
+    size = own.shape[1]
+    solved, covariance = solved[:size], covariance[:size, :size]
+    moved = np.concatenate([run.motion.angle for run in runs])
+    angle = np.linspace(float(moved.min()), float(moved.max()), 401)
+    still = np.zeros_like(angle)
+    inputs = model.input_arrays(None, angle.shape)
+    terms = compile_terms([term.expression for term in model.terms], (*VARIABLES, *inputs))
+    elastic = np.column_stack([terms(angle, still, still, *inputs.values()), still + 1])
+    rest = rising_zero(angle, elastic @ solved, float(moved.mean()))
+    if rest is None:
+        return None
+    slope = np.array([np.interp(rest, angle, np.gradient(column, angle)) for column in elastic.T])
+    sure = slope @ solved > CAMPAIGN.needless_ratio * np.sqrt(slope @ covariance @ slope)
+    return rest if sure else None
 
 
 def coefficients_of(model: JointModel, effects: Sequence[FittedEffect]) -> Array:
@@ -194,6 +210,9 @@ def held_out_gap(
     target = np.concatenate([run.target for run in runs])
     whole = whitened(runs, target)
     residual, weighted = np.empty(target.size), np.empty(whole.size)
+    # The range of a number is that of the campaign: runs that go less far do not narrow it.
+    reference = reference_scales(runs)
+    ranged = [e if e.within is not None else replace(e, within=e.variant.bounds(reference)) for e in effects]
     for group in dict.fromkeys(labels.tolist()):
         out, white_out = labels == group, white_labels == group
         used, rows, others = plain, white, ~white_out
@@ -202,7 +221,7 @@ def held_out_gap(
             # Along the motion itself where it is short: a kink that is followed roughly has its numbers elsewhere.
             if sum(run.motion.angle.size for run in train) > MOST_FOLLOWED:
                 train = [run.rough() for run in train]
-            later = refit_nonlinear(train, model, effects, policy)
+            later = refit_nonlinear(train, model, ranged, policy)
             used = np.vstack([all_columns(run, model, later) for run in runs])
             rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])

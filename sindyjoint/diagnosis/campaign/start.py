@@ -14,11 +14,11 @@ from sindyjoint.diagnosis.campaign.processing import processing_errors, without_
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import (
     Repaired,
+    about_zero,
     keeping,
     model_errors,
     refit,
     refit_nonlinear,
-    rest_angle,
 )
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -68,14 +68,12 @@ class Work:
         """Return the work with the rows that its states, and the model with its effects, make."""
         free = is_free(campaign)
         rows = gap_runs(states, model, groups, policy, free=free)
-        rest = 0.0 if free else rest_angle(rows, model, effects)
-        rows = tuple(row.centred(rest) for row in rows)
         errors = processing_errors(runs, states, rows, model, effects, policy)
         beyond = model_errors(without_processing(rows, errors), model, effects)
         if any(beyond):
             rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
-            rows = tuple(row.centred(rest) for row in rows)
         rows = without_processing(rows, errors)
+        rows = tuple(about_zero(row, model, effects) for row in rows)
         return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy)
 
     def again(

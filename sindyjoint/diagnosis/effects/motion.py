@@ -50,7 +50,7 @@ class MeasuredMotion:
     lead : tuple of two ndarray, shape (k,), optional
         Angle and rate before the first sample, at the same step: internal states begin with them.
     centre : float
-        Angle at which the joint rests unloaded, rad: a slider is in its middle there.
+        Angle from which sliders are brought to the first one, rad: a slider is in its middle there.
     inputs : mapping of str to ndarray, shape (n,)
         Declared inputs along the motion.
     """

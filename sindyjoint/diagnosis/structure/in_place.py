@@ -33,6 +33,7 @@ from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array
+from sindyjoint.record import SIMULATED
 from sindyjoint.substructure.simulated.runs import SteadyRun
 
 Complex = NDArray[np.complex128]
@@ -173,12 +174,14 @@ class RunsDiagnosis(StructureProblem):
 
             models[kind.name] = with_slopes(assembled, x, problem.bounds()[1], covariance)
         lead = changed[0] if changed else problem.kinds[0].name
-        notes = () if self.kept else (
-            "no run was kept out of the fit: the gaps are those of the fitted runs; mark one use = 'validate'",
-        )  # fmt: skip
+        notes = [SIMULATED] if problem.test.simulated else []
+        if not self.kept:
+            notes.append(
+                "no run was kept out of the fit: the gaps are those of the fitted runs; mark one use = 'validate'"
+            )
         return Diagnosis(
             **found,
-            warnings=notes,
+            warnings=tuple(notes),
             model=models[lead],
             whole=models[lead],
             source="structure",

@@ -62,7 +62,7 @@ def overlay(record: RecordGap, ax: Axes) -> Axes:
         ax.axvline(record.held_from, color=MUTED, lw=0.6)
         ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
                     xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
-    legend_above(ax, 4, columns=1)
+    legend_above(ax, 3, columns=1)
     return ax
 
 
@@ -79,8 +79,13 @@ def cycles(record: RecordGap, ax: Axes) -> Axes:
     ax.set_xlabel("Time (s)")
     ax.set_ylabel(f"{record.quantity.capitalize()} ({unit})")
     ax.set_title(plain(shortened(record.name)))
-    legend_above(ax, 4, columns=1)
+    legend_above(ax, 3, columns=1)
     return ax
+
+
+def gap_height(result: Diagnosis) -> float:
+    """Return the height of the picture of the gap, inches: a bar is as thick whatever the number of steps."""
+    return 1.2 + 0.4 * (1 + len(result.steps))
 
 
 def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
@@ -151,6 +156,7 @@ KINDS = DIAGNOSIS | by_name(
         "Response gap before and after each named effect, down to the noise floor; the scale is logarithmic.",
         fixed(gap_by_step),
         wide=True,
+        height=gap_height,
     ),
     Kind(
         "overlay",

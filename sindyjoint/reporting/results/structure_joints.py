@@ -13,13 +13,13 @@ from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figures.structure_joints import KINDS, RecoveredLoop, StructureFigures
 from sindyjoint.reporting.page import markup
-from sindyjoint.reporting.style import amount, pretty_unit
+from sindyjoint.reporting.style import amount
+from sindyjoint.reporting.tables import model_table
 from sindyjoint.reporting.text_table import TextTable, print_whole, terminal, terminal_table
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import rounded
 
 POINTS = 400  # of a loop in the picture
-TERM_COLUMNS = ("Kind", "Term", "", "Coefficient", "Unit", "95 % interval")
+TERM_COLUMNS = ("Kind", "Term", "Symbol", "Of", "Value", "Unit", "95 % interval")
 
 
 class StructureJointsView(View[RigDiscovery, StructureFigures]):
@@ -50,9 +50,8 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
     def tables(self, result: RigDiscovery) -> tuple[TextTable, ...]:
         """Return the terms of every law, how each joint is shown, and the structure's numbers."""
         terms = [
-            (law.kind, term.id, term.symbol, rounded(term.coefficient, term.standard_error), pretty_unit(term.unit),
-             f"{term.interval95[0]:.4g} … {term.interval95[1]:.4g}")
-            for law in result.laws if law.discovery is not None for term in law.discovery.model.terms
+            (law.kind, *cells)
+            for law in result.laws if law.discovery is not None for cells in model_table(law.discovery.model).rows
         ]  # fmt: skip
         seen = [
             (

@@ -17,28 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
+from sindyjoint.diagnosis.campaign.numbers.noise import left_in_all, mean_by_noise, noise_covariance
 from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
-from sindyjoint.diagnosis.campaign.numbers.whole import is_element, numbers_of, with_numbers
+from sindyjoint.diagnosis.campaign.numbers.whole import Numbers, is_element, numbers_of, with_numbers
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, modelled, refit, scaled_covariance
-from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, refit
+from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.numeric import Array
 
-# Beyond this share of a number and so many of its standard errors the processing is not known to move it so.
-LARGEST, LARGEST_SIGMAS = 0.5, 2.0
+# Beyond this share of a number and so many of its standard errors the processing is not known to move it so, unless
+# replicates with the numbers found differ from the measurement by little more than the noise, as a ratio of squares.
+LARGEST, LARGEST_SIGMAS, LIKE_NOISE = 0.5, 2.0, 2.0
 # Trials of the numbers, and the step, in standard errors, at which they end.
-ROUNDS, SAME = 8, 0.1
-# A nonlinear parameter of an effect stays above this share of where its fit began.
-LEAST_LEFT = 0.05
+ROUNDS, SAME = 12, 0.1
+# Slopes are differences over a standard error, or this share of a number; by how much a step is damped more where it
+# led to nothing.
+LARGEST_DIFFERENCE, STRONGER = 0.05, 4.0
 # Forms of an element whose unlikeness to the measurement, a χ², is within this of the least are not told apart: they
 # are as probable as one to twenty.
 FORM_LEAD = 6.0
-# Draws of noise, each used with both signs: what is linear in it then leaves the mean.
-PAIRS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,30 +69,37 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     An element is used in the form, of those that the catalogue has of it, whose replicates are most like the
     measurement: rounded corners of one form look like another. Of forms that are alike the plainest is used, and a note
     names the others. The model stays as it is where it has no element, where runs do not repeat, where a simulation
-    does not follow them, or where a number would move by more than its half.
+    does not follow them, or where a number would move by more than its half and replicates stay unlike the measurement.
     """
     if not any(is_element(e) for e in repaired.effects) or not all(row.folded for row in work.rows):
         return repaired, ()
     forms = [repaired]
     for place, each in enumerate(repaired.effects):
         if is_element(each):
-            forms += [_in_form(work, repaired, place, other) for other in _other_forms(each)]
+            others = [_in_form(work, repaired, place, other) for other in _other_forms(each)]
+            forms += [other for other in others if _has_signs(other.effects[place])]
     solved = [found for form in forms if (found := _solve(work, form)) is not None]
     if not solved:
         return repaired, ()
     least = min(each.unlikeness for each in solved)
     alike = [each for each in solved if each.unlikeness < least + FORM_LEAD]
     # The catalogue begins with the plainest form.
-    best = min(alike, key=lambda each: [_rank(e) for e in each.fitted.effects])
+    best = min(alike, key=lambda each: ([_rank(e) for e in each.fitted.effects], each.unlikeness))
     return with_numbers(best.fitted, best.values, best.covariance), _undetermined_forms(best, alike)
+
+
+def _has_signs(effect: FittedEffect) -> bool:
+    """Return whether what the catalogue asks to be positive is."""
+    columns = zip(effect.variant.columns, effect.coefficients, strict=True)
+    return all(value > 0 for column, value in columns if column.positive)
 
 
 def _undetermined_forms(best: _Solved, alike: Sequence[_Solved]) -> tuple[str, ...]:
     """Return a note for each element of which other forms are as like the measurement."""
     notes = []
     for place, mine in enumerate(best.fitted.effects):
-        others = [each.fitted.effects[place].variant for each in alike]
-        forms = [form for v in others if (form := _formulas(v)) != _formulas(mine.variant)]
+        others = dict.fromkeys(_formulas(each.fitted.effects[place].variant) for each in alike)
+        forms = [form for form in others if form != _formulas(mine.variant)]
         if forms:
             notes.append(
                 f"these runs do not determine the form of {mine.effect.name}: {_formulas(mine.variant)} is used, and "
@@ -123,48 +131,47 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     for each in fitted.effects:
         # A delay is out of the states already and does not move.
         free[numbers.coefficients[each.name]] = not each.shifts
-    inner = np.r_[tuple(numbers.inner.values())].astype(int)
     own = np.r_[(*numbers.coefficients.values(), *numbers.inner.values())].astype(int)
     own = own[free[own]]
-    least = np.full(errors.size, -np.inf)
-    least[inner] = LEAST_LEFT * numbers.values[inner]
-    target = _left(work.rows, fitted)
+    ends = _ends(work, fitted, numbers)
+    target = left_in_all(work.rows, fitted)
 
     def left(values: Array) -> tuple[Replicates, Array] | None:
         there = Replicates.of(work, with_numbers(fitted, values, numbers.covariance))
-        return None if there is None else (there, _left(there.rows(), fitted))
+        return None if there is None else (there, left_in_all(there.rows(), fitted))
 
-    values, step, best = numbers.values, np.zeros_like(errors), np.inf
+    # Numbers of an element that are hardly known are moved by less than their error: the response bends on the way.
+    unit = errors.copy()
+    unit[own] = np.minimum(errors[own], LARGEST_DIFFERENCE * np.abs(numbers.values[own]))
+    values, step, best, damping = numbers.values, np.zeros_like(errors), np.inf, 0.0
     slopes = np.zeros((target.size, errors.size))
     for _ in range(ROUNDS):
-        tried = left(np.maximum(values + step, least))
+        tried = left(np.clip(values + step, *ends))
         if tried is None or not np.sum((target - tried[1]) ** 2) < best:
             if not np.isfinite(best):
                 return None
-            step = step / 2
+            damping = max(STRONGER * damping, 1.0)
         else:
             # Slopes by the coefficients of the terms hardly change on the way.
             places = np.flatnonzero(free) if np.isinf(best) else own
-            values, (found, rest) = np.maximum(values + step, least), tried
-            best = float(np.sum((target - rest) ** 2))
-            if not _renew(slopes, places, values, errors, rest, left):
+            values, (found, rest) = np.clip(values + step, *ends), tried
+            best, damping = float(np.sum((target - rest) ** 2)), damping / STRONGER
+            if not _renew(slopes, places, (values, unit, ends), rest, left):
                 return None
-            step = np.zeros_like(errors)
-            step[free] = least_squares(slopes[:, free], target - rest)[0] * errors[free]
+        step = _step(slopes / unit, target - rest, damping / errors**2, free, (ends - values).T)
         if np.all(np.abs(step) < SAME * errors):
+            # A step that small is taken without a look where it leads.
+            values = values + step
             break
-    covariance = np.diag(np.where(free, 0.0, errors**2))
-    covariance[np.ix_(free, free)] = scaled_covariance(slopes[:, free], target - rest) * np.outer(
-        errors[free], errors[free]
-    )
-    by_noise, scatter = _by_noise(found, fitted, rest, slopes[:, free])
-    # One factor for all numbers: a few draws do not give the scatter of each.
-    wider = max(1.0, float(np.mean(scatter * errors[free] ** 2 / np.diag(covariance)[free])))
-    covariance[np.ix_(free, free)] *= wider
+    covariance = np.zeros((errors.size, errors.size))
+    own_noise, misfit = noise_covariance(found, fitted, slopes[:, free], target - rest)
+    covariance[np.ix_(free, free)] = own_noise * np.outer(unit[free], unit[free])
+    by_noise = mean_by_noise(found, fitted, slopes[:, free])
     values = values.copy()
-    values[free] -= by_noise * errors[free]
+    values[free] -= by_noise * unit[free]
+    values = np.clip(values, *ends)
     most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
-    if np.any(np.abs(values - numbers.values) > most):
+    if misfit > LIKE_NOISE and np.any(np.abs(values - numbers.values) > most):
         return None
     return _Solved(fitted, values, _with_fixed(covariance, numbers.covariance, free), best)
 
@@ -183,29 +190,53 @@ def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array
     return covariance
 
 
-def _left(rows: Sequence[GapRun], fitted: Repaired) -> Array:
-    """Return what a repaired model leaves of rows, in units of noise."""
-    return np.concatenate(
-        [row.white(row.target - modelled(row, fitted.model, fitted.effects)) for row in rows]
-    )
+def _ends(work: Work, fitted: Repaired, numbers: Numbers) -> Array:
+    """Return the least and the largest value of each number, shape (2, n): of parameters as the catalogue has them."""
+    ends = np.outer([-np.inf, np.inf], np.ones(numbers.values.size))
+    reference = reference_scales(work.rows)
+    for each in fitted.effects:
+        if not each.shifts:
+            within = each.variant.bounds(reference) if each.within is None else each.within
+            own = numbers.values[numbers.inner[each.name]]
+            ends[:, numbers.inner[each.name]] = [
+                np.minimum(within[:, 0], own), np.maximum(within[:, 1], own)
+            ]  # fmt: skip
+    return ends
+
+
+def _step(slopes: Array, rest: Array, damping: Array, free: NDArray[np.bool_], room: Array) -> Array:
+    """Return the step of Levenberg and Marquardt within the room that each number has; at its end one stays there."""
+    step = np.zeros(free.size)
+    for _ in range(free.size):
+        rows = np.vstack([slopes[:, free], np.diag(np.sqrt(damping[free]))])
+        left = rest - slopes @ np.where(free, 0.0, step)
+        step[free] = least_squares(rows, np.concatenate([left, np.zeros(rows.shape[1])]))[0]
+        beyond = free & ((step < room[:, 0]) | (step > room[:, 1]))
+        if not beyond.any():
+            break
+        step = np.where(beyond, np.clip(step, *room.T), step)
+        free = free & ~beyond
+    return step
 
 
 def _renew(
     slopes: Array,
     places: NDArray[np.intp],
-    values: Array,
-    errors: Array,
+    where: tuple[Array, Array, Array],
     rest: Array,
     left: Callable[[Array], tuple[Replicates, Array] | None],
 ) -> bool:
-    """Write by how much what is left of replicates changes with some numbers, each by its standard error.
+    """Write by how much what is left of replicates changes with some numbers, each by its unit.
 
-    Return whether they could be simulated, on either side of each number.
+    ``where`` are numbers, units, and ends of numbers. Return whether replicates could be simulated, on either side of
+    each number.
     """
+    values, unit, ends = where
     for place in places:
-        for sign in (1.0, -1.0):
+        inside = 1.0 if values[place] + unit[place] <= ends[1, place] else -1.0
+        for sign in (inside, -inside):
             later = values.copy()
-            later[place] += sign * errors[place]
+            later[place] += sign * unit[place]
             if (moved := left(later)) is not None:
                 slopes[:, place] = sign * (moved[1] - rest)
                 break
@@ -214,37 +245,17 @@ def _renew(
     return True
 
 
-def _by_noise(there: Replicates, fitted: Repaired, own: Array, slopes: Array) -> tuple[Array, Array]:
-    """Return by how much noise moves numbers on average, and their variance by it, in units of their errors.
-
-    Pairs of opposite noise: the mean of a pair holds what is quadratic in it, half of the difference what is linear.
-    """
-    rng = np.random.default_rng(0)
-    means, halves = [], []
-    for _ in range(PAIRS):
-        noise = there.draw_noise(rng)
-        both = [
-            least_squares(slopes, _left(there.rows([(sign * m, sign * a) for m, a in noise]), fitted) - own)[
-                0
-            ]
-            for sign in (1.0, -1.0)
-        ]
-        means.append((both[0] + both[1]) / 2)
-        halves.append((both[0] - both[1]) / 2)
-    return np.mean(means, axis=0), np.mean(np.square(halves), axis=0)
-
-
 def _other_forms(effect: FittedEffect) -> list[FittedEffect]:
-    """Return an effect in the other forms that the catalogue has of it, with the same numbers."""
+    """Return an effect in the other forms, and ranges, that the catalogue has of it, with the same numbers."""
     mine = effect.variant
-    other = {
-        _formulas(each): each
+    return [
+        replace(effect, variant=each, within=None)
         for each in effect.effect.variants
-        if each.names == mine.names
+        if each != mine
+        and each.names == mine.names
         and [c.symbol for c in each.columns] == [c.symbol for c in mine.columns]
         and [s.name for s in each.states] == [s.name for s in mine.states]
-    }
-    return [replace(effect, variant=each) for form, each in other.items() if form != _formulas(mine)]
+    ]
 
 
 def _in_form(work: Work, repaired: Repaired, place: int, form: FittedEffect) -> Repaired:

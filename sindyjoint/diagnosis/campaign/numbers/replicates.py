@@ -43,21 +43,30 @@ class Replicates:
         Over the span of the force states; their response is without noise, their drive as it was measured.
     bases : tuple of HarmonicBasis
         What their angles are reduced to.
+    moving : tuple of HarmonicBasis
+        Harmonics of which noise matters: of a prescribed angle those that the replicate moves with, of a moment that
+        drives those that the angle is reduced to.
+    driven : tuple of bool
+        Whether the moment is the drive.
     """
 
     work: Work
     repaired: Repaired
     runs: tuple[Run, ...]
     bases: tuple[HarmonicBasis, ...]
+    moving: tuple[HarmonicBasis, ...]
+    driven: tuple[bool, ...]
 
     @classmethod
     def of(cls, work: Work, repaired: Repaired) -> Replicates | None:
         """Return the replicates of a repaired model; None where a simulation does not follow its run."""
-        made = []
+        made, moving, driven = [], [], []
         for run, state in zip(work.runs, work.states, strict=True):
-            if prescribed(state, spurious=True):
-                # Of a motion that drives, its harmonics beyond the first are noise.
-                state = replicate_states(state, kept_harmonics(state, 1), state.angle, state.moment)
+            driven.append(not prescribed(state, spurious=True))
+            # Of a motion that drives, its harmonics beyond the first are noise.
+            moving.append(kept_harmonics(state, None if driven[-1] else 1))
+            if not driven[-1]:
+                state = replicate_states(state, moving[-1], state.angle, state.moment)
             result = simulated(
                 run,
                 state,
@@ -70,26 +79,32 @@ class Replicates:
             if result is None or result.simulated_response is None:
                 return None
             made.append(_as_measured(run, state, result, repaired.effects))
-        return cls(work, repaired, tuple(made), tuple(map(kept_harmonics, work.states)))
+        bases = tuple(map(kept_harmonics, work.states))
+        return cls(work, repaired, tuple(made), bases, tuple(moving), tuple(driven))
 
     def rows(self, noise: Sequence[tuple[Array, Array]] | None = None) -> tuple[GapRun, ...]:
         """Return their rows, noise of moment and angle added; phases and weights are the measurement's."""
-        work, rows = self.work, []
-        for place, (run, state) in enumerate(zip(self.runs, work.states, strict=True)):
-            moment, angle = (0.0, 0.0) if noise is None else noise[place]
-            there = replicate_states(state, self.bases[place], run.angle + angle, run.moment + moment)
-            rows.append(along_replicate(work.rows[place], state, there, self.repaired.model))
-        return tuple(rows)
+        if noise is None:
+            return tuple(self.row(place) for place in range(len(self.runs)))
+        return tuple(self.row(place, *each) for place, each in enumerate(noise))
+
+    def row(self, place: int, moment: Array | float = 0.0, angle: Array | float = 0.0) -> GapRun:
+        """Return the rows of one of them."""
+        run, state = self.runs[place], self.work.states[place]
+        there = replicate_states(state, self.bases[place], run.angle + angle, run.moment + moment)
+        return along_replicate(self.work.rows[place], state, there, self.repaired.model)
 
     def draw_noise(self, rng: np.random.Generator) -> list[tuple[Array, Array]]:
-        """Return white noise of moment and angle for each run, as large as the measurement's."""
+        """Return noise of moment and angle for each run, of that of the measurement what moves its numbers.
 
-        def noise(state: ForceStates, run: Run) -> tuple[Array, Array]:
-            size = run.n_samples
-            known = np.nan_to_num([state.noise.moment, state.noise.angle])
-            return known[0] * rng.standard_normal(size), known[1] * rng.standard_normal(size)
-
-        return [noise(state, run) for state, run in zip(self.work.states, self.runs, strict=True)]
+        Of both only harmonics of :attr:`moving`, but for the moment of a prescribed motion.
+        """
+        noise = []
+        for state, basis, driven in zip(self.work.states, self.moving, self.driven, strict=True):
+            moment = float(np.nan_to_num(state.noise.moment)) * rng.standard_normal(state.n_samples)
+            angle = basis.series(*basis.fit(state.draw_angle_noise(state.n_samples, rng)))
+            noise.append((basis.series(*basis.fit(moment)) if driven else moment, angle))
+        return noise
 
 
 def _as_measured(run: Run, state: ForceStates, result: SimulatedRun, effects: Sequence[FittedEffect]) -> Run:

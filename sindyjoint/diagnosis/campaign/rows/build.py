@@ -23,7 +23,7 @@ from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array
-from sindyjoint.response.run import settling
+from sindyjoint.response.run import rest_of, settling
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.mask import rate_limit
@@ -215,14 +215,20 @@ def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, mo
     if run.folded:
         motion, moment, _ = _mean_period(replicate, model, run.motion.angle.size)
         target = moment - (model.joint.inertia or 0.0) * motion.acceleration
-        return replace(run, motion=motion, target=target[motion.keep])
+        return replace(run, motion=_as_counted(motion, run), target=target[motion.keep])
     every = _stride(states)
     rows = np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate / every).astype(
         int
     )
     moments, motion = _strided_motion(replicate, model, rows)
     motion = replace(motion, centre=run.motion.centre)
-    return replace(run, motion=motion, target=moments[rows])
+    return replace(run, motion=_as_counted(motion, run), target=moments[rows])
+
+
+def _as_counted(motion: MeasuredMotion, run: GapRun) -> MeasuredMotion:
+    """Return the motion of a replicate with the run's slopes where these are the secants of a zero error."""
+    slope = run.motion.moment_slope
+    return replace(motion, moment_slope=slope) if run.secant and slope.size == motion.angle.size else motion
 
 
 def _free_decay(states: ForceStates, model: JointModel, group: str, policy: DiagnosisPolicy) -> GapRun | None:
@@ -297,6 +303,7 @@ def _motion(
         keep=keep,
         repeats=repeats,
         began=states.began,
+        centre=rest_of(states),
         inputs={name: np.interp(instants, states.time, values) for name, values in states.inputs.items()},
     )
 

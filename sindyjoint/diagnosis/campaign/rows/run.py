@@ -50,6 +50,8 @@ class GapRun:
         For pictures: the target of a run that does not repeat at every sample, NaN where the joint sticks.
     processing : ndarray, shape (m,), optional
         What the processing leaves of the model's own simulation, N·m: taken off the target.
+    secant : bool
+        Whether slopes of the moment are those between the measured angle and the joint's own.
     """
 
     name: str
@@ -66,6 +68,7 @@ class GapRun:
     record: Array | None = None
     processing: Array | None = None
     noise_share: float = 1.0
+    secant: bool = False
 
     def whole(self) -> GapRun:
         """Return the run with every moving sample of its record as a row; its noise is not that of these rows."""
@@ -97,10 +100,6 @@ class GapRun:
             return np.full(size, self.group, dtype=object)
         stretch = np.arange(size) * STRETCHES // size
         return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
-
-    def centred(self, rest: float) -> GapRun:
-        """Return the run with the angle at which its sliders are in their middle; what repeats finds that itself."""
-        return self if self.folded else replace(self, motion=replace(self.motion, centre=rest))
 
     def rough(self) -> GapRun:
         """Return the run for searching nonlinear parameters: internal states are integrated in longer steps."""

@@ -1,0 +1,48 @@
+"""What a verdict on the law of a joint inside a structure may not say: more than its sensors show."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sindyjoint.judgement.policy import POLICY
+from sindyjoint.judgement.verdict import Verdict
+
+SURE = 2.0  # standard errors of a term within which it may be there unseen
+
+
+def of_one_run(verdict: Verdict, runs: int) -> Verdict:
+    """Return a verdict that refutes nothing by one run: what the recovery does to it, no other run tells."""
+    if runs > 1 or verdict.verdict != "refuted":
+        return verdict
+    reason = f"one run of the structure refutes no term; others at other levels would tell: {verdict.reason}"
+    return replace(verdict, verdict="undecided", reason=reason)
+
+
+def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:
+    """Return a verdict that is no surer than the states.
+
+    An error of the angle is one of the elastic moment of the same share: beyond the share below which a term counts as
+    absent, absence does not follow from what fits best. Presence does, as long as no other term could carry as much
+    beside the law unseen.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    share : float
+        RMS error of the angle, of itself.
+    hidden : float
+        Largest share of the moment that a standard error of a term that is not in the law is.
+    """
+    unknown = SURE * hidden if verdict.verdict == "confirmed" else share
+    if unknown <= POLICY.negligible_share or verdict.verdict == "undecided":
+        return verdict
+    what = (
+        f"the sensors leave room for {100 * unknown:.1f} % of the moment beside the law"
+        if verdict.verdict == "confirmed"
+        else f"the sensors show the angle of the joint only within {100 * unknown:.1f} % of itself"
+    )
+    reason = (
+        f"{what}, and terms are judged down to {100 * POLICY.negligible_share:.0f} % of the moment: sensors of "
+        f"displacement, longer runs or sines would tell; without that: {verdict.verdict}, {verdict.reason}"
+    )
+    return replace(verdict, verdict="undecided", reason=reason)

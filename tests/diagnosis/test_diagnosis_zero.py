@@ -1,0 +1,142 @@
+"""A constant added to the displacement: one step more, and neither names nor numbers depend on it otherwise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.diagnosis.campaign.add import counted_from_zero
+from sindyjoint.diagnosis.campaign.repair import refit
+from sindyjoint.diagnosis.campaign.response_gap import response_gap
+from sindyjoint.diagnosis.campaign.start import Work, first_model
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.mechanics.laws import FunctionLaw
+from sindyjoint.mechanics.stickslip import transfer_moment
+from sindyjoint.record import Run
+from sindyjoint.response.run import rest_of
+from sindyjoint.states import campaign_states, force_states
+from sindyjoint.states.rows import group_labels
+from sindyjoint.workflows.diagnose import diagnose
+from tests.diagnosis.hidden_effects import hide
+
+ZERO = ("constant_moment", "angle_offset")
+
+
+def moved(campaign, shift):
+    return campaign.with_runs(tuple(replace(r, angle=r.angle + shift, source=None) for r in campaign.runs))
+
+
+def shift_of(campaign, share):
+    return share * max(float(np.ptp(run.angle)) / 2 for run in campaign.runs)
+
+
+def fitted_beside(campaign, name, numbers, zero="constant_moment"):
+    """Return the five terms, a zero error and an effect fitted together, and the simulated response's gap."""
+    states = campaign_states(campaign)
+    constant, effect = (select_effects(load_effects(), [each])[0] for each in (zero, name))
+    effects = [
+        FittedEffect(constant, constant.variants[0], np.empty(0), np.ones(1), 0.0),
+        FittedEffect(effect, effect.variants[0], np.array(numbers), np.ones(1), 0.0),
+    ]
+    model = first_model(campaign, states, None, "paper").model
+    groups = group_labels(states)
+    for _ in range(2):  # the rows' own noise needs the slopes of the law
+        work = Work.build(campaign, campaign.identification_runs, states, groups, model, effects)
+        work, repaired = counted_from_zero(work, refit(work.rows, work.model, effects))
+        model = repaired.model
+    return repaired, response_gap(work, model, repaired.effects)
+
+
+def follows_the_taylor_shift(before, after, shift):
+    k1, k2, k3 = (before[f"{name}_stiffness"].coefficient for name in ("linear", "quadratic", "cubic"))
+    expected = {name: term.coefficient for name, term in before.items()}
+    expected["linear_stiffness"] = k1 - 2 * k2 * shift + 3 * k3 * shift**2
+    expected["quadratic_stiffness"] = k2 - 3 * k3 * shift
+    return {
+        name: abs(after[name].coefficient - value)
+        < 1.96 * np.hypot(before[name].standard_error, after[name].standard_error)
+        for name, value in expected.items()
+    }
+
+
+CASES = [  # seed 4: a moment drives the joint; 5: a motion does
+    ("jenkins_element", 4, (0.3, -1.5)),
+    ("jenkins_element", 5, (-0.4,)),
+    ("dahl_friction", 4, (-0.4,)),
+    ("dahl_friction", 5, (1.5,)),
+    ("backlash_play", 4, (0.3,)),
+    ("backlash_play", 5, (-1.5,)),
+]
+
+
+@pytest.mark.parametrize("name, seed, shares", CASES)
+def test_a_slider_does_not_notice_where_the_sensor_has_its_zero(name, seed, shares):
+    """In the runs at low levels it never yields: where it began is what it shows ever after."""
+    hidden = hide(name, seed, duration=2.0)
+    numbers = hidden.parameters[1:]
+    plain, gap = fitted_beside(hidden.campaign, name, numbers)
+    before = {term.id: term for term in plain.model.terms}
+    for share in shares:
+        shift = shift_of(hidden.campaign, share)
+        shifted, gap_there = fitted_beside(moved(hidden.campaign, shift), name, numbers)
+        after = {term.id: term for term in shifted.model.terms}
+        assert gap_there == pytest.approx(gap, rel=0.02)
+        held = follows_the_taylor_shift(before, after, shift)
+        assert len(held) == 5 and all(held.values()), held
+        assert shifted.effects[1].coefficients == pytest.approx(plain.effects[1].coefficients, rel=0.01)
+
+
+def test_a_zero_error_of_the_angle_leaves_the_law_as_it_is():
+    """Its column is the secant of the law, not the tangent at the sensor's zero."""
+    hidden = hide("jenkins_element", 5, duration=2.0)
+    numbers = hidden.parameters[1:]
+    plain, gap = fitted_beside(hidden.campaign, "jenkins_element", numbers)
+    shift = shift_of(hidden.campaign, 0.2)
+    later, gap_there = fitted_beside(
+        moved(hidden.campaign, shift), "jenkins_element", numbers, "angle_offset"
+    )
+    assert gap_there == pytest.approx(gap, rel=0.02)
+    assert later.effects[0].coefficients == pytest.approx([shift], rel=0.01)
+    before, after = ({term.id: term for term in each.model.terms} for each in (plain, later))
+    held = follows_the_taylor_shift(before, after, 0.0)
+    assert all(held.values()), held
+
+
+def test_a_run_that_does_not_repeat_brings_its_sliders_from_rest():
+    """From the first angle where the record begins at rest, else from the mean of the motion."""
+    time = np.arange(3000) / 500.0
+    tones = 0.01 * np.sin(2 * np.pi * 1.3 * time) + 0.006 * np.sin(2 * np.pi * 3.1 * time)
+    for swell, rest in ((np.minimum(time, 1.0), 0.004), (1.0, 0.004 + np.mean(tones))):
+        angle = swell * tones + 0.004
+        states = force_states(Run("tones", 900.0 * angle, angle, 500.0), "broadband")
+        assert rest_of(states) == pytest.approx(rest, abs=2e-4)
+    law = FunctionLaw(_spring_and_slider, (900.0, 50.0, 0.02), 1)
+    _, state = transfer_moment(law, states.angle, states.rate, 500.0, rest=0.004)
+    np.testing.assert_allclose(state[0], (states.angle - 0.004) / 0.02, atol=1e-3)
+
+
+def _spring_and_slider(theta, omega, direction, state, p, out):
+    out[0] = p[0] * theta + p[1] * state[0]
+    out[1] = 0.0 if abs(state[0]) >= 1.0 and state[0] * omega > 0 else omega / p[2]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name, seed", [("jenkins_element", 4), ("jenkins_element", 5), ("dahl_friction", 6)])
+def test_names_verdict_and_gaps_stay_and_coefficients_follow(name, seed):
+    """The whole way: what is found beside the zero error is what is found without one."""
+    campaign = hide(name, seed, duration=4.0).campaign
+    effects = select_effects(load_effects(), [*ZERO, name, "quadratic_damping"])
+    first = diagnose(campaign, effects=effects, advise=False)
+    assert [step.effect for step in first.steps] == [name]
+    before = {term.id: term for term in first.whole.terms}
+    for share in (0.1, -1.5):
+        shift = shift_of(campaign, share)
+        later = diagnose(moved(campaign, shift), effects=effects, advise=False)
+        assert later.verdict == first.verdict
+        assert [step.effect for step in later.steps if step.effect not in ZERO] == [name]
+        assert later.final.moment == pytest.approx(first.final.moment, rel=0.02)
+        assert later.final.response == pytest.approx(first.final.response, rel=0.05)
+        assert all(
+            follows_the_taylor_shift(before, {term.id: term for term in later.whole.terms}, shift).values()
+        )
