@@ -118,20 +118,20 @@ def _best_search(
 ) -> tuple[Explained[P], tuple[str, str]]:
     """Return the search that ended best, and what to say of other starts and of time."""
     most_seconds = first.policy.search_seconds
-    given = _explain(first, Start(straight, steps), most, say, clock)
+    begin = Start(straight, steps)
+    given = _led(first, begin, _explain(first, begin, most, say, clock))
     best, ends = given, [given]
     if clock.seconds < most_seconds:
         zero = first.zero_start(straight, given.progress.problem, say)
         if zero is not None:
-            ends.append(_explain(first, zero, most, say, clock))
-            best = _better(best, ends[-1], first.policy)
+            best = _with_end(first, zero, _explain(first, zero, most, say, clock), best, ends)
     if clock.seconds < most_seconds:
         last = best if best.whole else given
         starts = first.other_starts(straight, last.progress.problem, say, best.whole)
         start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
         if start is not None:
-            ends.append(_explain(first, start, most, say, clock))
-            best = _better(best, ends[-1], first.policy, _lead(start, best))
+            end = _explain(first, start, most, say, clock)
+            best = _with_end(first, start, end, best, ends, _lead(start, best))
     late = clock.seconds >= most_seconds and not best.whole
     note = f"the search ended after {most_seconds:g} s of processor time" if late else ""
     return best, (_compare_starts(best, ends), note)
@@ -148,11 +148,24 @@ def _lead(start: Start[P], best: Explained[P]) -> float:
     return float(np.log(ratio)) if ratio > 1 else 0.0
 
 
-def _better(
-    best: Explained[P], other: Explained[P], policy: DiagnosisPolicy, lead: float = 0.0
+def _with_end(
+    first: P,
+    start: Start[P],
+    end: Explained[P],
+    best: Explained[P],
+    ends: list[Explained[P]],
+    lead: float = 0.0,
 ) -> Explained[P]:
-    """Return the best end so far, or that of the search from another start where it is better."""
-    return other if other.cost(policy) < best.cost(policy) + lead else best
+    """Add the end of the search from another start; return the best so far, or that one where it is better.
+
+    To try the members of its classes takes time: that is for a start that is ahead, or has ended better.
+    """
+
+    def better(each: Explained[P]) -> bool:
+        return each.cost(first.policy) < best.cost(first.policy) + lead
+
+    ends.append(_led(first, start, end) if lead > 0 or better(end) else end)
+    return ends[-1] if better(ends[-1]) else best
 
 
 def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTime) -> Explained[P]:
@@ -160,12 +173,15 @@ def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTim
     initial, straight = first.initial_gap, start.problem
     before = start.steps[-1].gap_after if start.steps else initial
     progress = add_effects(Progress(straight, before, start.steps), most + start.free, say, clock)
-    progress = without_needless_delay(progress)
-    end = _judged(first, start, progress)
+    return _judged(first, start, without_needless_delay(progress))
+
+
+def _led(first: P, start: Start[P], end: Explained[P]) -> Explained[P]:
+    """Return the end of a search with the members of its classes that the data, which hardly differ, leave least of."""
     if end.verdict != "partly_named":
         return end
+    progress = end.progress
 
-    # The data hardly tell the members of a class apart; the one that they leave least of is the best of them.
     def cost(problem: P) -> float:
         return cost_of(problem.gap, problem, first.policy)
 

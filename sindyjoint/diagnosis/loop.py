@@ -118,13 +118,14 @@ def without_idle_end(been: Sequence[Progress[P]]) -> Progress[P]:
 
 
 def _response_kept(been: Sequence[Progress[P]]) -> Sequence[Progress[P]]:
-    """Return the way up to the last progress whose simulated response is not worse than that of the start.
+    """Return the way up to the last progress whose response is no worse than at the start, where a remainder is left.
 
-    What makes the response worse than without any effect is not the law, whatever it wins of the moment.
+    What leaves much of the moment and simulates the joint worse than no effect does is not its law.
     """
     start, here = been[0], been[-1]
-    worse = here.gap.response > start.gap.response
-    if not worse or here.gap.response <= here.problem.policy.within_floors * here.problem.floor().response:
+    most, floor = here.problem.policy.within_floors, here.problem.floor()
+    remains = here.gap.moment > most * floor.moment
+    if not remains or not here.gap.response > max(start.gap.response, np.nan_to_num(most * floor.response)):
         return been
     return _response_kept(been[:-1])
 

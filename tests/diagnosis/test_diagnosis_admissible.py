@@ -124,3 +124,20 @@ def test_where_one_form_of_a_dead_zone_ends_the_other_goes_on():
 
 def test_no_run_gives_off_energy(problem):
     assert "give off energy" in complaint(problem, linear_damping=-2e3)
+
+
+def test_a_slider_whose_stiffness_would_be_negative_explains_nothing(problem):
+    """A moment that is a Jenkins element upside down: the catalogue's sign leaves it no gain, whatever its corner."""
+    (effect,) = [EFFECTS["jenkins_element"]]
+    regression = problem.regression
+    values = np.array([0.3 * regression.reference.angle])
+    for sign, gains in ((1.0, True), (-1.0, False)):
+        made = [
+            replace(run, target=run.target + sign * 2e3 * effect.variants[0].along(run.motion, values)[:, 0])
+            for run in problem.work.rows
+        ]
+        work = replace(problem.work, rows=tuple(made))
+        gain, (coefficient,) = work.regression().gain(effect.variants[0], values)
+        assert (gain > 100) is gains and np.sign(coefficient) == sign
+        if gains:
+            assert coefficient == pytest.approx(2e3, rel=0.1)

@@ -81,6 +81,15 @@ def test_the_first_of_a_pair_goes_where_the_second_never_comes():
     assert added(candidates=(first, vain), paired=("first",)) == []
 
 
+def test_no_search_ends_with_a_worse_response_than_it_began_with_beside_a_remainder():
+    better = Effect("better", 600.0, Gap(0.8, 0.8, 0.8))
+    worse = Effect("worse", 500.0, Gap(0.3, 1.5, 0.3))
+    assert added(candidates=(better, worse)) == ["better"]
+    assert added(candidates=(better, replace(worse, gap=Gap(0.3, 0.9, 0.3)))) == ["better", "worse"]
+    # What explains the moment is reported, and that the response grows beside it; so is what noise explains.
+    assert added(candidates=(better, worse), noise=0.25) == ["better", "worse"]
+
+
 def test_an_effect_that_a_later_one_makes_needless_leaves_the_steps():
     early, late = Effect("early", 600.0, GOOD), Effect("late", 500.0, Gap(0.1, 0.1, 0.1))
     assert added(candidates=(early, late)) == ["early", "late"]

@@ -10,7 +10,7 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
-from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
+from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales, row_groups
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import VARIABLES, compile_terms
@@ -210,6 +210,9 @@ def held_out_gap(
     target = np.concatenate([run.target for run in runs])
     whole = whitened(runs, target)
     residual, weighted = np.empty(target.size), np.empty(whole.size)
+    # The range of a number is that of the campaign: runs that go less far do not narrow it.
+    reference = reference_scales(runs)
+    ranged = [e if e.within is not None else replace(e, within=e.variant.bounds(reference)) for e in effects]
     for group in dict.fromkeys(labels.tolist()):
         out, white_out = labels == group, white_labels == group
         used, rows, others = plain, white, ~white_out
@@ -218,7 +221,7 @@ def held_out_gap(
             # Along the motion itself where it is short: a kink that is followed roughly has its numbers elsewhere.
             if sum(run.motion.angle.size for run in train) > MOST_FOLLOWED:
                 train = [run.rough() for run in train]
-            later = refit_nonlinear(train, model, effects, policy)
+            later = refit_nonlinear(train, model, ranged, policy)
             used = np.vstack([all_columns(run, model, later) for run in runs])
             rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])
