@@ -3,13 +3,15 @@
 python benchmarks/bench_soundness.py run --out soundness.jsonl --seeds 100 101 102 --jobs 2
 python benchmarks/bench_soundness.py show soundness.jsonl
 python benchmarks/bench_soundness.py run --out verdicts.jsonl --seeds 100 101 --verdicts --names sound moment_late
+python benchmarks/bench_soundness.py run --out verdicts.jsonl --seeds 100 101 --verdicts discovery
 python benchmarks/bench_soundness.py show verdicts.jsonl
 
 ``run`` appends one line per joint and kind and skips those that the file holds already. Names: faults of
 tests/soundness/faults.py, ``sound`` (the same joints as they are), ``law`` (each seed another effect of
 tests/diagnosis/hidden_effects.py: a law that is no fault), ``multisine`` and ``sweep``. With ``--verdicts`` discovery
-and diagnosis answer, too, whatever stops them accepted: ``show`` then lists each *confirmed* or *refuted* that the
-sound campaign denies (``sound`` must be among the names), and each law above 0.8 that is not there.
+and diagnosis answer, too (or discovery alone, much sooner), whatever stops them accepted: ``show`` then lists each
+*confirmed* or *refuted* that the sound campaign denies (``sound`` must be among the names), and each law above 0.8 that
+is not there.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ NUISANCES = {
 SURE = 0.8
 
 
-def one_joint(seed: int, names: list[str], verdicts: bool = False) -> list[dict]:
+def one_joint(seed: int, names: list[str], verdicts: str | None = None) -> list[dict]:
     """Return the records of one random joint: it is simulated once for all faults."""
     from sindyjoint.errors import InputError
     from tests.soundness.faults import FAULTS, sound_campaign
@@ -58,7 +60,7 @@ def one_joint(seed: int, names: list[str], verdicts: bool = False) -> list[dict]
     return [one(name, seed, clean, verdicts) for name in names]
 
 
-def one(name: str, seed: int, clean, verdicts: bool = False) -> dict:
+def one(name: str, seed: int, clean, verdicts: str | None = None) -> dict:
     from sindyjoint.errors import SimulationError
     from sindyjoint.soundness.faults import find_faults
     from tests.soundness.faults import found, inject
@@ -80,11 +82,13 @@ def one(name: str, seed: int, clean, verdicts: bool = False) -> dict:
     hit = name not in SOUND and found(name, findings, run)
     record = dict(name=name, seed=seed, run=run, found=hit, findings=listed, cpu=cpu, runs=len(campaign.runs))
     if verdicts:
-        record["answers"] = answers(campaign, tuple({f.id for f in findings if f.severity == "stops"}))
+        record["answers"] = answers(
+            campaign, tuple({f.id for f in findings if f.severity == "stops"}), verdicts == "diagnosis"
+        )
     return record
 
 
-def answers(campaign, accept: tuple[str, ...]) -> dict:
+def answers(campaign, accept: tuple[str, ...], diagnosed: bool) -> dict:
     """Return what discovery and diagnosis answer of a campaign, what stops them accepted; an error ends an answer."""
     from sindyjoint.errors import SindyJointError
     from sindyjoint.workflows.diagnose import diagnose
@@ -94,6 +98,8 @@ def answers(campaign, accept: tuple[str, ...]) -> dict:
     try:
         found = discover(campaign, accept=accept).verdict
         told.update(terms=found.verdict, missing=found.missing, extra=found.extra)
+        if not diagnosed:
+            return told
         result = diagnose(campaign, accept=accept, advise=False)
         told.update(verdict=result.verdict, steps=[(s.members, s.probability) for s in result.steps])
     except SindyJointError as error:
@@ -182,6 +188,10 @@ def show_answers(records: list[dict]) -> None:
 
 if __name__ == "__main__":
     arguments = commands(
-        __doc__, run, show, jobs=dict(type=int, default=1), verdicts=dict(action="store_true")
+        __doc__,
+        run,
+        show,
+        jobs=dict(type=int, default=1),
+        verdicts=dict(nargs="?", choices=["discovery", "diagnosis"], const="diagnosis"),
     )
     arguments.do(arguments)

@@ -14,6 +14,7 @@ from sindyjoint.cli.progress import Progress
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
     from sindyjoint.judgement.rig_discovery import RigDiscovery
+    from sindyjoint.mechanics.transient import Response
 
 # Of the options of a search those that belong to the channels of a joint's own test.
 OF_CHANNELS = ("states", "bandwidth", "align")
@@ -72,21 +73,40 @@ def simulate_structure(
 ) -> dict[str, Any]:
     """Make and write a virtual test of a rig; return what was written.
 
-    A model stands in the joints whose law is "model".
+    A model stands in the joints whose law is "model"; where one moves beyond what that was tested to, stderr says so.
     """
+    import typer
+
     from sindyjoint.equation.model_file import read_model
+    from sindyjoint.errors import InputError
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
     from sindyjoint.mechanics.rig_test_writing import write_rig_test
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
     from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.verify_rig import joint_range_warnings
 
+    known = None if model is None else read_model(model)
+    warnings: list[str] = []
     with progress:
-        laws = {} if model is None else {"model": model_law(read_model(model))}
+        laws = {} if known is None else {"model": model_law(known)}
         plan = load_rig_plan(rig, laws)
+        modelled = [h.name for h in plan.test.structure.hinges if h.law is laws.get("model")]
+        if known is not None and not modelled:
+            raise InputError(
+                f'{rig}: --model is given, and no joint is a place for it; write law = "model" for the joints that '
+                "it stands for, or leave it out"
+            )
+
+        def seen(run: str, response: Response) -> None:
+            if known is not None:
+                warnings.extend(f"{run}: {line}" for line in joint_range_warnings(known, response, modelled))
+
         progress.say(f"simulating {len(plan.drives)} runs")
-        test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed)
+        test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed, seen)
         progress.say("writing the files")
         manifest = write_rig_test(rig, test, out, format, force)
+    for line in warnings:
+        typer.echo(line, err=True)
     runs = [
         {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.drive.size}
         for run in test.runs

@@ -8,13 +8,13 @@ ruled out (two one-sided tests, Schuirmann 1987); both can be true of sharp esti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from sindyjoint.documents import plain
 from sindyjoint.equation.calibration import gain_errors
-from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.shown import Shown
@@ -22,11 +22,13 @@ from sindyjoint.shown import Shown
 Answer = Literal["changed", "changed within margin", "the same within margin", "cannot tell", "not compared"]
 # Degrees of freedom that are as good as any number of them.
 MANY = 1e6
+# Between the name of a number of an element and the form of that.
+FORM = " in "
 
 
 @dataclass(frozen=True)
 class Shift:
-    """A coefficient before and after.
+    """A coefficient, or a number of an element, before and after.
 
     Parameters
     ----------
@@ -141,7 +143,7 @@ def compare_models(
     names: tuple[str, str] = ("before", "after"),
     warnings: tuple[str, ...] = (),
 ) -> Change:
-    """Compare the coefficients of two models of one joint.
+    """Compare the coefficients of two models of one joint, and the numbers of their elements.
 
     Parameters
     ----------
@@ -170,18 +172,48 @@ def compare_models(
     common = {each.name: each.reference for each in before.inputs}
     if after.inputs:
         after = _at_references(after, common)
-    ids = [*before.ids, *(name for name in after.ids if name not in before)]
-    both = [name for name in ids if name in before and name in after]
-    only = [name for name in ids if name not in both]
+    rows = [_rows(model, same_sensors) for model in (before, after)]
+    ids = list(dict.fromkeys([*rows[0], *rows[1]]))
+    both = [name for name in ids if all(name in known for known in rows)]
+    only = ", ".join(name.partition(FORM)[0] for name in ids if name not in both)
     if only:
         notes.append(
-            f"{', '.join(only)} stand(s) in one of the two only; what is left to the others differs by that: give both "
-            "campaigns, and the same terms are fitted to both"
+            f"{only} stand(s) in one of the two only; what is left to the others differs by that: give both campaigns, "
+            "and the same terms are fitted to both"
         )
     level = POLICY.change_level / max(len(both), 1)
-    errors = [np.zeros(len(m.terms)) if not same_sensors else gain_errors(m) for m in (before, after)]
-    shifts = tuple(_shift(name, before, after, errors, level, margin) for name in ids)
+    shifts = tuple(_shift(rows[0].get(name), rows[1].get(name), level, margin) for name in ids)
     return Change(before, after, shifts, margin, names, tuple(notes))
+
+
+class _Row(NamedTuple):
+    """A number of a model, and the part of its error that is the same in the other test."""
+
+    id: str
+    symbol: str
+    name: str
+    unit: str
+    value: float
+    standard_error: float
+    interval95: tuple[float, float]
+    common: float
+
+
+def _rows(model: JointModel, same_sensors: bool) -> dict[str, _Row]:
+    """Return the coefficients of a model and the numbers of its elements; of another form they are other numbers."""
+    gains = gain_errors(model) if same_sensors else np.zeros(len(model.terms))
+    rows = [
+        _Row(t.id, t.symbol, t.name, t.unit, t.coefficient, t.standard_error, t.interval95, float(gain))
+        for t, gain in zip(model.terms, gains, strict=True)
+    ]
+    keys = [*model.ids]
+    for element in model.elements:
+        form = "; ".join([*(c.formula for c in element.columns), *(s.rate for s in element.states)])
+        for n in element.numbers:
+            name, words = f"{element.id}.{n.name}", f"{n.name} of {element.name}"
+            rows.append(_Row(name, n.name, words, n.unit, n.value, n.standard_error, n.interval95, 0.0))
+            keys.append(f"{name}{FORM}{form}")
+    return dict(zip(keys, rows, strict=True))
 
 
 def _at_references(model: JointModel, common: dict[str, float]) -> JointModel:
@@ -200,55 +232,44 @@ def _at_references(model: JointModel, common: dict[str, float]) -> JointModel:
     )
 
 
-def _error_of(term: ModelTerm, common: float) -> tuple[float, float]:
-    """Return the standard error of a coefficient less what a common error makes of it, and its degrees of freedom.
+def _error_of(row: _Row) -> tuple[float, float]:
+    """Return the standard error of a number less what is the same in the other test, and its degrees of freedom.
 
     The degrees are those by which its 95 % interval is wider than one of a normal distribution.
     """
     from scipy.optimize import brentq
     from scipy.special import stdtrit
 
-    error = term.standard_error
-    left = float(np.sqrt(max(error**2 - common**2, 0.0)))
-    ratio = (term.interval95[1] - term.interval95[0]) / 2 / error if error > 0 else 0.0
+    error = row.standard_error
+    left = float(np.sqrt(max(error**2 - row.common**2, 0.0)))
+    ratio = (row.interval95[1] - row.interval95[0]) / 2 / error if error > 0 else 0.0
     if ratio <= stdtrit(MANY, 0.975):
         return left, MANY
     few = brentq(lambda log: stdtrit(np.exp(log), 0.975) - min(ratio, stdtrit(1, 0.975)), 0.0, np.log(MANY))
     return left, float(np.exp(few))
 
 
-def _shift(
-    name: str,
-    before: JointModel,
-    after: JointModel,
-    common: list[np.ndarray],
-    level: float,
-    margin: float,
-) -> Shift:
+def _shift(one: _Row | None, other: _Row | None, level: float, margin: float) -> Shift:
     from scipy.special import stdtr, stdtrit
 
     nan, unknown = float("nan"), (float("nan"), float("nan"))
-    if name not in before or name not in after:
-        term = before[name] if name in before else after[name]
-        there = name in before
+    if one is None or other is None:
+        row = one or other
+        assert row is not None
         return Shift(
-            term.id, term.symbol, term.name, term.unit,
-            term.coefficient if there else nan, nan if there else term.coefficient,
-            term.interval95 if there else unknown, unknown if there else term.interval95,
+            row.id, row.symbol, row.name, row.unit,
+            nan if one is None else row.value, nan if other is None else row.value,
+            unknown if one is None else row.interval95, unknown if other is None else row.interval95,
             nan, unknown, nan, "not compared",
         )  # fmt: skip
-    one, other = before[name], after[name]
-    errors = [
-        _error_of(model[name], float(error[model.ids.index(name)]))
-        for model, error in zip((before, after), common, strict=True)
-    ]
+    errors = [_error_of(row) for row in (one, other)]
     # The degrees of a difference of which neither variance is known (Welch 1947, Satterthwaite 1946).
     variances = np.array([error**2 for error, _ in errors])
     total = float(variances.sum())
     degrees = total**2 / float(np.sum(variances**2 / [d for _, d in errors])) if total > 0 else MANY
     error = float(np.sqrt(total))
-    difference = other.coefficient - one.coefficient
-    size = abs(one.coefficient) or nan
+    difference = other.value - one.value
+    size = abs(one.value) or nan
     score = abs(difference) / error if error > 0 else (np.inf if difference else 0.0)
     chance = float(2 * stdtr(degrees, -score))
     found = chance < level
@@ -262,6 +283,6 @@ def _shift(
     )
     change = difference / size
     return Shift(
-        one.id, one.symbol, one.name, one.unit, one.coefficient, other.coefficient, one.interval95, other.interval95,
+        one.id, one.symbol, one.name, one.unit, one.value, other.value, one.interval95, other.interval95,
         change, (change - half / size, change + half / size), chance, answer,
     )  # fmt: skip

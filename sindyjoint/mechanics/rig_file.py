@@ -169,7 +169,10 @@ class RunTable(StrictTable):
         default=None, description="At which the drive repeats; omitted: it does not."
     )
     level: str | None = Field(default=None, description="Free label.")
-    use: Literal["identify", "validate"] = Field(default="identify", description="What it is for.")
+    use: Literal["identify", "validate", "update"] = Field(
+        default="identify",
+        description="Fitted, kept for validation, or (its joints stick) for the structure alone.",
+    )
     shape: Literal["sine", "multisine", "sweep", "impact"] | None = Field(
         default=None, description="For simulate."
     )

@@ -12,9 +12,10 @@ from sindyjoint.errors import InputError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.structure import Item, Structure, assemble
 from sindyjoint.numeric import Array
-from sindyjoint.record import MINIMUM_SAMPLES, Motion, Use
+from sindyjoint.record import MINIMUM_SAMPLES, Motion
 
 Quantity = Literal["acceleration", "velocity", "displacement"]
+RigUse = Literal["identify", "validate", "update"]
 
 #: How often each quantity is differentiated from a displacement.
 ORDER: dict[str, int] = {"displacement": 0, "velocity": 1, "acceleration": 2}
@@ -60,7 +61,8 @@ class RigRun:
     frequency : float or None
         At which the drive repeats, Hz; None for a run that does not.
     level : str or None
-    use : {"identify", "validate"}
+    use : {"identify", "validate", "update"}
+        The last: its joints stick, and it tells the structure's own numbers.
 
     Raises
     ------
@@ -74,7 +76,7 @@ class RigRun:
     sample_rate: float
     frequency: float | None = None
     level: str | None = None
-    use: Use = "identify"
+    use: RigUse = "identify"
 
     def __post_init__(self) -> None:
         n = self.drive.size
@@ -82,6 +84,11 @@ class RigRun:
             raise InputError(
                 f"run {self.name!r}: responses of shape {self.responses.shape} beside a drive of {n} samples; expected "
                 f"one row per sensor, as many samples, and at least {MINIMUM_SAMPLES}"
+            )
+        if self.use == "update" and self.frequency is None:
+            raise InputError(
+                f"run {self.name!r}: a run that updates the structure repeats; expected its frequency, of a sine or a "
+                "multisine"
             )
         if not (np.all(np.isfinite(self.drive)) and np.all(np.isfinite(self.responses))):
             raise InputError(
@@ -197,6 +204,11 @@ class RigTest:
     def identification_runs(self) -> tuple[RigRun, ...]:
         """Runs that may be used for fitting."""
         return tuple(run for run in self.runs if run.use == "identify")
+
+    @property
+    def update_runs(self) -> tuple[RigRun, ...]:
+        """Runs whose joints stick."""
+        return tuple(run for run in self.runs if run.use == "update")
 
 
 def sensor_rows(structure: Structure, sensors: Sequence[Sensor]) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
@@ -11,12 +11,11 @@ import numpy as np
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, Sensor, load_row
+from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, RigUse, Sensor, load_row
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.numeric import Array
-from sindyjoint.record import Use
 
 Shape = Literal["sine", "multisine", "sweep", "impact"]
 
@@ -24,6 +23,7 @@ Shape = Literal["sine", "multisine", "sweep", "impact"]
 # of any recorder does.
 OVERSAMPLING = 8
 # Central differences of sixth order: at a third of the record's rate 1e-5 of a rate of change is missing.
+REACH = 20  # samples of the record that the filter looks to either side
 CENTRAL = np.array([3 / 4, -3 / 20, 1 / 60])
 FADE_IN = 1.0  # s
 
@@ -45,7 +45,7 @@ class Drive:
     width : float or None
         Of an impact, a half-sine, s.
     level : str or None
-    use : {"identify", "validate"}
+    use : {"identify", "validate", "update"}
     """
 
     name: str
@@ -55,7 +55,7 @@ class Drive:
     band: tuple[float, float] | None = None
     width: float | None = None
     level: str | None = None
-    use: Use = "identify"
+    use: RigUse = "identify"
 
     def __post_init__(self) -> None:
         needed = {
@@ -145,7 +145,13 @@ def simulate_run(
     settling = recorder.settling if drive.period else 0.0
     fine = recorder.sample_rate * OVERSAMPLING
     time = np.arange(0, settling + recorder.duration + 2 / fine, 1 / fine)
-    values = drive.values(time, generator)
+    # The filter looks ahead: what is recorded last needs what comes after it.
+    ahead = np.arange(1, OVERSAMPLING * REACH + 1) / fine
+    if drive.period:
+        time = np.concatenate([time, time[-1] + ahead])
+        values = drive.values(time, generator)
+    else:
+        values = np.concatenate([drive.values(time, generator), np.zeros(ahead.size)])
     if drive.period:
         edge = np.clip(time / FADE_IN, 0, 1)
         values *= edge**2 * (3 - 2 * edge)
@@ -154,8 +160,8 @@ def simulate_run(
         moved = replace(structure, points={**structure.points, BASE: load_row(structure, at)})
     points = tuple(dict.fromkeys(sensor.point for sensor in sensors))
     response = respond(
-        moved, sampled(values, fine), at, duration=settling + recorder.duration, sample_rate=fine, step=recorder.step,
-        points=points, limits="softening",
+        moved, sampled(values, fine), at, duration=settling + recorder.duration + ahead[-1], sample_rate=fine,
+        step=recorder.step, points=points, limits="softening",
     )  # fmt: skip
     rate = recorder.sample_rate
     whole = [
@@ -208,7 +214,7 @@ def _recorder_filter() -> Array:
     """Return the filter of the recorder: within 1e-5 of one up to 0.4 of its rate, where harmonics are compared."""
     from scipy.signal import firwin
 
-    return np.asarray(firwin(40 * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
+    return np.asarray(firwin(2 * REACH * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
 
 
 def virtual_rig_test(
@@ -216,6 +222,7 @@ def virtual_rig_test(
     drives: Sequence[Drive],
     recorder: Recorder,
     random_state: int | np.random.Generator | None = 0,
+    seen: Callable[[str, Response], None] = lambda name, response: None,
 ) -> RigTest:
     """Return a test of a structure whose joints' laws are known, with simulated runs.
 
@@ -227,9 +234,12 @@ def virtual_rig_test(
     recorder : Recorder
     random_state : int, Generator or None
         Source of noise and phases.
+    seen : callable
+        Called with the name of each run and what really happened in it.
     """
-    generator = np.random.default_rng(random_state)
-    runs = tuple(
-        simulate_run(test.structure, test.at, test.sensors, drive, recorder, generator)[0] for drive in drives
-    )
-    return replace(test, runs=runs, simulated=True)
+    generator, runs = np.random.default_rng(random_state), []
+    for drive in drives:
+        run, response = simulate_run(test.structure, test.at, test.sensors, drive, recorder, generator)
+        seen(run.name, response)
+        runs.append(run)
+    return replace(test, runs=tuple(runs), simulated=True)

@@ -12,7 +12,6 @@ from sindyjoint.soundness.cycle import cycles_of, spectra_of
 from sindyjoint.soundness.detectors.accelerometer import find_disagreement
 from sindyjoint.soundness.detectors.broadband_delay import find_broadband_delay
 from sindyjoint.soundness.detectors.broadband_law import find_broadband_faults
-from sindyjoint.soundness.detectors.common_law import find_odd_runs
 from sindyjoint.soundness.detectors.copies import find_repeated_blocks, find_scaled_copies
 from sindyjoint.soundness.detectors.course import find_course
 from sindyjoint.soundness.detectors.declared_units import find_unit_mismatches
@@ -20,6 +19,7 @@ from sindyjoint.soundness.detectors.floor import find_coarse_steps, find_mains, 
 from sindyjoint.soundness.detectors.held import find_dead, find_held
 from sindyjoint.soundness.detectors.lines import find_lines
 from sindyjoint.soundness.detectors.lost import find_lost
+from sindyjoint.soundness.detectors.odd_runs import find_odd_runs
 from sindyjoint.soundness.detectors.saturation import find_saturation
 from sindyjoint.soundness.detectors.shape import find_filters
 from sindyjoint.soundness.detectors.sizes import (

@@ -89,6 +89,11 @@ class SoundnessPolicy:
         0.8, "share of jumps while the channel goes one way, in or out", source="half of them do by chance"
     )
     jump_values: float = limit(0.05, "range of the ends of jumps, in amplitudes, that dropouts do not have")
+    rare_kinks: float = limit(
+        0.01,
+        "share of samples at which the rate changes most; a spike of the moment there belongs to the motion",
+    )
+    jerk_size: float = limit(10.0, "amplitudes of the moment that a stop of the motion may reach")
     sensors_gain: float = limit(
         0.03, "relative difference of the motions that two sensors show, beyond which they disagree"
     )
@@ -204,6 +209,10 @@ class SoundnessPolicy:
     )
     compared_rows: float = limit(
         0.2, "share of a run's rows that the others must cover to be held against it"
+    )
+    another_scale: float = limit(
+        10.0,
+        "ratio of a run's swing to the usual one, either way, from which it is no edge of a common range",
     )
     stray_rows: float = limit(
         0.05, "share of a run's rows, those furthest from the law, that alone make no departure"

@@ -119,7 +119,7 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
         raise InputError(
             f"{len(test.sensors)} sensor(s) for {joints} joints; expected at least one sensor for each joint"
         )
-    declared = np.array([test.drive_noise or np.nan, *(s.noise or np.nan for s in test.sensors)], dtype=float)
+    declared = declared_noise(test)
     spectra = spectra or channel_spectra(run, declared, _shown_band(test, run))
     solved = solve_channels(test, spectra, spectra.angular)
     ends = None
@@ -151,6 +151,11 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
         degrees,
         ends,
     )
+
+
+def declared_noise(test: RigTest) -> Array:
+    """Return the noise of single samples of drive and sensors as declared, NaN where it was not."""
+    return np.array([test.drive_noise or np.nan, *(s.noise or np.nan for s in test.sensors)], dtype=float)
 
 
 def _shown_band(test: RigTest, run: RigRun) -> float | None:

@@ -77,7 +77,7 @@ def changed(
     ]
     models = [each.model if isinstance(each, Discovery) else each for each in found]
     for model, name in zip(models, names, strict=True):
-        if not model.terms:
+        if not (model.terms or model.elements):
             raise InputError(f"{name}: no model was found there; nothing can be compared")
     warnings = [
         f"{name}: the check of the data found {', '.join(each.faults).replace('_', ' ')}"

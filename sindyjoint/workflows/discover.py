@@ -300,7 +300,7 @@ def discover_rig(
     from sindyjoint.mechanics.rig_test_file import load_rig_test
     from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
     from sindyjoint.substructure.recovery import recover
-    from sindyjoint.substructure.update import update_structure, with_numbers
+    from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 
     say = progress or (lambda stage: None)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
@@ -310,7 +310,8 @@ def discover_rig(
     catalogue_of(library)  # before work that takes seconds
     say("recovering angles and moments of the joints")
     recoveries = tuple(recover(test, run) for run in runs)
-    update = update_structure(test, recoveries)
+    held = held_spectra(test)
+    update = update_structure(test, recoveries, held)
     if update is not None:
         say("updating the structure's numbers")
         test = with_numbers(test, update.change)
@@ -322,7 +323,7 @@ def discover_rig(
     seen = joints_seen(test, recoveries)
     words = [each.words for each in seen if each.words]
     differ = [law.alike for law in laws if "differ" in law.alike]
-    warnings = (*misfit_warnings(recoveries), *words, *differ)
+    warnings = (*misfit_warnings(recoveries), *held_warnings(test, held), *words, *differ)
     found = RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
     if not (refine and found.found):
         return found

@@ -12,6 +12,7 @@ from sindyjoint.equation.calibration import gain_errors, with_gain_uncertainty
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.changed import compare_models
 from sindyjoint.reporting.front import text_of
+from tests.equation.test_element import JENKINS, with_elements
 
 
 def model_of(seed, k1=6066.0, friction=1.867, rows=4000):
@@ -110,3 +111,15 @@ def test_what_is_no_test_of_the_same_joint_is_refused(before):
         changed(before, sliding)
     with pytest.raises(InputError, match="margin is 2"):
         changed(before, before, margin=2)
+
+
+def test_numbers_of_elements_are_compared():
+    one = with_elements(JENKINS)
+    softer = replace(JENKINS, columns=(replace(JENKINS.columns[0], value=2700.0),))
+    assert changed(one, one).sentence == "the same: every change beyond 10 % is ruled out"
+    assert changed(one, with_elements(softer)).sentence == "changed: k_t by -10 %"
+    # In another form the same name is another number.
+    bent = replace(JENKINS, columns=(replace(JENKINS.columns[0], formula="z + z**3"),))
+    said = changed(one, with_elements(bent))
+    assert [s.answer for s in said.shifts if s.symbol == "k_t"] == ["not compared", "not compared"]
+    assert "jenkins_element.k_t" in said.warnings[0] and "stand(s) in one of the two only" in said.warnings[0]

@@ -14,9 +14,9 @@ from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
 from sindyjoint.substructure.recovery import recover
 from sindyjoint.substructure.states import joint_states
 from sindyjoint.substructure.transfer import open_joints, static_moments
-from sindyjoint.substructure.update import update_structure
+from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 
-from .two_masses import K0, RATE, passing_run, prescribed_run, rig_test, structure
+from .two_masses import C0, K0, M1, M2, RATE, passing_run, prescribed_run, rig_test, series, structure
 
 
 def relative(found, true):
@@ -183,3 +183,38 @@ def test_what_each_sensor_is_worth():
     assert seen.joint == "joint" and not seen.words
     assert "only: add a sensor" in replace(seen, moment_error=0.5).words
     assert "together with 'b'" in replace(seen, together=("b",)).words
+
+
+def stuck_run(amplitude, stiffness=K0):
+    """Both masses move as one on the spring, and the force on them is a multisine."""
+    frequency, orders = 0.5, np.arange(4, 13)
+    time = np.arange(int(20 * RATE)) / RATE
+    drive = np.zeros(12, dtype=complex)
+    drive[orders - 1] = amplitude * np.exp(2j * np.pi * np.random.default_rng(0).uniform(size=orders.size))
+    omega = 2 * np.pi * frequency * np.arange(1, 13)
+    moved = drive / (stiffness + 1j * omega * C0 - omega**2 * (M1 + M2))
+    shown = series(frequency, moved, time, 2)
+    noise = 0.01 * np.random.default_rng(1).normal(size=(3, time.size))
+    force = series(frequency, drive, time)
+    responses = np.array([shown, shown]) + noise[1:] * shown.std()
+    return RigRun("stuck", force + noise[0] * force.std(), responses, RATE, frequency, use="update")
+
+
+def test_runs_whose_joints_stick_tell_the_structures_numbers():
+    """Where no joint moves the structure is a linear one: its stiffness follows to the noise, 3 % off as described."""
+    back = np.array([0.0, 1.0])
+    spring = UncertainNumber("spring", 0.05, *(np.zeros((2, 2)), K0 * np.outer(back, back), np.zeros((2, 2))))
+    run, _, _ = prescribed_run()
+    test = rig_test([run, stuck_run(1.0, 1.03 * K0)], uncertain=(spring,))
+    assert [each.name for each in test.identification_runs] == ["prescribed"]
+    held = held_spectra(test)
+    update = update_structure(replace(test, runs=test.runs[1:]), [], held)
+    assert update.change[0] == pytest.approx(0.03, abs=3 * update.standard_error[0])
+    assert update.standard_error[0] < 0.001
+    assert held_warnings(with_numbers(test, update.change), held) == ()
+    assert "the joints slip in it" in held_warnings(test, held)[0]
+
+
+def test_a_run_that_updates_the_structure_repeats():
+    with pytest.raises(InputError, match="a run that updates the structure repeats"):
+        replace(stuck_run(1.0), frequency=None)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
-from sindyjoint.soundness.detectors.common_law import Rows, find_odd_runs, rows_of_motions, scale_of, solve
+from sindyjoint.soundness.detectors.common_law import Rows, rows_of_motions, scale_of, solve
+from sindyjoint.soundness.detectors.odd_runs import find_odd_runs
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words

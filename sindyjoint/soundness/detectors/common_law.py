@@ -1,25 +1,19 @@
-"""Runs held against the others: the law that all other runs have in common, and the one that departs from it."""
+"""The law that runs may have in common: rows of their motion and moment, and its least squares."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
-from typing import Protocol, Self, TypeVar
+from typing import Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
-from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
-from sindyjoint.soundness.words import Words
 
 Columns = Callable[[Array, Array], list[Array]]
-# Directions in which the motion that runs cover is bounded.
-HULL = 32
 
 
 @dataclass(frozen=True)
@@ -109,9 +103,6 @@ class Motions(Protocol):
         """Return angle, rate and acceleration, each shape (r, n)."""
 
 
-M = TypeVar("M", bound=Motions)
-
-
 @dataclass(frozen=True)
 class CommonLaw:
     """A law that runs may have in common.
@@ -182,210 +173,3 @@ def solve(products: Array) -> tuple[Array, float]:
     coefficients = np.linalg.solve(scaled, right / norms) / norms
     rest = square - 2 * right @ coefficients + coefficients @ gram @ coefficients
     return coefficients, float(max(rest, 0.0))
-
-
-@dataclass(frozen=True, eq=False)
-class OddRuns:
-    """Runs that depart from the law of the others.
-
-    Parameters
-    ----------
-    index : tuple of int
-    departure : float
-        Least RMS that the law of the others leaves of one of their moments, in parts of it.
-    common : float
-        RMS that this law leaves of the others.
-    """
-
-    index: tuple[int, ...]
-    departure: float
-    common: float
-
-
-def odd_runs(rows: Rows, size: int) -> OddRuns | None:
-    """Return the runs, ``size`` of them, without which the others have a law in common as they have not with them."""
-    products = rows.products
-    count = len(products)
-    everything = float(np.sqrt(solve(products.sum(axis=0))[1] / count))
-    if everything < POLICY.run_departure / np.sqrt(count):
-        return None
-    best: OddRuns | None = None
-    for index in combinations(range(count), size):
-        others = np.delete(
-            products, index, axis=0
-        )  # not a difference of sums: one run may be a thousand times as large
-        law, rest = solve(others.sum(axis=0))
-        common = float(np.sqrt(rest / len(others)))
-        if best is None or common < best.common:
-            best = OddRuns(index, min(rows.left_by(law, i) for i in index), common)
-    if best is None:
-        return None
-    alike = best.common < min(POLICY.common_misfit, POLICY.common_gain * everything)
-    apart = best.departure > max(POLICY.run_departure, POLICY.run_contrast * best.common)
-    return best if alike and apart else None
-
-
-def find_odd_runs(cycles: M, inertia: float | None, words: Words) -> tuple[list[Finding], M]:
-    """Return findings on runs that differ from the others, with what explains it, and the cycles of the others."""
-    remaining = list(range(len(cycles)))
-    odd: list[int] = []
-    common = 0.0
-    while len(remaining) >= POLICY.fewest_compared and len(odd) <= len(cycles) // 3:
-        others = cycles.take(remaining)
-        rows = rows_of_motions(others, scale_of(others), inertia)
-        found = odd_runs(rows, 1)
-        if found is None and len(remaining) >= 2 * POLICY.fewest_compared:
-            found = odd_runs(rows, 2)  # two runs that have each other's channel
-        if found is None:
-            break
-        common = found.common
-        odd += [remaining[i] for i in found.index]
-        remaining = [r for r in remaining if r not in odd]
-    others = cycles.take(remaining)
-    if not odd or len(remaining) < 2:
-        return [], others
-    held = Held(cycles, tuple(remaining), inertia, common)
-    found_odd = [_describe(cycles.take([i]), held, words) for i in odd]
-    return [
-        f for i, f in zip(odd, found_odd, strict=True) if f.id != "run_differs" or held.departs(i)
-    ], others
-
-
-@dataclass(frozen=True, eq=False)
-class Held:
-    """Runs held against the law of some of them.
-
-    Parameters
-    ----------
-    runs : Motions
-    alike : tuple of int
-        Those that have a law in common.
-    inertia : float or None
-    common : float
-        RMS that their law leaves of them.
-    """
-
-    runs: Motions
-    alike: tuple[int, ...]
-    inertia: float | None
-    common: float
-
-    @cached_property
-    def scale(self) -> Scale:
-        """Scale of the runs that are alike."""
-        return scale_of(self.runs.take(self.alike))
-
-    @cached_property
-    def law(self) -> Array:
-        """Coefficients of their law."""
-        return self.law_of(self.alike)
-
-    def law_of(self, index: Sequence[int]) -> Array:
-        """Return the coefficients of the law of some runs."""
-        return solve(self.rows(index).products.sum(axis=0))[0]
-
-    def rows(self, index: Sequence[int]) -> Rows:
-        """Return rows of some runs."""
-        return rows_of_motions(self.runs.take(index), self.scale, self.inertia)
-
-    def departs(self, run: int) -> bool:
-        """Return whether a run departs where the others can say what is expected, and its kin does not depart alike.
-
-        No law that was fitted holds beyond the motion that it was fitted to, two runs leave open which of three is odd,
-        and what all runs of a frequency show is the joint's. A few rows at the steps of friction are no departure.
-        """
-        rows, covered = self.rows([run]), self._covered(run)
-        if len(self.alike) < POLICY.fewest_compared or np.mean(covered) < POLICY.compared_rows:
-            return False
-        left = np.sort(np.abs(rows.target[0] - rows.columns[0] @ self.law)[covered])
-        within = rms(left[: int(np.ceil((1 - POLICY.stray_rows) * left.size))])
-        return within > max(POLICY.run_departure, POLICY.run_contrast * self.common) and not self._kin_too(
-            run
-        )
-
-    def _covered(self, run: int) -> NDArray[np.bool_]:
-        """Return the rows whose angle and rate lie in the convex hull of the others'.
-
-        None where no other run has as small an amplitude: a law with memory depends on it.
-        """
-        turn = np.linspace(0, 2 * np.pi, HULL, endpoint=False)
-        ways = np.stack([np.cos(turn) / self.scale.angle, np.sin(turn) / self.scale.rate])
-        angle, rate, _ = self.runs.take([run]).motion()
-        others, their_rate, _ = self.runs.take(self.alike).motion()
-        furthest = (np.stack([others.ravel(), their_rate.ravel()], axis=1) @ ways).max(axis=0)
-        inside: NDArray[np.bool_] = np.all(np.stack([angle[0], rate[0]], axis=1) @ ways <= furthest, axis=1)
-        smallest = float(np.ptp(others, axis=1).min())
-        return inside & (smallest <= POLICY.same_level * float(np.ptp(angle)))
-
-    def _kin_too(self, run: int) -> bool:
-        """Return whether all other runs of its frequency depart from the law of other frequencies as well."""
-        if self.runs.frequency is None:
-            return False
-        ratio = self.runs.frequency / self.runs.frequency[run]
-        same = np.maximum(ratio, 1 / ratio) < POLICY.same_frequency
-        kin = [i for i in np.flatnonzero(same).tolist() if i != run]
-        rest = [i for i in self.alike if not same[i]]
-        if not kin or len(rest) < 2:
-            return False
-        law = self.law_of(rest)
-        left = [self.rows([i]).left_by(law, 0) for i in (run, *kin)]
-        return min(left[1:]) > POLICY.kin_departs * left[0]
-
-
-def _describe(run: Motions, held: Held, words: Words) -> Finding:
-    """Return the finding: the factor on moment or angle that restores the law, or that none does."""
-    law, common, scale, inertia = held.law, held.common, held.scale, held.inertia
-    rows = rows_of_motions(run, scale, inertia)
-    expected, target = rows.columns[0] @ law, rows.target[0]
-    moment_gain = float(target @ expected / max(float(expected @ expected), 1e-300))
-    after_moment = rms(target - moment_gain * expected)
-    angle_gain, after_angle = _best_angle_gain(run, law, scale, inertia)
-    departure = rms(target - expected)
-    if min(after_moment, after_angle) > POLICY.gain_explains * min(departure, 1.0):
-        return Finding(
-            "run_differs",
-            run.names[0],
-            None,
-            "biases",
-            f"the law of the other runs leaves {100 * departure:.3g} % of its {words.moment}, of theirs "
-            f"{100 * common:.2g} %",
-            "the coefficients (k1, k3, c1, M_F) are a mean of two joints or two set-ups",
-            "look at what was changed before that run; leave it out, or diagnose it apart",
-        )
-    on_moment = after_moment <= after_angle
-    gain = moment_gain if on_moment else angle_gain
-    name = "moment" if on_moment else "angle"
-    if gain < 0:
-        return Finding(
-            "reversed_sign",
-            run.names[0],
-            name,
-            "stops",
-            f"its {words.of(name)} is that of the other runs times {gain:.3g}",
-            "k1, c1 and M_F of this run have the other sign",
-            "reverse the channel (gain = -1), or leave the run out",
-        )
-    return Finding(
-        "gain_differs",
-        run.names[0],
-        name,
-        "biases" if 0.6 < gain < 1.6 else "stops",
-        f"its {words.of(name)} is {gain:.4g} times what the law of the other runs has for it (they agree within "
-        f"{100 * common:.2g} %, it departs by {100 * departure:.3g} %)",
-        "k1, k3, c1 and M_F are drawn towards that run",
-        "compare gain and unit of that run with the others'; correct it or leave it out",
-    )
-
-
-def _best_angle_gain(run: Motions, law: Array, scale: Scale, inertia: float | None) -> tuple[float, float]:
-    """Return the factor of the angle under which the law fits best, and the RMS that it then leaves."""
-
-    def left(gain: float) -> float:
-        return rows_of_motions(run.turned(1 / gain), scale, inertia).left_by(law, 0)
-
-    size = float(np.abs(run.motion()[0]).max()) / scale.angle
-    grid = np.concatenate([np.geomspace(0.5, 2.0, 25), np.geomspace(0.2, 5.0, 25) * size, [-1.0]])
-    best = float(min(grid, key=left))
-    for width in (0.06, 0.02, 0.007):
-        best = float(min(best * (1 + width * np.linspace(-1, 1, 7)), key=left))
-    return best, left(best)

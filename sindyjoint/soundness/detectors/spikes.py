@@ -80,6 +80,18 @@ def _joint_jumps(profiles: Sequence[Profile], name: str) -> bool:
     return max(share, 1 - share) >= POLICY.jump_share
 
 
+def _motion_shows(profile: Profile, spans: Sequence[tuple[int, int]]) -> bool:
+    """Return whether the rate changes at all of these samples as it hardly ever does: a stop, a blow, a jerk.
+
+    What only the load's sensor knows of is a spike; what stops the joint is not.
+    """
+    x = np.pad(profile.run.angle, REACH + 1, mode="edge")
+    moved = x[REACH:] - x[:-REACH]  # within REACH samples that begin so many before
+    kink = np.abs(moved[REACH + 2 :] - moved[: -REACH - 2])
+    usual = float(np.quantile(kink, 1 - POLICY.rare_kinks))
+    return all(kink[max(begin - 1, 0) : end + 1].max(initial=0.0) > usual for begin, end in spans)
+
+
 def find_spikes(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
     """Yield a finding for each channel of a run that has spikes."""
     own = {name for name in {c.name for p in profiles for c in p.channels} if _joint_jumps(profiles, name)}
@@ -96,6 +108,9 @@ def _of_run(profile: Profile, channels: Sequence[Channel], words: Words) -> Iter
             continue
         spans = spans_of(marked)
         size = float(np.abs(channel.values[marked] - np.median(channel.values)).max())
+        bearable = channel.name == "moment" and size < POLICY.jerk_size * _spread(channel.values)
+        if bearable and _motion_shows(profile, spans):
+            continue
         yield Finding(
             "spikes",
             profile.run.name,

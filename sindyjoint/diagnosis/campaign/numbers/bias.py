@@ -22,6 +22,7 @@ from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
 from sindyjoint.diagnosis.campaign.numbers.whole import Numbers, is_element, numbers_of, with_numbers
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, refit
+from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -31,11 +32,13 @@ from sindyjoint.numeric import Array
 # Beyond this share of a number and so many of its standard errors the processing is not known to move it so, unless
 # replicates with the numbers found differ from the measurement by little more than the noise, as a ratio of squares.
 LARGEST, LARGEST_SIGMAS, LIKE_NOISE = 0.5, 2.0, 2.0
-# Trials of the numbers, and the step, in standard errors, at which they end.
-ROUNDS, SAME = 12, 0.1
-# Slopes are differences over a standard error, or this share of a number; by how much a step is damped more where it
-# led to nothing.
-LARGEST_DIFFERENCE, STRONGER = 0.05, 4.0
+# Trials of the numbers, and what χ² would still fall by where they end: a tenth of a standard error, squared.
+ROUNDS, LEAST_GAIN = 20, 0.01
+# Slopes are differences over a standard error, or this share of a number.
+LARGEST_DIFFERENCE = 0.05
+# Damping of a step, by the errors of the regression, after the first that led to nothing; by how much it grows then,
+# and from where on nothing is gained.
+FIRST_DAMPING, STRONGER, MOST_DAMPING = 0.25, 4.0, 100.0
 # Forms of an element whose unlikeness to the measurement, a χ², is within this of the least are not told apart: they
 # are as probable as one to twenty.
 FORM_LEAD = 6.0
@@ -97,8 +100,8 @@ def _undetermined_forms(best: _Solved, alike: Sequence[_Solved]) -> tuple[str, .
     """Return a note for each element of which other forms are as like the measurement."""
     notes = []
     for place, mine in enumerate(best.fitted.effects):
-        others = [each.fitted.effects[place].variant for each in alike]
-        forms = [form for v in others if (form := _formulas(v)) != _formulas(mine.variant)]
+        others = dict.fromkeys(_formulas(each.fitted.effects[place].variant) for each in alike)
+        forms = [form for form in others if form != _formulas(mine.variant)]
         if forms:
             notes.append(
                 f"these runs do not determine the form of {mine.effect.name}: {_formulas(mine.variant)} is used, and "
@@ -149,7 +152,9 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
         if tried is None or not np.sum((target - tried[1]) ** 2) < best:
             if not np.isfinite(best):
                 return None
-            damping = max(STRONGER * damping, 1.0)
+            damping = max(STRONGER * damping, FIRST_DAMPING)
+            if damping > MOST_DAMPING:
+                break
         else:
             # Slopes by the coefficients of the terms hardly change on the way.
             places = np.flatnonzero(free) if np.isinf(best) else own
@@ -157,11 +162,14 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
             best, damping = float(np.sum((target - rest) ** 2)), damping / STRONGER
             if not _renew(slopes, places, (values, unit, ends), rest, left):
                 return None
-        step = _step(slopes / unit, target - rest, damping / errors**2, free, (ends - values).T)
-        if np.all(np.abs(step) < SAME * errors):
+        room, away = (ends - values).T, target - rest
+        step = _step(slopes / unit, away, 0.0 * errors, free, room)
+        if float(away @ away) - float(np.sum((away - slopes / unit @ step) ** 2)) < LEAST_GAIN:
             # A step that small is taken without a look where it leads.
             values = values + step
             break
+        if damping:
+            step = _step(slopes / unit, away, damping / errors**2, free, room)
     covariance = np.zeros((errors.size, errors.size))
     own_noise, misfit = noise_covariance(found, fitted, slopes[:, free], target - rest)
     covariance[np.ix_(free, free)] = own_noise * np.outer(unit[free], unit[free])
@@ -192,7 +200,7 @@ def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array
 def _ends(work: Work, fitted: Repaired, numbers: Numbers) -> Array:
     """Return the least and the largest value of each number, shape (2, n): of parameters as the catalogue has them."""
     ends = np.outer([-np.inf, np.inf], np.ones(numbers.values.size))
-    reference = work.regression(()).reference
+    reference = reference_scales(work.rows)
     for each in fitted.effects:
         if not each.shifts:
             within = each.variant.bounds(reference) if each.within is None else each.within

@@ -1,0 +1,133 @@
+"""Doors that take a model take the whole of it: a table of elements and doors, by the command line."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sindyjoint.files import write_campaign
+from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.record import Campaign, Run
+from sindyjoint.response.model_law import model_law
+from tests.export.made import ELEMENTS, PAPER, model_of
+
+RATE = 500.0
+# Without Coulomb's friction, which would hide that of an element at rest; it stays where the moment is to hold still.
+SMOOTH = {name: value for name, value in PAPER.items() if name != "coulomb_friction"}
+LOOSE = {"linear_damping": 40.0, "coulomb_friction": 0.5}
+# Of each campaign: terms, inertia, initial rate and amplitude of the moment.
+MOTIONS = {
+    "moment": (SMOOTH, 0.02, 0.0, 1.5),
+    "segments": (LOOSE, 0.5, 0.0, 3.0),
+    "decay": (SMOOTH | {"linear_damping": 10.0}, 2.0, 0.025, 0.0),
+}
+
+
+def saved(model, folder):
+    folder.mkdir()
+    (folder / "model.json").write_text(model.to_json())
+    return folder
+
+
+def made(model, start, amplitude):
+    """Return a run of a model from rest, or let go from an angle, under a moment of several frequencies."""
+    time = np.arange(int(4 * RATE)) / RATE
+    drive = amplitude * sum(np.sin(2 * np.pi * f * time + f**2) for f in (0.7, 1.9, 3.1, 4.3)) / 2
+    law = model_law(model)
+    motion = simulate(law, sampled(drive, RATE), time[-1], RATE, initial=(0.0, start), limits=None)
+    rng = np.random.default_rng(0)
+    angle = motion.angle + 1e-3 * np.std(motion.angle) * rng.standard_normal(motion.angle.size)
+    moment = motion.moment + (
+        1e-3 * np.std(motion.moment) * rng.standard_normal(angle.size) if amplitude else 0
+    )
+    return Campaign(model.joint, (Run("run", moment, angle, RATE),), simulated=True)
+
+
+def asked(sindyjoint, tmp_path, model, command):
+    """Return what a door says of a model, JSON and standard error, and of the same without its element."""
+    said = []
+    for name, one in (("whole", model), ("bare", model.without_elements())):
+        answer = sindyjoint(
+            *(saved(one, tmp_path / name) if part == "MODEL" else part for part in command), "--json"
+        )
+        assert answer.status in (0, 1), answer.stderr
+        said.append((json.loads(answer.stdout), " ".join((answer.stdout + answer.stderr).split())))
+    return said
+
+
+def narrow(model):
+    """Return a model that was tested to a tenth of what its tests here reach."""
+    return replace(model, fitted=replace(model.fitted, angle=model.fitted.angle / 100))
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+@pytest.mark.parametrize("effect", ELEMENTS)
+def test_what_does_not_repeat_is_verified_with_the_element(effect, kind, sindyjoint, tmp_path):
+    terms, inertia, start, amplitude = MOTIONS[kind]
+    model = narrow(model_of(terms, inertia=inertia, elements=[ELEMENTS[effect]]))
+    runs = write_campaign(made(model, start, amplitude), tmp_path / "runs")
+    way = ["--free-run", "300"] if kind == "moment" else []
+    (whole, said), (bare, _) = asked(
+        sindyjoint, tmp_path, model, ["verify", "MODEL", runs, "--draws", "0", *way]
+    )
+    # Noise is 0.1 %; in a few periods of decay what the derivatives' processing errs by is seen.
+    assert whole["response_nrmse"] < 0.025 and whole["verdict"] == "passed"
+    assert bare["response_nrmse"] is None or bare["response_nrmse"] > 3 * whole["response_nrmse"]
+    assert "run: beyond the tested range: angle up to" in said and "% of the time" in said
+
+
+@pytest.mark.parametrize(("drive", "level"), [("moment", "0.8"), ("displacement", "1.1")])
+@pytest.mark.parametrize("effect", ELEMENTS)
+def test_what_is_simulated_has_the_element(effect, drive, level, sindyjoint, tmp_path):
+    model = model_of(PAPER, elements=[ELEMENTS[effect]])
+    answer = sindyjoint(
+        "simulate", "--model", saved(model, tmp_path / "m"), "--frequencies", "4", "--levels", level, "--duration", "2",
+        "--noise", "0.001", "--drive", drive, "--out", tmp_path / "runs", "-q",
+    )  # fmt: skip
+    assert answer.status == 0
+    assert ("beyond the tested range: angle up to" in answer.stderr) == (level == "1.1")
+    command = ["verify", "MODEL", tmp_path / "runs", "--draws", "0"]
+    (whole, _), (bare, _) = asked(sindyjoint, tmp_path, model, command)
+    assert whole["response_nrmse"] < 0.01
+    assert bare["response_nrmse"] is None or bare["response_nrmse"] > 0.05
+
+
+DOORS = {
+    "rig": ["rig", "pulse-rig", "--model", "MODEL"],
+    "pulse": ["verify", "MODEL", "pulse-rig", "--draws", "0"],
+    "curves": ["curves", "MODEL", "--frequency", "4 Hz"],
+    "refine": ["discover", "RUNS", "--refine", "--model", "MODEL"],
+    "compare": [
+        "compare",
+        "RUNS",
+        "--model",
+        "MODEL",
+        "-l",
+        "paper",
+        "--method",
+        "stlsq",
+        "--replicates",
+        "10",
+    ],
+}
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_no_door_drops_the_element_or_the_range(door, sindyjoint, tmp_path):
+    model = narrow(model_of(PAPER, elements=[ELEMENTS["jenkins_element"]]))
+    runs = tmp_path / "runs"
+    virtual = virtual_campaign(
+        model_law(model), drive="displacement", frequencies=[4.0], levels=[0.8], duration=2.0, sample_rate=RATE,
+        noise=0.001, angle_limit=100 * model.fitted.angle,
+    )  # fmt: skip
+    write_campaign(replace(virtual, joint=model.joint), runs)
+    command = [runs if part == "RUNS" else part for part in DOORS[door]]
+    (whole, said), (bare, _) = asked(sindyjoint, tmp_path, model, command)
+    assert whole != bare
+    if door == "curves":
+        assert whole["curves"][0]["tested"][0] and not whole["curves"][0]["tested"][-1]
+    else:
+        assert "beyond the tested range: angle up to" in said and "% of the time" in said
