@@ -67,7 +67,8 @@ def force_states(
     if count < MINIMUM_SAMPLES:
         raise InputError(
             f"{run.label}: {count or 'no'} moving samples: the velocity hardly rises above its noise "
-            f"({states.noise.rate:.2g} rad/s or m/s); expected a larger excitation or a less noisy motion channel"
+            f"({states.noise.rate:.2g} rad/s or m/s); expected a larger excitation, a less noisy motion "
+            "channel, or time = 'none' where the samples were not taken at a known rate"
         )
     return states
 

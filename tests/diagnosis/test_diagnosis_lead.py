@@ -8,12 +8,13 @@ import pytest
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import motion_errors
 from sindyjoint.diagnosis.campaign.processing import is_seen
-from sindyjoint.diagnosis.campaign.repair import modelled, refit, rest_angle
+from sindyjoint.diagnosis.campaign.repair import held_out_gap, modelled, refit, rest_angle
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, effect_law
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
+from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
@@ -165,3 +166,24 @@ def test_a_simulation_begins_with_the_internal_states_of_the_record():
     assert states.lead[0].size > 60
     assert simulate_run(whole, run, states, drive="moment").response_nrmse < 0.01
     assert simulate_run(whole, run, states, drive="moment", initial_state=0.0).response_nrmse > 0.03
+
+
+def test_runs_that_go_less_far_do_not_narrow_the_range_of_a_number():
+    """A stop at 0.75 of the swing of the others: without the widest run it may still be where it is."""
+    time, stop = np.arange(3000) / 500.0, 0.0075
+    runs = []
+    for name, swing in (("wide", 0.013), ("less", 0.01), ("least", 0.0095)):
+        w = 2 * np.pi * np.array([1.3, 2.1])
+        angle = swing * (0.6 * np.sin(w[0] * time) + 0.4 * np.sin(w[1] * time + 1))
+        beyond = np.sign(angle) * np.maximum(np.abs(angle) - stop, 0)
+        moment = 900.0 * angle + 3.0 * np.gradient(angle, time) + 500.0 * beyond
+        runs.append(Run(name, moment, angle, 500.0))
+    campaign = Campaign(Joint(inertia=0.0), tuple(runs))
+    states = campaign_states(campaign, "broadband")
+    (effect,) = select_effects(load_effects(), ["dead_zone"])
+    fitted = FittedEffect(effect, effect.variants[0], np.array([stop]), np.array([500.0]), 1e6)
+    model = first_model(campaign, states, None, "paper").model
+    rows = gap_runs(states, model, [run.name for run in runs])
+    less = max(float(np.abs(row.angle).max()) for row in rows[1:])
+    assert fitted.variant.bounds(Reference(less, 1.0))[0, 1] < stop  # the range of the others alone
+    assert held_out_gap(rows, model, [fitted], {run.name: 0.0 for run in runs})[0] < 0.002

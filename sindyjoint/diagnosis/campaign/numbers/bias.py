@@ -32,11 +32,13 @@ from sindyjoint.numeric import Array
 # Beyond this share of a number and so many of its standard errors the processing is not known to move it so, unless
 # replicates with the numbers found differ from the measurement by little more than the noise, as a ratio of squares.
 LARGEST, LARGEST_SIGMAS, LIKE_NOISE = 0.5, 2.0, 2.0
-# Trials of the numbers, and the step, in standard errors, at which they end.
-ROUNDS, SAME = 12, 0.1
-# Slopes are differences over a standard error, or this share of a number; by how much a step is damped more where it
-# led to nothing.
-LARGEST_DIFFERENCE, STRONGER = 0.05, 4.0
+# Trials of the numbers, and what χ² would still fall by where they end: a tenth of a standard error, squared.
+ROUNDS, LEAST_GAIN = 20, 0.01
+# Slopes are differences over a standard error, or this share of a number.
+LARGEST_DIFFERENCE = 0.05
+# Damping of a step, by the errors of the regression, after the first that led to nothing; by how much it grows then,
+# and from where on nothing is gained.
+FIRST_DAMPING, STRONGER, MOST_DAMPING = 0.25, 4.0, 100.0
 # Forms of an element whose unlikeness to the measurement, a χ², is within this of the least are not told apart: they
 # are as probable as one to twenty.
 FORM_LEAD = 6.0
@@ -150,7 +152,9 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
         if tried is None or not np.sum((target - tried[1]) ** 2) < best:
             if not np.isfinite(best):
                 return None
-            damping = max(STRONGER * damping, 1.0)
+            damping = max(STRONGER * damping, FIRST_DAMPING)
+            if damping > MOST_DAMPING:
+                break
         else:
             # Slopes by the coefficients of the terms hardly change on the way.
             places = np.flatnonzero(free) if np.isinf(best) else own
@@ -158,11 +162,14 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
             best, damping = float(np.sum((target - rest) ** 2)), damping / STRONGER
             if not _renew(slopes, places, (values, unit, ends), rest, left):
                 return None
-        step = _step(slopes / unit, target - rest, damping / errors**2, free, (ends - values).T)
-        if np.all(np.abs(step) < SAME * errors):
+        room, away = (ends - values).T, target - rest
+        step = _step(slopes / unit, away, 0.0 * errors, free, room)
+        if float(away @ away) - float(np.sum((away - slopes / unit @ step) ** 2)) < LEAST_GAIN:
             # A step that small is taken without a look where it leads.
             values = values + step
             break
+        if damping:
+            step = _step(slopes / unit, away, damping / errors**2, free, room)
     covariance = np.zeros((errors.size, errors.size))
     own_noise, misfit = noise_covariance(found, fitted, slopes[:, free], target - rest)
     covariance[np.ix_(free, free)] = own_noise * np.outer(unit[free], unit[free])
