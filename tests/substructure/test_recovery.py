@@ -59,8 +59,8 @@ def test_a_run_that_neither_repeats_nor_rests_is_recovered_over_its_whole_record
 
 def test_the_order_of_the_sensors_does_not_matter():
     run, _, _ = prescribed_run()
-    noise = np.random.default_rng(0).normal(size=(2, run.drive.size))
-    noisy = replace(run, responses=run.responses + 0.01 * noise)
+    noise = 0.01 * np.random.default_rng(0).normal(size=(3, run.drive.size))
+    noisy = replace(run, drive=run.drive + noise[0], responses=run.responses + noise[1:])
     one = recover(rig_test([noisy]), noisy)
     turned = replace(noisy, responses=noisy.responses[::-1])
     other = recover(rig_test([turned], sensors=("x2", "x1")), turned)
