@@ -32,8 +32,9 @@ from sindyjoint.numeric import Array
 # Beyond this share of a number and so many of its standard errors the processing is not known to move it so, unless
 # replicates with the numbers found differ from the measurement by little more than the noise, as a ratio of squares.
 LARGEST, LARGEST_SIGMAS, LIKE_NOISE = 0.5, 2.0, 2.0
-# Trials of the numbers, and what χ² would still fall by where they end: a tenth of a standard error, squared.
-ROUNDS, LEAST_GAIN = 20, 0.01
+# Trials of the numbers, and what χ² would still fall by where they end: a fifth of a standard error, squared. Corners
+# make it rough below: on the way to a tenth numbers moved by less than a twentieth, in three times the trials.
+ROUNDS, LEAST_GAIN = 20, 0.04
 # Slopes are differences over a standard error, or this share of a number.
 LARGEST_DIFFERENCE = 0.05
 # Damping of a step, by the errors of the regression, after the first that led to nothing; by how much it grows then,
