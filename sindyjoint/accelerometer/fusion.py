@@ -75,13 +75,7 @@ def fuse(
     else:
         fusion = _with_measured_noise(fusion, angle, path, sample_rate, declared)
     found = path + slow_correction(path, step, fusion)
-    known = fusion.mean_known
-    if angle is not None:
-        known = fusion.drift * np.sqrt(found.size / 6) <= DRIFTS * float(np.std(found))
-    if frequency is not None:
-        slow = averaged(found, sample_rate / frequency)
-        known = known and float(np.std(slow)) <= DRIFTS * float(np.std(found))
-        found = found if known else found - slow
+    found, known = _mean_of(found, fusion, sample_rate, frequency)
     if known:
         return moment, found, fusion
     found = found - np.mean(found)
@@ -91,6 +85,19 @@ def fuse(
         return moment, found - zero, replace(fusion, mean_known=False, placed=True)
     constant = float(elastic[-1])
     return moment - constant, found, replace(fusion, mean_known=False, constant=constant)
+
+
+def _mean_of(found: Array, fusion: Fusion, sample_rate: float, frequency: float | None) -> tuple[Array, bool]:
+    """Return an angle, without what moves slower than an excitation where its mean is not known, and whether it is."""
+    least = DRIFTS * float(np.std(found))
+    known = fusion.mean_known
+    if fusion.angle is not None:
+        known = fusion.drift * np.sqrt(found.size / 6) <= least
+    if frequency is None:
+        return found, known
+    slow = averaged(found, sample_rate / frequency)
+    known = known and float(np.std(slow)) <= least
+    return found if known else found - slow, known
 
 
 def _with_measured_noise(
