@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
-from sindyjoint.states.record import ForceStates
 from sindyjoint.states.policy import POLICY
+from sindyjoint.states.record import ForceStates
 from sindyjoint.states.smoothing import smoothing_kernels
 
 
@@ -36,7 +36,7 @@ def without_noise_travel(states: ForceStates, angle: Array, rate: Array, step: f
 
 
 def _known_angles(angle: Array, still: NDArray[np.bool_], within: float) -> NDArray[np.intp]:
-    """Return the samples between which the angle is straight: all that move, and in each standstill those beyond noise."""
+    """Return the samples between which the angle is straight: all that move, of a standstill those beyond noise."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(np.int8), [0]])))
     known = ~still
     known[[0, -1]] = True
