@@ -196,6 +196,8 @@ def _judged(first: P, start: Start[P], progress: Progress[P]) -> Explained[P]:
     gaps = Gaps(first.initial_gap, final, progress.problem.floor(), progress.problem.uncertainty())
     residual = progress.problem.residual(start.before or start.problem)
     verdict, reason = judge(progress.steps, residual, gaps, first.policy)
+    if progress.doubt is not None and verdict in ("unknown", "partly_named", "undecided"):
+        reason = f"{reason}; {progress.doubt.words}"
     return Explained(start.before or start.problem, progress, residual, gaps, verdict, reason, start.words)
 
 

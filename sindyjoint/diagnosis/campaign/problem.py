@@ -16,9 +16,10 @@ from sindyjoint.diagnosis.campaign.admissible import (
     law_complaint,
     number_complaint,
     off_the_ends,
+    wrong_sign_doubt,
     yield_complaint,
 )
-from sindyjoint.diagnosis.campaign.candidates import fit_effects
+from sindyjoint.diagnosis.campaign.candidates import fit_effects, fit_with_any_sign
 from sindyjoint.diagnosis.campaign.drift import (
     ChannelDrift,
     drift_step,
@@ -233,9 +234,10 @@ class CampaignProblem(Problem):
         candidates = [effect for effect in self.candidates if effect.id not in taken]
         say(f"trying {len(candidates)} effects")
         problem = self.regression
-        fitted = fit_effects(problem, candidates)
+        fitted, denied = fit_with_any_sign(problem, candidates)
         if not fitted:
             return None
+        doubts = wrong_sign_doubt(self, fitted, denied)
         pair = hidden_pair(problem, fitted) if pairs else None
         if pair is not None:
             first, second = pair
@@ -243,12 +245,12 @@ class CampaignProblem(Problem):
             both = self.work.regression([*self.found, second])
             beside = rank_effects(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
             if beside.fitted[0].name == first.name:
-                return Proposal(off_the_ends(both, beside), paired=True)
+                return Proposal(off_the_ends(both, beside), True, doubts)
         ranking = off_the_ends(problem, rank_effects(problem, fitted))
         if 1 - ranking.nothing < self.policy.belief and self.zero:
             constant = [each for each in fitted if each.name == CONSTANT]
             ranking = rank_effects(replace(problem, inherited=0.0), constant) if constant else ranking
-        return Proposal(ranking)
+        return Proposal(ranking, doubts=doubts)
 
     def complaint(self, candidate: FittedEffect | None = None) -> str:
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
