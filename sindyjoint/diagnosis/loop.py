@@ -10,6 +10,7 @@ from typing import Any, Generic
 import numpy as np
 
 from sindyjoint.clock import ProcessorTime
+from sindyjoint.diagnosis.falling import grows
 from sindyjoint.diagnosis.inadmissible import Inadmissible, before_doubt
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, P, Proposal, Say
@@ -108,7 +109,7 @@ def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | 
         here = later
         been.append(here)
     kept = without_begun_pair(here, begun)
-    last = without_idle_end(_response_kept(been[: been.index(kept) + 1]))
+    last = without_idle_end(_response_kept(_gap_kept(been[: been.index(kept) + 1])))
     end, doubt = before_doubt(been[: been.index(last) + 1], doubts, start.problem.policy)
     if doubt is not None:
         say(f"in doubt: {doubt.words}")
@@ -128,6 +129,13 @@ def without_idle_end(been: Sequence[Progress[P]]) -> Progress[P]:
     if any(not later > (1 - policy.least_help) * before for later, before in pairs if np.isfinite(before)):
         return here
     return without_idle_end(earlier)
+
+
+def _gap_kept(been: Sequence[Progress[P]]) -> Sequence[Progress[P]]:
+    """Return the way up to the last progress whose gap is no larger than that of the model as it was given."""
+    start, here = been[0], been[-1]
+    given = start.steps[0].gap_before if start.steps else start.gap
+    return _gap_kept(been[:-1]) if len(been) > 1 and grows(given, here.gap) else been
 
 
 def _response_kept(been: Sequence[Progress[P]]) -> Sequence[Progress[P]]:

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
-from sindyjoint.diagnosis.campaign.gap import gap_of
+from sindyjoint.diagnosis.campaign.gap import moment_gap_beside
 from sindyjoint.diagnosis.campaign.regression import (
     GapRegression,
     evidence_scale,
     rank_effects,
     wrong_signs,
 )
-from sindyjoint.diagnosis.campaign.repair import FRICTION, Repaired, all_columns, refit
+from sindyjoint.diagnosis.campaign.repair import FRICTION, Repaired, all_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.inadmissible import Inadmissible
@@ -74,10 +74,7 @@ def wrong_sign_doubt(
 
     if evidence(denied) <= max(map(evidence, fitted)) + policy.rival_nats:
         return ()
-    work, shifts = problem.work, [e for e in problem.found if e.shifts]
-    others = [e for e in problem.found if not e.shifts]
-    both = refit(work.rows, work.model, [*others, denied], policy)
-    after = gap_of(work, both.model, (*shifts, *both.effects))
+    after = moment_gap_beside(problem.work, problem.repaired, denied, problem.gap)
     signs = " and ".join(wrong_signs(denied.variant, denied.coefficients))
     complaint = f"its {signs} would be negative"
     return (Inadmissible(denied.name, complaint, problem.gap, after),)

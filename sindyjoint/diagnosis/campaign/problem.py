@@ -55,6 +55,7 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.inputs import input_effects
 from sindyjoint.diagnosis.effort import Effort
+from sindyjoint.diagnosis.falling import grows
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
@@ -222,6 +223,8 @@ class CampaignProblem(Problem):
         repaired = refit(own, work.model, self.found, self.policy)
         later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, self.policy)
         straight = replace(self, work=later, repaired=repaired, drift=drift)
+        if grows(self.gap, straight.gap):
+            return self, ()
         return straight, (drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
