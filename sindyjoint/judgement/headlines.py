@@ -130,7 +130,9 @@ def _gap(name: str, before: float, after: float, floor: float, unsure: float, ch
     if not math.isfinite(floor):
         colour: Colour = "fair" if after <= POLICY.mostly_explained else "poor"
         return Light(name, colour, f"{what}; its noise is unknown")
-    return Light(name, colour_of_misfit(after, math.hypot(floor, unsure)), f"{what}, noise floor {percent(floor)}")
+    return Light(
+        name, colour_of_misfit(after, math.hypot(floor, unsure)), f"{what}, noise floor {percent(floor)}"
+    )
 
 
 def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step]:

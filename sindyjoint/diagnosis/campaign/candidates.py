@@ -50,29 +50,25 @@ def fit_effects(problem: GapRegression, effects: Sequence[Effect]) -> list[Fitte
 def fit_with_any_sign(
     problem: GapRegression, effects: Sequence[Effect]
 ) -> tuple[list[FittedEffect], FittedEffect | None]:
-    """Return the effects fitted, and the best with a sign that the catalogue denies where that leads them all.
+    """Return the effects fitted, and one with a sign that the catalogue denies if its gain is the largest.
 
-    It costs next to nothing where none leads: a grid has the gain of either sign.
+    Grids have the gain of either sign; of those denied the best variant of all is searched, if it comes near.
     """
     fitted, grids = _fitted(problem, effects)
-    least = max((f.gain for f in fitted), default=0.0)
-    free = replace(problem, any_sign=True)
-    rough = free.rough()
-    denied = [
-        _refined(
-            free,
-            (_searched(free, rough, -np.inf, (effect, _denied(points))), bool(effect.variants[0].states)),
-        )
-        for effect, points in zip(effects, grids, strict=True)
-        if max(grid.denied.max() for grid in points) > WORTH_DENIED * least
+    tried = [
+        (points._replace(gains=points.denied), effect, variant)
+        for effect, own in zip(effects, grids, strict=True)
+        for variant, points in zip(effect.variants, own, strict=True)
     ]
-    leading = [f for f in denied if f.gain > least and wrong_signs(f.variant, f.coefficients)]
-    return fitted, max(leading, key=lambda f: f.gain, default=None)
-
-
-def _denied(grids: Sequence[_Grid]) -> list[_Grid]:
-    """Return grids with the gains of the signs that the catalogue denies in the place of the others."""
-    return [grid._replace(gains=grid.denied) for grid in grids]
+    least = max((f.gain for f in fitted), default=0.0)
+    points, effect, variant = max(tried, key=lambda each: each[0].best, default=(None, None, None))
+    if points is None or points.best <= WORTH_DENIED * least:
+        return fitted, None
+    free = replace(problem, any_sign=True)
+    values = _search(free.rough(), variant, points)
+    gain, coefficients = free.gain(variant, values)
+    denied = gain > least and wrong_signs(variant, coefficients)
+    return fitted, FittedEffect(effect, variant, values, coefficients, gain) if denied else None
 
 
 def _fitted(
