@@ -142,6 +142,29 @@ class Folder:
         (self.path / "run.csv").write_text("\n".join(lines), encoding="utf-8")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_step_makes_the_gap_larger():
+    """Check every diagnosis that a test of this process makes: the gap falls from step to step, or group of steps."""
+    from sindyjoint.diagnosis.falling import grows, reported_together
+    from sindyjoint.diagnosis.result import Diagnosis
+
+    plain = Diagnosis.__init__
+
+    def checked(self, *args, **kwargs):
+        plain(self, *args, **kwargs)
+        before = self.initial
+        for group in reported_together(self.steps):
+            names = [step.effect for step in group]
+            assert {step.gap_before for step in group} == {before}, names
+            assert len({step.gap_after for step in group}) == 1, names
+            assert not grows(before, group[0].gap_after), names
+            before = group[0].gap_after
+
+    Diagnosis.__init__ = checked
+    yield
+    Diagnosis.__init__ = plain
+
+
 @pytest.fixture
 def few_effects(monkeypatch) -> Callable[..., tuple]:
     """Let diagnoses know but some effects of the joint and its test, where not the search for them is tested."""

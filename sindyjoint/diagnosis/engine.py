@@ -10,6 +10,7 @@ import numpy as np
 
 from sindyjoint.clock import ProcessorTime
 from sindyjoint.diagnosis.advice import advise
+from sindyjoint.diagnosis.falling import grows, with_falling_gaps
 from sindyjoint.diagnosis.loop import (
     Progress,
     add_effects,
@@ -80,7 +81,8 @@ def explain_gap(
     clock = ProcessorTime()
     with clock:
         best, note = _best_search(first, straight, steps, most, say, clock)
-    last, notes = refined(best.progress.problem.finished())
+    last = best.progress.problem.finished()
+    last, notes = refined(best.progress.problem if grows(best.gaps.initial, last.gap) else last)
     steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
     final = best.gaps.final
     if last is not best.progress.problem:
@@ -89,6 +91,7 @@ def explain_gap(
         numbers = {each.name: dict(each.parameters) for each in last.found}
         steps = tuple(replace(s, parameters=numbers.get(s.effect, s.parameters)) for s in steps)
         steps = (*steps[:-1], *(replace(step, gap_after=final) for step in steps[-1:]))
+    steps = with_falling_gaps(steps, best.gaps.initial)
     found = {
         "verdict": best.verdict,
         "reason": best.reason,
@@ -162,7 +165,8 @@ def _with_end(
     """
 
     def better(each: Explained[P]) -> bool:
-        return each.cost(first.policy) < best.cost(first.policy) + lead
+        worse = grows(first.initial_gap, each.gaps.final)
+        return not worse and each.cost(first.policy) < best.cost(first.policy) + lead
 
     ends.append(_led(first, start, end) if lead > 0 or better(end) else end)
     return ends[-1] if better(ends[-1]) else best
@@ -196,6 +200,8 @@ def _judged(first: P, start: Start[P], progress: Progress[P]) -> Explained[P]:
     gaps = Gaps(first.initial_gap, final, progress.problem.floor(), progress.problem.uncertainty())
     residual = progress.problem.residual(start.before or start.problem)
     verdict, reason = judge(progress.steps, residual, gaps, first.policy)
+    if progress.doubt is not None and verdict in ("unknown", "partly_named", "undecided"):
+        reason = f"{reason}; {progress.doubt.words}"
     return Explained(start.before or start.problem, progress, residual, gaps, verdict, reason, start.words)
 
 

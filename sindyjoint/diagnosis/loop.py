@@ -10,8 +10,10 @@ from typing import Any, Generic
 import numpy as np
 
 from sindyjoint.clock import ProcessorTime
+from sindyjoint.diagnosis.falling import grows
+from sindyjoint.diagnosis.inadmissible import Inadmissible, before_doubt
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Added, P, Say
+from sindyjoint.diagnosis.problem import Added, P, Proposal, Say
 from sindyjoint.diagnosis.ranking import Ranking, admissible_part
 from sindyjoint.diagnosis.result import Gap, Step
 
@@ -32,12 +34,15 @@ class Progress(Generic[P]):
     steps : tuple of Step
     rankings : mapping of str to Ranking
         By the effects named in the steps.
+    doubt : Inadmissible, optional
+        What would explain more than the steps do, and ended the search.
     """
 
     problem: P
     gap: Gap
     steps: tuple[Step, ...] = ()
     rankings: Mapping[str, Ranking[Any]] = field(default_factory=dict)
+    doubt: Inadmissible | None = None
 
 
 class Outcome(Enum):
@@ -62,6 +67,8 @@ class Round(Generic[P]):
         Of an effect that was accepted.
     paired : bool
         Whether it was proposed because of a second one beside it.
+    doubts : tuple of Inadmissible
+        Candidates that explain more than any that physics admits.
     """
 
     outcome: Outcome
@@ -69,6 +76,7 @@ class Round(Generic[P]):
     effect: str = ""
     progress: Progress[P] | None = None
     paired: bool = False
+    doubts: tuple[Inadmissible, ...] = ()
 
 
 def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | None = None) -> Progress[P]:
@@ -76,11 +84,13 @@ def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | 
     here, refused, been = start, frozenset[str](), [start]
     # Where a pair was begun: the first of it may win nothing until the second is there.
     begun: Progress[P] | None = None
+    doubts: list[tuple[int, Inadmissible]] = []
     while True:
         if clock is not None and clock.seconds >= here.problem.policy.search_seconds:
             say("stopping: the time of the search is used up")
             break
         tried = try_effect(here, refused, most, say)
+        doubts += ((len(been) - 1, each) for each in tried.doubts)
         if tried.outcome is Outcome.REFUSE:
             say(f"refusing {tried.effect.replace('_', ' ')}: {tried.reason}")
             refused |= {tried.effect}
@@ -99,7 +109,11 @@ def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | 
         here = later
         been.append(here)
     kept = without_begun_pair(here, begun)
-    return without_idle_end(_response_kept(been[: been.index(kept) + 1]))
+    last = without_idle_end(_response_kept(_gap_kept(been[: been.index(kept) + 1])))
+    end, doubt = before_doubt(been[: been.index(last) + 1], doubts, start.problem.policy)
+    if doubt is not None:
+        say(f"in doubt: {doubt.words}")
+    return replace(been[end], doubt=doubt)
 
 
 def without_idle_end(been: Sequence[Progress[P]]) -> Progress[P]:
@@ -115,6 +129,13 @@ def without_idle_end(been: Sequence[Progress[P]]) -> Progress[P]:
     if any(not later > (1 - policy.least_help) * before for later, before in pairs if np.isfinite(before)):
         return here
     return without_idle_end(earlier)
+
+
+def _gap_kept(been: Sequence[Progress[P]]) -> Sequence[Progress[P]]:
+    """Return the way up to the last progress whose gap is no larger than that of the model as it was given."""
+    start, here = been[0], been[-1]
+    given = start.steps[0].gap_before if start.steps else start.gap
+    return _gap_kept(been[:-1]) if len(been) > 1 and grows(given, here.gap) else been
 
 
 def _response_kept(been: Sequence[Progress[P]]) -> Sequence[Progress[P]]:
@@ -146,13 +167,24 @@ def try_effect(here: Progress[P], refused: frozenset[str], most: int, say: Say) 
         return Round(Outcome.STOP, "the residual is noise")
     proposal = problem.propose(refused, len(here.steps) + 2 <= most, say)
     if proposal is None or 1 - proposal.ranking.nothing < policy.belief:
-        return Round(Outcome.STOP, "nothing is believed to be missing")
+        doubts = () if proposal is None else proposal.doubts
+        return Round(Outcome.STOP, "nothing is believed to be missing", doubts=doubts)
+    judged = _judge_proposal(here, proposal, refused, say)
+    return replace(judged, doubts=(*proposal.doubts, *judged.doubts))
+
+
+def _judge_proposal(here: Progress[P], proposal: Proposal, refused: frozenset[str], say: Say) -> Round[P]:
+    """Add and judge the best of the candidates that physics admits."""
+    problem, policy = here.problem, here.problem.policy
     ranking, complaint = admissible_part(proposal.ranking, problem.complaint)
+    first = proposal.ranking.fitted[0]
+    doubts = () if ranking is not None else (Inadmissible(first.name, complaint, here.gap),)
     if ranking is None:
         # Whatever the law is: that a sensor's zero is off can be seen, and may be what spoils the best candidate.
         ranking = problem.zero_errors(refused)
     if ranking is None:
-        return Round(Outcome.STOP, f"no admissible effect comes near the best candidate: {complaint}")
+        words = f"no admissible effect comes near the best candidate: {complaint}"
+        return Round(Outcome.STOP, words, doubts=doubts)
     best = ranking.fitted[0]
     say(f"adding {best.name.replace('_', ' ')}")
     added = problem.add(best)
@@ -162,7 +194,8 @@ def try_effect(here: Progress[P], refused: frozenset[str], most: int, say: Say) 
         return Round(refuse_or_stop, "its fit fails", best.name)
     complaint = added.problem.complaint()
     if complaint and not problem.complaint():
-        return Round(refuse_or_stop, complaint, best.name)
+        doubt = Inadmissible(best.name, complaint, here.gap, added.problem.gap)
+        return Round(refuse_or_stop, complaint, best.name, doubts=(doubt,))
     after = added.problem.gap
     if overfits(here.gap, after, policy):
         return Round(refuse_or_stop, "runs left out are missed by far more with it", best.name)
@@ -264,7 +297,9 @@ def led_by(here: Progress[P], place: int, member: Any, problem: P) -> Progress[P
     later = [_step(problem, led, step.gap_before, problem.gap), *here.steps[place + 1 :]]
     steps = (*here.steps[:place], *_with_gaps_renewed(later, step.gap_before, problem))
     rankings = {name: each for name, each in here.rankings.items() if name != step.effect}
-    return Progress(problem, problem.gap, steps, {**rankings, member.name: led})
+    return replace(
+        here, problem=problem, gap=problem.gap, steps=steps, rankings={**rankings, member.name: led}
+    )
 
 
 def without_needless_delay(here: Progress[P]) -> Progress[P]:
@@ -282,7 +317,7 @@ def without_needless_delay(here: Progress[P]) -> Progress[P]:
         here.steps[place].gap_before if place < len(here.steps) else here.gap,
         problem,
     )
-    return Progress(problem, problem.gap, (*here.steps[:place], *later), here.rankings)
+    return replace(here, problem=problem, gap=problem.gap, steps=(*here.steps[:place], *later))
 
 
 def cost_of(gap: Gap, problem: P, policy: DiagnosisPolicy) -> float:

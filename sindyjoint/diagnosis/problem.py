@@ -8,6 +8,7 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effort import Effort
+from sindyjoint.diagnosis.inadmissible import Inadmissible
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import Candidate, Ranking
@@ -19,10 +20,21 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Proposal:
-    """The candidates in order; ``paired`` where the first one stands there because of a second beside it."""
+    """The candidates that a round may add.
+
+    Parameters
+    ----------
+    ranking : Ranking
+        Of those whose signs the catalogue admits.
+    paired : bool
+        Whether the first one stands there because of a second beside it.
+    doubts : tuple of Inadmissible
+        A candidate with another sign that clearly leads them all.
+    """
 
     ranking: Ranking[Any]
     paired: bool = False
+    doubts: tuple[Inadmissible, ...] = ()
 
 
 P = TypeVar("P", bound="Problem")

@@ -57,6 +57,9 @@ class Step:
     gap_before, gap_after : Gap
     units : dict of str to str
         Of the parameters.
+    together : tuple of str
+        Effects, itself included, of steps that make the gap smaller only together; the gaps are those before the first
+        and after the last of them. Empty for a step that does so alone.
     """
 
     effect: str
@@ -69,6 +72,7 @@ class Step:
     gap_before: Gap
     gap_after: Gap
     units: dict[str, str] = field(default_factory=dict)
+    together: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -353,6 +357,7 @@ class Diagnosis(Shown):
                     "terms_dropped": list(s.terms_dropped),
                     "gap_before": _gap(s.gap_before),
                     "gap_after": _gap(s.gap_after),
+                    **({"together": list(s.together)} if s.together else {}),
                 }
                 for s in self.steps
             ],

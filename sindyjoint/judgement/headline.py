@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.judgement.policy import POLICY
@@ -146,11 +147,19 @@ def judge_soundness(soundness: str, faults: Sequence[str], simulated: bool) -> L
     return Light("data", "fair" if soundness == "doubtful" else "poor", f"{soundness}{virtual}: {named}")
 
 
-def colour_of_misfit(gap: float) -> Colour:
-    """Return the colour of a misfit beyond the noise, relative RMS."""
-    return (
-        "good" if gap <= EQUATION.tolerated_misfit else "fair" if gap <= POLICY.mostly_explained else "poor"
-    )
+def colour_of_misfit(relative: float, floor: float) -> Colour:
+    """Return the colour of a misfit beside its measured noise floor, both relative RMS.
+
+    Good is what noise and the processing leave, and no more: the limit from which a diagnosis calls something missing.
+    """
+    if relative <= DIAGNOSIS.within_floors * math.hypot(floor, DIAGNOSIS.processing_error):
+        return "good"
+    return "fair" if beyond_noise(relative, floor) <= POLICY.mostly_explained else "poor"
+
+
+def beyond_noise(relative: float, floor: float) -> float:
+    """Return what of a relative RMS is not noise."""
+    return math.sqrt(max(relative**2 - floor**2, 0.0))
 
 
 def judge_fit(relative: float, floor: float, motion: str) -> Light:
@@ -166,10 +175,10 @@ def judge_fit(relative: float, floor: float, motion: str) -> Light:
     if not math.isfinite(floor):
         colour: Colour = "fair" if relative <= EQUATION.tolerated_misfit else "poor"
         return Light("fit", colour, f"residual {percent(relative)} of the RMS {load}; its noise is unknown")
-    gap = math.sqrt(max(relative**2 - floor**2, 0.0))
-    colour = colour_of_misfit(gap)
+    colour = colour_of_misfit(relative, floor)
     sentence = f"residual {percent(relative)} of the RMS {load}, noise floor {percent(floor)}"
-    return Light("fit", colour, sentence if colour == "good" else f"{sentence}: {percent(gap)} is neither")
+    neither = f"{sentence}: {percent(beyond_noise(relative, floor))} is neither"
+    return Light("fit", colour, sentence if colour == "good" else neither)
 
 
 def _held_out(model: JointModel, held_out_rms: float) -> Light:

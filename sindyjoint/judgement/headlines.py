@@ -112,25 +112,27 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Headline:
     lights = [] if result.soundness is None else [_data(result.soundness, simulated)]
     pairs = ((quantities(result.model.joint.motion).moment.lower(), "moment"), ("response", "response"))
     for name, field in pairs:
-        before, after, floor = (
-            getattr(gap, field) for gap in (result.initial, result.final, result.noise_floor)
+        before, after, floor, unsure = (
+            getattr(gap, field)
+            for gap in (result.initial, result.final, result.noise_floor, result.uncertainty)
         )
         if math.isfinite(before) or math.isfinite(after):
-            lights.append(_gap(name, before, after, floor, bool(result.steps)))
+            lights.append(_gap(name, before, after, floor, unsure, bool(result.steps)))
     lights.append(Light("effects", NAMED.get(result.verdict, "fair"), result.reason))
     return Headline(tuple(lights), tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]))
 
 
-def _gap(name: str, before: float, after: float, floor: float, changed: bool) -> Light:
-    """Return what a gap came to, as a light."""
+def _gap(name: str, before: float, after: float, floor: float, unsure: float, changed: bool) -> Light:
+    """Return what a gap came to, as a light; it may be as large as its floor and the uncertainty of the law."""
     what = f"gap {percent(before)} → {percent(after)}" if changed else f"gap {percent(after)}"
     if not math.isfinite(after):
         return Light(name, "poor", f"{what}: could not be simulated")
-    beyond = math.sqrt(max(after**2 - floor**2, 0.0)) if math.isfinite(floor) else after
-    colour = colour_of_misfit(beyond)
     if not math.isfinite(floor):
-        return Light(name, "fair" if colour == "good" else colour, f"{what}; its noise is unknown")
-    return Light(name, colour, f"{what}, noise floor {percent(floor)}")
+        colour: Colour = "fair" if after <= POLICY.mostly_explained else "poor"
+        return Light(name, colour, f"{what}; its noise is unknown")
+    return Light(
+        name, colour_of_misfit(after, math.hypot(floor, unsure)), f"{what}, noise floor {percent(floor)}"
+    )
 
 
 def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step]:

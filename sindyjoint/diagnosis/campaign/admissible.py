@@ -4,19 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
-from sindyjoint.diagnosis.campaign.regression import GapRegression, evidence_scale, rank_effects
+from sindyjoint.diagnosis.campaign.gap import moment_gap_beside
+from sindyjoint.diagnosis.campaign.regression import (
+    GapRegression,
+    evidence_scale,
+    rank_effects,
+    wrong_signs,
+)
 from sindyjoint.diagnosis.campaign.repair import FRICTION, Repaired, all_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.inadmissible import Inadmissible
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import Ranking, weights_of
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.text import spelled
+
+# The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
+Problem = Any
 
 YIELD = "theta_y"  # what the angle at which a slider yields is called in the catalogue
 SLOW = 0.05  # of the largest rate: below it a sign is noise
@@ -44,6 +55,29 @@ def _ends_reached(
         for end, distance in {"lower": np.log(value / low), "upper": np.log(high / value)}.items():
             if distance < margin and parameter.open != end:
                 yield parameter, end
+
+
+def wrong_sign_doubt(
+    problem: Problem, fitted: Sequence[FittedEffect], denied: FittedEffect | None
+) -> tuple[Inadmissible, ...]:
+    """Return the candidate with a sign that the catalogue denies where it leads all others by more than a class.
+
+    By the evidence by which candidates are ranked, and its gap on what is left out of the fit.
+    """
+    rows, policy = problem.regression, problem.policy
+    if denied is None:
+        return ()
+    weights = weights_of(denied.gain, evidence_scale(rows, [denied]), policy)
+
+    def evidence(each: FittedEffect) -> float:
+        return weights.per_gain * each.gain - weights.price * rows.choices(each.variant)
+
+    if evidence(denied) <= max(map(evidence, fitted)) + policy.rival_nats:
+        return ()
+    after = moment_gap_beside(problem.work, problem.repaired, denied, problem.gap)
+    signs = " and ".join(wrong_signs(denied.variant, denied.coefficients))
+    complaint = f"its {signs} would be negative"
+    return (Inadmissible(denied.name, complaint, problem.gap, after),)
 
 
 def off_the_ends(problem: GapRegression, ranking: Ranking[FittedEffect]) -> Ranking[FittedEffect]:

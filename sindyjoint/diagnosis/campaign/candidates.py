@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -28,6 +28,8 @@ FOLLOWED = 4  # samples in one step of a rough motion, about
 # did; a search raises the gain of a grid threefold at most, and nothing is left out that noise could make the best.
 WORTH_REFINING = 0.3
 WORTH_SEARCHING, LEAST_LEAD = 0.1, 40.0
+# An effect with a sign that the catalogue denies is searched where the grid came within this share of the best.
+WORTH_DENIED = 0.7
 
 
 def fit_effect(problem: GapRegression, effect: Effect) -> FittedEffect:
@@ -42,13 +44,44 @@ def fit_effects(problem: GapRegression, effects: Sequence[Effect]) -> list[Fitte
     Nonlinear parameters are looked for on a grid along a roughly followed motion, searched from there, and refined
     along the motion itself: each for those that came near the best.
     """
+    return _fitted(problem, effects)[0]
+
+
+def fit_with_any_sign(
+    problem: GapRegression, effects: Sequence[Effect]
+) -> tuple[list[FittedEffect], FittedEffect | None]:
+    """Return the effects fitted, and one with a sign that the catalogue denies if its gain is the largest.
+
+    Grids have the gain of either sign; of those denied the best variant of all is searched, if it comes near.
+    """
+    fitted, grids = _fitted(problem, effects)
+    tried = [
+        (points._replace(gains=points.denied), effect, variant)
+        for effect, own in zip(effects, grids, strict=True)
+        for variant, points in zip(effect.variants, own, strict=True)
+    ]
+    least = max((f.gain for f in fitted), default=0.0)
+    points, effect, variant = max(tried, key=lambda each: each[0].best, default=(None, None, None))
+    if points is None or points.best <= WORTH_DENIED * least:
+        return fitted, None
+    free = replace(problem, any_sign=True)
+    values = _search(free.rough(), variant, points)
+    gain, coefficients = free.gain(variant, values)
+    denied = gain > least and wrong_signs(variant, coefficients)
+    return fitted, FittedEffect(effect, variant, values, coefficients, gain) if denied else None
+
+
+def _fitted(
+    problem: GapRegression, effects: Sequence[Effect]
+) -> tuple[list[FittedEffect], list[list[_Grid]]]:
     rough = problem.rough()
     grids = side_by_side(_gridded, effects, [rough])
     best = max((points.best for grid in grids for points in grid), default=0.0)
     least = min(WORTH_SEARCHING * best, best - LEAST_LEAD)
     found = side_by_side(_searched, list(zip(effects, grids, strict=True)), [problem, rough, least])
     worth = WORTH_REFINING * max((f.gain for f in found), default=0.0)
-    return side_by_side(_refined, [(f, bool(f.variant.states) and f.gain >= worth) for f in found], [problem])
+    tasks = [(f, bool(f.variant.states) and f.gain >= worth) for f in found]
+    return side_by_side(_refined, tasks, [problem]), grids
 
 
 def _refined(problem: GapRegression, task: tuple[FittedEffect, bool]) -> FittedEffect:
@@ -56,10 +89,14 @@ def _refined(problem: GapRegression, task: tuple[FittedEffect, bool]) -> FittedE
 
 
 class _Grid(NamedTuple):
-    """Logarithms of the nonlinear parameters of a variant on a grid, shape (n, k), and the gain of each point."""
+    """Logarithms of the nonlinear parameters of a variant on a grid, shape (n, k), and the gain of each point.
+
+    ``denied`` are the gains with a sign that the catalogue denies, zero where the sign is right.
+    """
 
     points: Array
     gains: Array
+    denied: Array
 
     @property
     def best(self) -> float:
@@ -68,7 +105,7 @@ class _Grid(NamedTuple):
 
 def _gridded(rough: GapRegression, effect: Effect) -> list[_Grid]:
     """Return the gains of each variant of an effect on the grid of its nonlinear parameters."""
-    grids = []
+    grids, free = [], replace(rough, any_sign=True)
     for variant in effect.variants:
         bounds = variant.bounds(rough.reference)
         ends = zip(*np.log(bounds).T, _shape(len(bounds)), strict=True) if len(bounds) else ()
@@ -78,7 +115,10 @@ def _gridded(rough: GapRegression, effect: Effect) -> list[_Grid]:
             if axes
             else np.empty((1, 0))
         )
-        grids.append(_Grid(points, np.array([rough.gain(variant, np.exp(point))[0] for point in points])))
+        tried = [free.gain(variant, np.exp(point)) for point in points]
+        gains = np.array([gain for gain, _ in tried])
+        wrong = np.array([bool(wrong_signs(variant, coefficients)) for _, coefficients in tried])
+        grids.append(_Grid(points, np.where(wrong, 0.0, gains), np.where(wrong, gains, 0.0)))
     return grids
 
 

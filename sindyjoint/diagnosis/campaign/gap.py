@@ -8,7 +8,14 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.kept import kept_runs
 from sindyjoint.diagnosis.campaign.numbers.free_decay import continuation_gap
-from sindyjoint.diagnosis.campaign.repair import about_zero, held_out_gap, kept_weighted_gap
+from sindyjoint.diagnosis.campaign.repair import (
+    Repaired,
+    about_zero,
+    held_out_gap,
+    keeping,
+    kept_weighted_gap,
+    refit,
+)
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -37,6 +44,23 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     moment, weighted = held_out_gap(work.rows, model, adding, work.noise, work.policy)
     of_response = continuation_gap if is_free(work.campaign) else response_gap
     return Gap(moment, of_response(work, model, effects), weighted)
+
+
+def moment_gap_beside(work: Work, repaired: Repaired, other: FittedEffect, now: Gap) -> Gap:
+    """Return the gap of the moment alone with one effect more, of any sign; its nonlinear parameters stay as they are.
+
+    On runs marked for validation ``now``, the gap without it, falls as the residual does.
+    """
+    before, shifts = repaired.effects, [e for e in repaired.effects if e.shifts]
+    plain = [e for e in before if not e.shifts]
+    both = refit(work.rows, work.model, [*plain, other], keeping(work.policy))
+    if not work.campaign.validation_runs:
+        moment, weighted = held_out_gap(work.rows, both.model, both.effects, work.noise, work.policy, False)
+        return Gap(moment, float("nan"), weighted)
+    rows = kept_rows(work, both.model, (*shifts, *both.effects))
+    pairs = ((both.model, both.effects), (repaired.model, plain))
+    after, earlier = (kept_weighted_gap(rows, model, effects) for model, effects in pairs)
+    return Gap(now.moment * after / max(earlier, 1e-300), float("nan"), after)
 
 
 def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> tuple[GapRun, ...]:

@@ -10,15 +10,9 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.campaign import final_checks
+from sindyjoint.diagnosis.campaign import admissible, final_checks
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect, without_term
-from sindyjoint.diagnosis.campaign.admissible import (
-    law_complaint,
-    number_complaint,
-    off_the_ends,
-    yield_complaint,
-)
-from sindyjoint.diagnosis.campaign.candidates import fit_effects
+from sindyjoint.diagnosis.campaign.candidates import fit_effects, fit_with_any_sign
 from sindyjoint.diagnosis.campaign.drift import (
     ChannelDrift,
     drift_step,
@@ -54,6 +48,7 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.inputs import input_effects
 from sindyjoint.diagnosis.effort import Effort
+from sindyjoint.diagnosis.falling import grows
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
@@ -221,6 +216,8 @@ class CampaignProblem(Problem):
         repaired = refit(own, work.model, self.found, self.policy)
         later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, self.policy)
         straight = replace(self, work=later, repaired=repaired, drift=drift)
+        if grows(self.gap, straight.gap):
+            return self, ()
         return straight, (drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
@@ -233,9 +230,10 @@ class CampaignProblem(Problem):
         candidates = [effect for effect in self.candidates if effect.id not in taken]
         say(f"trying {len(candidates)} effects")
         problem = self.regression
-        fitted = fit_effects(problem, candidates)
+        fitted, denied = fit_with_any_sign(problem, candidates)
         if not fitted:
             return None
+        doubts = admissible.wrong_sign_doubt(self, fitted, denied)
         pair = hidden_pair(problem, fitted) if pairs else None
         if pair is not None:
             first, second = pair
@@ -243,22 +241,22 @@ class CampaignProblem(Problem):
             both = self.work.regression([*self.found, second])
             beside = rank_effects(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
             if beside.fitted[0].name == first.name:
-                return Proposal(off_the_ends(both, beside), paired=True)
-        ranking = off_the_ends(problem, rank_effects(problem, fitted))
+                return Proposal(admissible.off_the_ends(both, beside), True, doubts)
+        ranking = admissible.off_the_ends(problem, rank_effects(problem, fitted))
         if 1 - ranking.nothing < self.policy.belief and self.zero:
             constant = [each for each in fitted if each.name == CONSTANT]
             ranking = rank_effects(replace(problem, inherited=0.0), constant) if constant else ranking
-        return Proposal(ranking)
+        return Proposal(ranking, doubts=doubts)
 
     def complaint(self, candidate: FittedEffect | None = None) -> str:
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
         if candidate is not None:
-            ends = number_complaint(candidate, self.regression.reference, self.policy)
-            return ends or yield_complaint(candidate, self.work.rows, self.policy)
+            ends = admissible.number_complaint(candidate, self.regression.reference, self.policy)
+            return ends or admissible.yield_complaint(candidate, self.work.rows, self.policy)
         if any(e.shifts and abs(e.coefficients[0]) >= LONGEST for e in self.found):
             return f"the delay between the channels would be longer than {1e3 * LONGEST:.0f} ms"
         effects = tuple(e for e in self.found if e.effect.enters == "moment")
-        return law_complaint(replace(self.repaired, effects=effects), self.work.rows, self.policy)
+        return admissible.law_complaint(replace(self.repaired, effects=effects), self.work.rows, self.policy)
 
     def add(self, best: FittedEffect) -> Added[Self]:
         """Return the problem with an effect more, everything fitted together."""

@@ -48,6 +48,8 @@ class GapRegression:
     inherited : float
         What the errors of the columns of effects found before leave, in units of χ².
     policy : DiagnosisPolicy
+    any_sign : bool
+        Whether an effect with a sign that the catalogue denies counts like any other; otherwise it explains nothing.
     residual : ndarray, shape (N,)
         Of the target, those columns fitted.
     """
@@ -58,6 +60,7 @@ class GapRegression:
     reference: Reference
     inherited: float = 0.0
     policy: DiagnosisPolicy = CAMPAIGN
+    any_sign: bool = False
     _basis: Array = field(repr=False, default_factory=lambda: np.empty((0, 0)))
     residual: Array = field(repr=False, default_factory=lambda: np.empty(0))
 
@@ -106,7 +109,8 @@ class GapRegression:
         """Return the regression of whitened columns and target, of whatever they are the rows."""
         basis = _orthonormal(base)
         residual = target - basis @ (basis.T @ target)
-        return cls(tuple(runs), base, target, reference_scales(runs), inherited, policy, basis, residual)
+        scales = reference_scales(runs)
+        return cls(tuple(runs), base, target, scales, inherited, policy, _basis=basis, residual=residual)
 
     @cached_property
     def _motions(self) -> JoinedMotions:
@@ -154,9 +158,10 @@ class GapRegression:
         parts = [excerpt(run, share) for run in runs]
         starts = np.cumsum([0, *(run.target.size for run in runs[:-1])])
         rows = np.concatenate([start + kept for start, (_, kept) in zip(starts, parts, strict=True)])
-        return GapRegression.of_columns(
+        shorter = GapRegression.of_columns(
             [run for run, _ in parts], self.base[rows], self.target[rows], self.inherited, self.policy
         )
+        return replace(shorter, any_sign=self.any_sign)
 
     def projected(self, columns: Array) -> Array:
         """Return whitened columns projected onto the orthogonal complement of those that are there already."""
@@ -189,13 +194,18 @@ class GapRegression:
             coefficients, *_ = np.linalg.lstsq(unit, self.residual, rcond=None)
         explained = unit @ coefficients
         coefficients = coefficients / norm
-        for column, value in zip(variant.columns, coefficients, strict=True):
-            if column.positive and value <= 0:
-                return 0.0, coefficients
+        if not self.any_sign and wrong_signs(variant, coefficients):
+            return 0.0, coefficients
         # What is larger than the moment itself must be cancelled by the other terms, and is no effect.
         if np.any(np.abs(coefficients) * size > self.policy.cancelled * np.linalg.norm(self.target)):
             return 0.0, coefficients
         return float(2 * explained @ self.residual - explained @ explained), coefficients
+
+
+def wrong_signs(variant: Variant, coefficients: Array) -> list[str]:
+    """Return the symbols of the coefficients that are not positive and, by the catalogue, have to be."""
+    pairs = zip(variant.columns, coefficients, strict=True)
+    return [column.symbol for column, value in pairs if column.positive and value <= 0]
 
 
 def rank_effects(problem: GapRegression, fitted: Sequence[FittedEffect]) -> Ranking[FittedEffect]:

@@ -197,10 +197,12 @@ def held_out_gap(
     effects: Sequence[FittedEffect],
     noise: dict[str, float],
     policy: DiagnosisPolicy = CAMPAIGN,
+    refitted: bool = True,
 ) -> tuple[float, float]:
     """Return the moment gap on runs that were left out: relative RMS, and RMS in units of the rows' noise.
 
-    Each group of runs is left out in turn; coefficients and nonlinear parameters come from the others.
+    Each group of runs is left out in turn; coefficients and, unless they are not to be ``refitted``, nonlinear
+    parameters come from the others.
     The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
     So is what the processing leaves of the model's own simulation.
     """
@@ -217,7 +219,7 @@ def held_out_gap(
         out, white_out = labels == group, white_labels == group
         used, rows, others = plain, white, ~white_out
         train = [run for run in runs if run.group != group]
-        if train and len(train) < len(runs) and any(e.values.size for e in effects):
+        if refitted and train and len(train) < len(runs) and any(e.values.size for e in effects):
             # Along the motion itself where it is short: a kink that is followed roughly has its numbers elsewhere.
             if sum(run.motion.angle.size for run in train) > MOST_FOLLOWED:
                 train = [run.rough() for run in train]

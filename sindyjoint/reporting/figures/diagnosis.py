@@ -21,7 +21,8 @@ from sindyjoint.text import percent, quantities, spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.diagnosis.result import Diagnosis
+    from sindyjoint.diagnosis.falling import reported_together
+from sindyjoint.diagnosis.result import Diagnosis
 
 NARROW = 4  # inches of a panel, below which a legend has one column
 MOST_RIVALS = 4
@@ -34,8 +35,10 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
     """
     motion = result.model.joint.motion
-    labels = ["model alone", *(f"+ {spelled(s.effect, motion)}" for s in result.steps)]
-    gaps = [result.initial, *(s.gap_after for s in result.steps)]
+    groups = reported_together(result.steps)
+    labels = ["\n".join(f"+ {spelled(s.effect, motion)}" for s in group) for group in groups]
+    labels = ["model alone", *labels]
+    gaps = [result.initial, *(group[-1].gap_after for group in groups)]
     names = {"moment": quantities(motion).moment.lower(), "response": "response"}
     shown = [100 * getattr(gap, name) for gap in gaps for name in names]
     shown = [value for value in shown if value == value and value > 0]

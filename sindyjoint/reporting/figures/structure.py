@@ -18,7 +18,8 @@ from sindyjoint.text import percent, spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.diagnosis.result import Diagnosis, RecordGap
+    from sindyjoint.diagnosis.falling import reported_together
+from sindyjoint.diagnosis.result import Diagnosis, RecordGap
 
 CYCLES_SHOWN = 6
 
@@ -90,7 +91,9 @@ def gap_height(result: Diagnosis) -> float:
 
 def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the response gap of the model alone and after each effect, on a logarithmic scale down to the noise."""
-    rows = [("model alone", result.initial), *((f"+ {spelled(s.effect)}", s.gap_after) for s in result.steps)]
+    groups = reported_together(result.steps)
+    steps = (("\n".join(f"+ {spelled(s.effect)}" for s in each), each[-1].gap_after) for each in groups)
+    rows = [("model alone", result.initial), *steps]
     values = [100 * gap.response for _, gap in rows]
     floor = 100 * result.noise_floor.response
     # What is not known is NaN: a simulation that failed, a floor that no record gave.

@@ -53,7 +53,7 @@ class RivalPart(Part):
 
 
 class StepPart(Part):
-    """An effect that was named and added; parameters in SI."""
+    """An effect that was named and added; parameters in SI. Gaps are those of all steps of ``together``, if any."""
 
     effect: str
     class_: Annotated[list[str], Field(alias="class")]
@@ -65,6 +65,7 @@ class StepPart(Part):
     terms_dropped: list[str]
     gap_before: GapPart
     gap_after: GapPart
+    together: list[str] | None = None
 
 
 class AdvisedRun(Part):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Diagnosis
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml
@@ -246,10 +247,14 @@ def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...]
     """Return the gap of the model alone, after each step, and the noise floor."""
     rows: list[tuple[str, ...]] = [("model alone", *_gap(result.initial), "", "")]
     motion = result.model.joint.motion
-    for step in result.steps:
-        others = ", ".join(spelled(member, motion) for member in step.members if member != step.effect)
-        named = f"+ {spelled(step.effect, motion)}{_dropped(step, motion) if dropped else ''}"
-        rows.append((named, *_gap(step.gap_after), f"{step.probability:.2f}", others or DASH))
+    for group in reported_together(result.steps):
+        for step in group:
+            others = ", ".join(spelled(member, motion) for member in step.members if member != step.effect)
+            named = f"+ {spelled(step.effect, motion)}{_dropped(step, motion) if dropped else ''}"
+            last = step is group[-1]
+            named = named if last else f"{named} (helps only with the next)"
+            gap = _gap(step.gap_after) if last else (DASH, DASH)
+            rows.append((named, *gap, f"{step.probability:.2f}", others or DASH))
     floors = (_floor(result.noise_floor.moment), _floor(result.noise_floor.response))
     shown = (
         floor if np.isfinite(gap) else DASH for floor, gap in zip(floors, _pair(result.initial), strict=True)
