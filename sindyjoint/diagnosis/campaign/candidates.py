@@ -61,9 +61,10 @@ def fit_with_any_sign(
         for variant, points in zip(effect.variants, own, strict=True)
     ]
     least = max((f.gain for f in fitted), default=0.0)
-    points, effect, variant = max(tried, key=lambda each: each[0].best, default=(None, None, None))
-    if points is None or points.best <= WORTH_DENIED * least:
+    best = max(tried, key=lambda each: each[0].best, default=None)
+    if best is None or best[0].best <= WORTH_DENIED * least:
         return fitted, None
+    points, effect, variant = best
     free = replace(problem, any_sign=True)
     values = _search(free.rough(), variant, points)
     gain, coefficients = free.gain(variant, values)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from textwrap import fill
 from typing import TYPE_CHECKING
 
+from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.reporting.figures import before_after
 from sindyjoint.reporting.figures.kind import Kind, bars, by_name, fixed
 from sindyjoint.reporting.style import (
@@ -21,7 +22,6 @@ from sindyjoint.text import percent, quantities, spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.diagnosis.result import Diagnosis
 
 NARROW = 4  # inches of a panel, below which a legend has one column

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.reporting.figures.diagnosis import KINDS as DIAGNOSIS
 from sindyjoint.reporting.figures.diagnosis import budget_parts
 from sindyjoint.reporting.figures.kind import MOST_PANELS, Kind, by_name, each, fixed
@@ -18,7 +19,6 @@ from sindyjoint.text import percent, spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.diagnosis.result import Diagnosis, RecordGap
 
 CYCLES_SHOWN = 6
