@@ -36,9 +36,8 @@ LARGEST, LARGEST_SIGMAS, LIKE_NOISE = 0.5, 2.0, 2.0
 # Trials of the numbers, and what χ² would still fall by where they end: a fifth of a standard error, squared. Corners
 # make it rough below: on the way to a tenth numbers moved by less than a twentieth, in three times the trials.
 ROUNDS, LEAST_GAIN = 20, 0.04
-# Valleys of a shape: searches from a lower point, by what share of the 95 % limit it is lower, and by how much the
-# interval is wider than the linearisation's where the numbers are not determined one by one.
-RESTARTS, LEAST_FALL, LONG_VALLEY = 3, 0.1, 1.5
+# Valleys of a shape: searches from a lower point, and by what share of the 95 % limit it is lower.
+RESTARTS, LEAST_FALL = 3, 0.1
 # Damping of a step, by the errors of the regression, after the first that led to nothing; by how much it grows then,
 # and from where on nothing is gained.
 FIRST_DAMPING, STRONGER, MOST_DAMPING = 0.25, 4.0, 100.0
@@ -110,7 +109,7 @@ def _along_valleys(work: Work, best: _Solved) -> tuple[_Solved, tuple[str, ...]]
 
     Where the unlikeness is less on the way, the solution is sought from there.
     """
-    notes = []
+    notes, long = [], work.policy.long_valley
     for place, each in enumerate(best.fitted.effects):
         for name in _shapes(each):
             for _ in range(RESTARTS):
@@ -126,7 +125,7 @@ def _along_valleys(work: Work, best: _Solved) -> tuple[_Solved, tuple[str, ...]]
                     break
                 best = again
             covariance = valley.widened(best.centre, best.covariance)
-            if covariance[valley.at, valley.at] > LONG_VALLEY**2 * best.covariance[valley.at, valley.at]:
+            if covariance[valley.at, valley.at] > long**2 * best.covariance[valley.at, valley.at]:
                 low, high = np.sort(valley.ends[:, valley.at])
                 notes.append(
                     f"these runs do not determine the numbers of {each.effect.name} one by one: with {name} from "
