@@ -78,7 +78,8 @@ class RunsDiagnosis(StructureProblem):
             best = fit(problem, best.x, problem.duration) or best
         # Laws with effects are known to the kinds of the fitted runs.
         kept = None if kept is None else replace(kept, kinds=problem.kinds, _kept={})
-        return cls(problem, best, candidates(problem, best.x, effects), 1.0, kept=kept)
+        beyond = [line for each in (problem, kept) if each and each.known for line in each.beyond_tested()]
+        return cls(problem, best, candidates(problem, best.x, effects), 1.0, kept=kept, beyond=tuple(beyond))
 
     @cached_property
     def records(self) -> tuple[RecordGap, ...]:
@@ -181,7 +182,7 @@ class RunsDiagnosis(StructureProblem):
             )
         return Diagnosis(
             **found,
-            warnings=tuple(notes),
+            warnings=(*notes, *self.beyond),
             model=models[lead],
             whole=models[lead],
             source="structure",
