@@ -19,15 +19,13 @@ from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.numeric import Array
-from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
-from sindyjoint.substructure.simulated.steady import Condensed, Steady, complex_amplitudes
+from sindyjoint.substructure.simulated.steady import Condensed, Steady
 from sindyjoint.substructure.update import Update, with_numbers
 
 Complex = NDArray[np.complex128]
@@ -37,8 +35,6 @@ STEP = 1e-3
 # Laws' numbers without a prior may move by so many of their standard errors.
 FREE = 300.0
 KEPT = 200
-# Of a period, at which angle and rate are held against the range that a model was tested to.
-PHASES = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,26 +219,6 @@ class RunsProblem:
             found = answer, recorded(run, answer.shown, setup)
         self._keep(key, found)
         return found
-
-    def beyond_tested(self) -> list[str]:
-        """Return where joints with the models as they were given move beyond what these were tested to."""
-        lines: list[str] = []
-        names = [hinge.name for hinge in self.test.structure.hinges]
-        for place, run in enumerate(self.runs):
-            found = self.answer(place, self.start())
-            if found is None:
-                continue
-            angles = complex_amplitudes(found[0].angles, len(names))
-            omega = run.omega * np.arange(angles.shape[1])
-            wave = np.exp(1j * np.outer(omega, np.linspace(0, 2 * np.pi / run.omega, PHASES, endpoint=False)))
-            angle, rate = (angles @ wave).real, (1j * omega * angles @ wave).real
-            for kind in self.kinds:
-                for at in kind.places:
-                    where = f"{GIVEN}{run.name}, {names[at]}"
-                    lines += range_warnings(
-                        kind.model.fitted, kind.model.joint.motion, angle[at], rate[at], where
-                    )
-        return lines
 
     def residuals(self, x: Array, duration: float = 0.0, extra: Change | None = None) -> Array | None:
         """Return simulated less measured in units of noise, run by run, then the prior rows; None without a motion."""
