@@ -2,14 +2,22 @@
 
 Each derives from :class:`SindyJointError` and from the builtin that fits, so both kinds of ``except`` work.
 A message says what was given, what was expected and what to do. The command line turns any of them into one
-line on stderr and exit status 2.
+line on stderr and an exit status: 2, the input is at fault, or 1, the answer is a reasoned "no".
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
 
 class SindyJointError(Exception):
-    """Base of every deliberate error of this package."""
+    """Base of every deliberate error of this package.
+
+    Parameters
+    ----------
+    status : int
+        The exit status of a command that ends with it.
+    """
+
+    status: ClassVar[int] = 2
 
 
 class InputError(SindyJointError, ValueError):
@@ -46,12 +54,20 @@ class OptionError(SindyJointError, TypeError):
 class UnsoundError(SindyJointError, ValueError):
     """Data so much at fault that nothing is made of them; carries the check that found it.
 
-    The command line prints that check and ends with status 1: the question was understood, and the answer is no.
+    The command line prints that check: the question was understood, and the answer is no.
     """
+
+    status = 1
 
     def __init__(self, message: str, check: Any):
         super().__init__(message)
         self.check: Any = check
+
+
+class NothingToDrawError(MissingInputError):
+    """A result, such as a bare model, that is what it should be but holds no data for figures."""
+
+    status = 1
 
 
 class OutputError(SindyJointError, OSError):
@@ -70,7 +86,12 @@ class WorkerError(SindyJointError, RuntimeError):
 
 
 class SimulationError(SindyJointError, ArithmeticError):
-    """A simulation that left the range where its law holds; carries the time at which it did."""
+    """A simulation that left the range where its law holds; carries the time at which it did.
+
+    The model could be read, and cannot be simulated so: no fault of the input.
+    """
+
+    status = 1
 
     def __init__(self, message: str, time: float | None = None):
         super().__init__(message)

@@ -87,7 +87,7 @@ def _run(arguments: list[str]) -> int:
         status = 2
     except SindyJointError as error:
         _complain(str(error))
-        status = 2
+        status = error.status
     except typer.Abort:
         raise KeyboardInterrupt from None
     if status == INTERRUPTED:

@@ -51,6 +51,11 @@ class DiagnosisPolicy:
     worse_moment: float = calibrated(
         2.0, "an effect that makes the gap of runs left out so much worse overfits"
     )
+    long_valley: float = judgement(
+        1.5,
+        "interval of an element's shape over that of a linearisation, above which its numbers are reported as not "
+        "determined one by one",
+    )
     refined_gap: float = judgement(
         0.005,
         "share by which the response gap may grow by refinement: at reversals of a prescribed motion it "

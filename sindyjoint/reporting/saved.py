@@ -13,7 +13,7 @@ from sindyjoint.checksums import kind_of_results, read_checked
 from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
-from sindyjoint.errors import InputError, MissingInputError, SindyJointError
+from sindyjoint.errors import InputError, MissingInputError, NothingToDrawError, SindyJointError
 from sindyjoint.reporting.registry import FOLDERS, SAVED, view_of
 
 T = TypeVar("T")
@@ -57,6 +57,8 @@ def load_results(path: str | os.PathLike[str]) -> Any:
     ------
     MissingInputError
         If there is no such folder or file, or it holds no data for figures.
+    NothingToDrawError
+        If the folder holds a model without data for figures.
     InputError
         If the data cannot be read, or belong to another model than the one in the same folder.
     """
@@ -67,13 +69,17 @@ def load_results(path: str | os.PathLike[str]) -> Any:
         )
     folder = given if given.is_dir() else given.parent
     saved = folder / DATA_FILE
+    model_file = folder / "model.json"
     if not saved.is_file():
-        raise MissingInputError(
+        message = (
             f"{str(folder)!r} holds no {DATA_FILE}, from which figures are drawn; run discover, compare, verify, "
             "diagnose or reproduce again, with --out and the name of a folder"
         )
+        if model_file.is_file():
+            read_model(model_file)  # that of a bare model is no fault, unless it cannot be read
+            raise NothingToDrawError(message)
+        raise MissingInputError(message)
     result = _read(saved, _from_record)
-    model_file = folder / "model.json"
     if isinstance(getattr(result, "model", None), JointModel):
         model = read_model(model_file)
         # As text: a noise floor that is not known is NaN, which equals nothing.

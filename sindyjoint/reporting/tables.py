@@ -172,13 +172,20 @@ def terms_table(model: JointModel) -> Table:
     """Return the terms as a rich table for a terminal."""
     columns = ("term", "", "of", "value", "unit", "unique share")
     rows = [
-        (row.name, row.symbol, row.formula, row.value, row.unit, _share(row.share))
+        (row.name, row.symbol, row.formula, row.value, row.unit, share_text(row.share))
         for row in term_rows(model)
     ]
     return terminal_table(columns, rows, "lllrlr", ruled=True, wraps=True)
 
 
-def _share(share: float) -> str:
+def share_text(share: float) -> str:
+    """Return a share in per cent; a dash where there is none.
+
+    Examples
+    --------
+    >>> share_text(0.272)
+    '27.2 %'
+    """
     return f"{100 * share:.1f} %" if share == share else DASH
 
 

@@ -18,6 +18,7 @@ from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.states import ForceStates, force_states
+from sindyjoint.states.standstill import without_noise_travel
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
@@ -255,6 +256,8 @@ def along_motion(
     angle, rate = (
         np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
     )
+    if law.n_states:
+        angle, rate = without_noise_travel(states, angle, rate, 1 / sample_rate)
     acceleration = np.concatenate([np.zeros(size), states.acceleration])
     rest = rest_of(states)
     moment, inner = transfer_moment(

@@ -69,12 +69,14 @@ def verify_rig(
     return replace(result, beyond_range=tuple(line.partition(":")[0] for line in exceeded))
 
 
-def joint_range_warnings(model: JointModel, response: Any, modelled: Collection[str]) -> list[str]:
-    """Return what to say of joints of a rig that move beyond what their model was tested to."""
+def joint_range_warnings(
+    model: JointModel, response: Any, modelled: Collection[str], whose: str = ""
+) -> list[str]:
+    """Return what to say of joints of a rig that move beyond what their model, ``whose`` it is, was tested to."""
     lines: list[str] = []
     for name, angle, rate in zip(response.joints, response.angle, response.rate, strict=True):
         if name in modelled:
-            lines += range_warnings(model.fitted, model.joint.motion, angle, rate, name)
+            lines += range_warnings(model.fitted, model.joint.motion, angle, rate, whose + name)
     return lines
 
 

@@ -49,6 +49,14 @@ class StatesPolicy:
     most_wasted: float = limit(
         0.1, "largest share of a record that may be lost after the last whole period; else it is not averaged"
     )
+    departing: float = limit(
+        1.5,
+        "a motion that differs after two periods by so many times its difference after one does not repeat: noise "
+        "differs alike, a phase that drifts twice as much ...",
+    )
+    departing_share: float = limit(
+        0.01, "... where that is more than this share of its RMS: less is as good as the noise of most tests"
+    )
     transient: float = limit(
         1.5,
         "a first period that differs from the others by so many times their mutual difference is left out",

@@ -15,8 +15,8 @@ from sindyjoint.states.policy import POLICY
 def repetition(run: Run) -> int | None:
     """Return the number of samples after which a run repeats itself, or None where it does not.
 
-    The shortest lag at which angle and moment both come back within 15 % of their RMS, for at least three periods.
-    Only whole numbers of samples are found, as signal generators make them.
+    The shortest lag at which angle and moment both come back within 15 % of their RMS, for at least three periods,
+    and no farther away with each of them. Only whole numbers of samples are found, as signal generators make them.
 
     Parameters
     ----------
@@ -41,8 +41,23 @@ def repetition(run: Run) -> int | None:
         np.std(late_part[lag:] - late_part[:-lag]) <= POLICY.same_segment * np.sqrt(2) * np.std(late_part)
         for late_part in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])
     )
+    if not alike or _departs(angle, lag) or _departs(moment, lag):
+        return None
     wasted = run.n_samples % lag
-    return lag if alike and wasted <= POLICY.most_wasted * run.n_samples else None
+    return lag if wasted <= POLICY.most_wasted * run.n_samples else None
+
+
+def _departs(signal: Array, lag: int) -> bool:
+    """Return whether a signal is farther away after two periods than after one: it only nearly repeats.
+
+    What repeats differs by its noise, as much after two periods as after one. Lines whose frequencies have no common
+    period differ by a growing phase, twice as much; their mean period does not close, and holds no noise.
+    """
+    late = signal[max(signal.size // 4, signal.size - 3 * lag) :]
+    first, second, third = late[: -2 * lag], late[lag:-lag], late[2 * lag :]
+    one = float(np.sqrt(np.mean((second - first) ** 2 + (third - second) ** 2) / 2))
+    two = float(np.sqrt(np.mean((third - first) ** 2)))
+    return two > max(POLICY.departing * one, POLICY.departing_share * float(np.std(signal)))
 
 
 def mean_period(run: Run, period: int) -> tuple[Run, int]:

@@ -81,10 +81,13 @@ def test_what_the_model_may_be_wrong_by_is_no_effect_and_what_it_may_not_is():
     truth = with_laws(rig, lambda hinge: replace(INTER_PANEL, k1=wrong)).respond().displacement["tip"]
     noise = 0.01 * np.std(truth) * np.random.default_rng(3).standard_normal(truth.size)
     rig = replace(rig, measured=MeasuredResponse("tip", truth + noise, rig.sample_rate))
-    unsure = diagnose_structure(rig, paper_model(0.02), effects=FEW, advise=False)
+    unsure = diagnose_structure(rig, paper_model(0.02, angle=8e-5), effects=FEW, advise=False)
     assert unsure.verdict == "nothing_missing"
+    beyond = "the given model in joint: beyond the tested range: angle up to"
+    assert any(line.startswith(beyond) and "% of the time)" in line for line in unsure.warnings)
     assert unsure.model["linear_stiffness"].coefficient == pytest.approx(wrong, rel=0.005)
     sure = diagnose_structure(rig, paper_model(0.0005), effects=FEW, advise=False)
+    assert not any("beyond the tested range" in line for line in sure.warnings)
     assert sure.steps and "linear_stiffness" in sure.steps[0].members
 
 

@@ -72,7 +72,7 @@ def main():
             print(f"{time.perf_counter() - start:5.0f} s  {command}")
             if done.returncode:
                 sys.exit(f"{command}: status {done.returncode}\n{done.stderr}")
-        assert "linear_stiffness" in done.stdout and "coulomb_friction" in done.stdout, done.stdout
+        assert "linear stiffness" in done.stdout and "Coulomb friction" in done.stdout, done.stdout
         assert (clone / "results" / "report.html").stat().st_size > 100_000
         print(done.stdout)
 

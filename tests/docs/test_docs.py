@@ -237,7 +237,7 @@ def test_a_newcomer_gets_there_in_three_commands(tmp_path, monkeypatch, sindyjoi
         assert words[0] == ".venv/bin/sindyjoint"
         done = sindyjoint(*words[1:])
         assert done.status == 0, done.stderr
-    assert "linear_stiffness" in done.stdout and "coulomb_friction" in done.stdout
+    assert "linear stiffness" in done.stdout and "Coulomb friction" in done.stdout
     assert (tmp_path / "results" / "report.html").stat().st_size > 100_000
 
 

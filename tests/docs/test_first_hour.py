@@ -44,7 +44,7 @@ def test_made_data(write, truth, tmp_path, sindyjoint):
     answers = [sindyjoint(*words) for words in commands(folder, tmp_path / "results")]
     found = ends_in_a_report(answers, tmp_path / "results", simulated=write is virtual)
     assert found.status == 0 and "no   " not in found.stdout
-    assert "coulomb_friction" in found.stdout
+    assert "Coulomb friction" in found.stdout
 
 
 @pytest.mark.shared

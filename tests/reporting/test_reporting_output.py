@@ -16,7 +16,13 @@ from typer.testing import CliRunner
 
 from sindyjoint.cli.plot import plot
 from sindyjoint.equation.model import JointModel
-from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
+from sindyjoint.errors import (
+    InputError,
+    MissingInputError,
+    NothingToDrawError,
+    OutputError,
+    UnknownNameError,
+)
 from sindyjoint.reporting import write_discovery
 from sindyjoint.reporting.data import gather
 from sindyjoint.reporting.registry import draw, drawable, view_of
@@ -162,14 +168,20 @@ def test_plot_without_a_kind_lists_them(results):
     [
         (["gone", "map"], MissingInputError, "'gone' does not exist; expected a folder that a command wrote"),
         (["{empty}", "map"], MissingInputError, "holds no figures/data.json, from which figures are drawn; run"),
+        (["{bare}", "map"], NothingToDrawError, "holds no figures/data.json, from which figures are drawn; run"),
         (["{results}", "mapp"], UnknownNameError, "figure 'mapp' is not known; did you mean 'map'?"),
         (["{results}", "map", "--out", "map.gif"], InputError, "--out is 'map.gif'; expected a name that ends"),
         (["{results}", "map", "--out", "{empty}/no/map.svg"], OutputError, "cannot write .*No such file or directory"),
     ],
 )  # fmt: skip
-def test_plot_refuses(results, tmp_path, arguments, error, message):
-    found = run(*(argument.format(results=results, empty=tmp_path) for argument in arguments))
+def test_plot_refuses(results, tmp_path, tmp_path_factory, arguments, error, message):
+    bare = tmp_path_factory.mktemp("bare")
+    shutil.copy(results / "model.json", bare)
+    places = {"results": results, "empty": tmp_path, "bare": bare}
+    found = run(*(argument.format(**places) for argument in arguments))
     assert isinstance(found.exception, error)
+    # A bare model is no fault of the input.
+    assert found.exception.status == (1 if error is NothingToDrawError else 2)
     with pytest.raises(error, match=message.replace("?", r"\?")):
         raise found.exception
     assert list(tmp_path.iterdir()) == []

@@ -100,9 +100,9 @@ def test_a_window_cuts_no_number_off(width, capsys, monkeypatch):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
     show(CASES["rotation"])
     printed = capsys.readouterr().out
-    for number in ("6065.8 ± 1.5", "(-2.674 ± 0.005)e9", "1.8656 ± 0.0006", "N·m·s/rad", "19.3 %"):
+    for number in ("6065.8 ± 1.5", "(−2.674 ± 0.005)·10⁹", "1.8656 ± 0.0006", "N·m·s/rad", "19.3 %"):
         assert number in printed
-    assert ("6063 … 6069" in printed) == (width >= 100)
+    assert ("6062.8 … 6068.8" in printed) == (width >= 100)
 
 
 def test_units():

@@ -3,6 +3,7 @@
 import csv
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,11 @@ from sindyjoint.batch.tasks import find_tasks
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
+from sindyjoint.files import write_campaign
+from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.response.model_law import model_law
 from sindyjoint.workflows.batch import batch
+from tests.export.made import ELEMENTS, PAPER, model_of
 
 
 def test_the_joint_that_differs_and_the_trend_are_found(done):
@@ -82,15 +87,25 @@ def test_the_command_reports_a_broken_campaign_and_goes_on(joints, tmp_path, sin
     assert listed.stdout.startswith("joints")
 
 
-def test_diagnoses_are_made_where_the_campaigns_are(joints, tmp_path, sindyjoint, few_effects):
-    few_effects("quadratic_damping", "dead_zone")
-    out = tmp_path / "out"
+def test_diagnoses_are_made_where_the_campaigns_are(tmp_path, sindyjoint, few_effects):
+    few_effects("jenkins_element")
+    joint = model_of(PAPER, elements=[ELEMENTS["jenkins_element"]])
+    virtual = virtual_campaign(
+        model_law(joint), drive="displacement", frequencies=[4.0, 6.0], levels=[0.4, 0.8], duration=2.0,
+        sample_rate=500.0, noise=0.002, angle_limit=8e-4,
+    )  # fmt: skip
+    runs, out = tmp_path / "runs", tmp_path / "out"
+    write_campaign(replace(virtual, joint=joint.joint), runs)
     options = ("--out", out, "-l", "paper", "--diagnose")
-    assert sindyjoint("batch", joints / "joint-0", *options).status == 0
-    (found,) = out.glob("campaigns/*/diagnosis/diagnosis.json")
-    assert json.loads(found.read_text())["verdict"]
+    assert sindyjoint("batch", runs, *options).status == 0
+    (found,) = out.glob("campaigns/*/diagnosis")
+    # The model there is the whole one: `verify` has the gap that the diagnosis left.
+    gap = json.loads((found / "diagnosis.json").read_text())["gap"]
+    again = json.loads(sindyjoint("verify", found, runs, "--draws", "0", "--json").stdout)
+    assert again["response_nrmse"] == pytest.approx(gap["final"]["response"], rel=0.02)
+    assert gap["final"]["response"] < 0.3 * gap["initial"]["response"]
     # Without it nothing requested is missing; with it, after a batch without, it has to be made.
-    assert "1 of them done before" in sindyjoint("batch", joints / "joint-0", *options).stdout
+    assert "1 of them done before" in sindyjoint("batch", runs, *options).stdout
 
 
 def test_names_of_folders_are_harmless_and_unique(tmp_path):

@@ -38,6 +38,18 @@ def test_what_does_not_repeat_has_no_period():
         assert repetition(Run("run", np.gradient(np.gradient(angle)), angle, RATE)) is None
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.003])
+def test_lines_without_a_common_period_do_not_repeat_though_they_come_near(noise):
+    """After 2.5 s they differ by a tenth, after five by a fifth: their mean period would jump where it closes."""
+    time = np.arange(5000) / RATE
+    rng = np.random.default_rng(1)
+    angle = sum(np.sin(2 * np.pi * f * time) for f in (0.4 * 1.01, 1.2, 2.0, 3.2 * 1.002))
+    angle = angle + noise * np.std(angle) * rng.standard_normal(time.size)
+    near = np.std(angle[1250:] - angle[:-1250]) / np.std(angle) / np.sqrt(2)
+    assert 0.02 < near < 0.15
+    assert repetition(Run("run", angle.copy(), angle, RATE)) is None
+
+
 def test_two_periods_are_too_few_and_a_rest_that_is_lost_is_too_much():
     assert repetition(multisine(2)) is None
     whole = multisine(4)

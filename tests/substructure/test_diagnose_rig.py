@@ -65,8 +65,14 @@ def test_the_missing_stiffness_is_named_and_measured(found, tmp_path):
 
 
 def test_nothing_is_missing_where_nothing_is(known):
-    found = diagnose_rig(recorded(lambda d, v: K * d + K3 * d**3 + C * v), known, effects=EFFECTS)
+    narrow = replace(known, fitted=replace(known.fitted, angle=1e-3, rate=1.0))
+    found = diagnose_rig(recorded(lambda d, v: K * d + K3 * d**3 + C * v), narrow, effects=EFFECTS)
     assert found.verdict == "nothing_missing" and not found.steps
+    # Of runs that are kept out, too.
+    beyond = [line for line in found.warnings if "beyond the tested range" in line]
+    runs = {f"the given model in {f:g} Hz {a:g} N" for f, a in DRIVES}
+    assert {line.split(",")[0] for line in beyond} == runs
+    assert all("displacement up to" in line and "% of the time)" in line for line in beyond)
 
 
 def test_a_late_sensor_is_no_fault_of_the_joint(known):

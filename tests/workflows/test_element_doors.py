@@ -131,3 +131,24 @@ def test_no_door_drops_the_element_or_the_range(door, sindyjoint, tmp_path):
         assert whole["curves"][0]["tested"][0] and not whole["curves"][0]["tested"][-1]
     else:
         assert "beyond the tested range: angle up to" in said and "% of the time" in said
+
+
+CANNOT = {
+    "simulate": (
+        ["simulate", "--model", "MODEL", "--levels", "2.5", "--frequencies", "4", "--duration", "1", "--out", "OUT"],
+        "the joint left its range",
+    ),
+    "rig": (["diagnose", "pulse-rig", "--model", "MODEL", "--out", "OUT"], "cannot be simulated with the model"),
+    "plot": (["plot", "MODEL", "loops", "--out", "OUT"], "holds no figures/data.json"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("door", CANNOT)
+def test_a_door_that_cannot_writes_nothing_and_says_why(door, sindyjoint, tmp_path):
+    terms = PAPER | {"cubic_stiffness": 40 * PAPER["cubic_stiffness"]} if door == "rig" else PAPER
+    model = model_of(terms, elements=[ELEMENTS["jenkins_element"]])
+    places = {"MODEL": saved(model, tmp_path / "m"), "OUT": tmp_path / "out.svg"}
+    command, why = CANNOT[door]
+    answer = sindyjoint(*(places.get(part, part) for part in command))
+    assert answer.status == 1 and why in answer.stderr.splitlines()[-1] and answer.stdout == ""
+    assert not (tmp_path / "out.svg").exists()

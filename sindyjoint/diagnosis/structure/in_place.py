@@ -28,6 +28,7 @@ from sindyjoint.diagnosis.structure.problem import StructureProblem
 from sindyjoint.diagnosis.structure.result import with_slopes
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.diagnosis.structure.search import FittedChange
+from sindyjoint.diagnosis.structure.tested_range import beyond_tested
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError
@@ -78,7 +79,8 @@ class RunsDiagnosis(StructureProblem):
             best = fit(problem, best.x, problem.duration) or best
         # Laws with effects are known to the kinds of the fitted runs.
         kept = None if kept is None else replace(kept, kinds=problem.kinds, _kept={})
-        return cls(problem, best, candidates(problem, best.x, effects), 1.0, kept=kept)
+        beyond = [line for each in (problem, kept) if each and each.known for line in beyond_tested(each)]
+        return cls(problem, best, candidates(problem, best.x, effects), 1.0, kept=kept, beyond=tuple(beyond))
 
     @cached_property
     def records(self) -> tuple[RecordGap, ...]:
@@ -181,7 +183,7 @@ class RunsDiagnosis(StructureProblem):
             )
         return Diagnosis(
             **found,
-            warnings=tuple(notes),
+            warnings=(*notes, *self.beyond),
             model=models[lead],
             whole=models[lead],
             source="structure",

@@ -62,6 +62,8 @@ class StructureProblem(Problem):
         What a virtual test had hidden.
     drawn : bool
         Whether the model is the rig's own law.
+    beyond : tuple of str
+        Where joints move beyond what the model that was given was tested to.
     """
 
     pulse: PulseProblem
@@ -73,6 +75,7 @@ class StructureProblem(Problem):
     drops: tuple[tuple[str, float], ...] = ()
     hidden: str | None = None
     drawn: bool = False
+    beyond: tuple[str, ...] = ()
 
     @classmethod
     def build(
@@ -96,9 +99,10 @@ class StructureProblem(Problem):
             generator = np.random.default_rng(random_state or 0)
             rig, hidden = hidden_pulse_test(rig, places, model, generator, drawn)
         say("the response of the model")
-        pulse, changes, period = pulse_problem(rig, model, places, effects, policy)
+        pulse, changes, period, beyond = pulse_problem(rig, model, places, effects, policy)
         others = tuple(other_pulse(pulse, each) for each in kept_out)
-        return cls(pulse, first_fit(pulse), changes, period, others, hidden=hidden, drawn=drawn)
+        fitted = first_fit(pulse)
+        return cls(pulse, fitted, changes, period, others, hidden=hidden, drawn=drawn, beyond=beyond)
 
     @property
     def policy(self) -> DiagnosisPolicy:
@@ -217,8 +221,11 @@ class StructureProblem(Problem):
         """Return the result."""
         return Diagnosis(
             **found,
-            warnings=warnings_of(
-                self.pulse, self.records, self.hidden is not None, self.drawn, bool(self.others)
+            warnings=(
+                *warnings_of(
+                    self.pulse, self.records, self.hidden is not None, self.drawn, bool(self.others)
+                ),
+                *self.beyond,
             ),
             model=model_after(self.pulse, self.best),
             whole=whole_model(self.pulse, self.best),

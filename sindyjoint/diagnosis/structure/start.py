@@ -23,7 +23,13 @@ from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig, shipped_rigs
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.oscillation import main_frequency
-from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER, PLACEHOLDERS, find_model_joints
+from sindyjoint.response.verify_campaign import GIVEN
+from sindyjoint.response.verify_rig import (
+    MODEL_PLACEHOLDER,
+    PLACEHOLDERS,
+    find_model_joints,
+    joint_range_warnings,
+)
 
 
 def open_rig(rig: Rig | str | Path) -> Rig:
@@ -67,8 +73,8 @@ def pulse_problem(
     places: frozenset[str],
     effects: Sequence[Effect],
     policy: DiagnosisPolicy,
-) -> tuple[PulseProblem, tuple[Change, ...], float]:
-    """Return the problem, its candidates and the period of the main oscillation, s."""
+) -> tuple[PulseProblem, tuple[Change, ...], float, tuple[str, ...]]:
+    """Return the problem, its candidates, the period of the main oscillation, s, and where the model was not tested."""
     records, noise = _measured(rig, policy)
     law = model_law(model)
     laws = JointLaws(model, getattr(law, "softening_limit", (-np.inf, np.inf)))
@@ -79,14 +85,15 @@ def pulse_problem(
     try:
         motion = in_place.respond(duration=problem.duration)
     except SimulationError as error:
-        raise InputError(f"the rig {rig.name!r} cannot be simulated with the model: {error}") from error
+        raise SimulationError(f"the rig {rig.name!r} cannot be simulated with the model: {error}") from error
     rows = [i for i, hinge in enumerate(hinges(rig)) if hinge.name in places]
     angle, rate, moment = (float(np.abs(x[rows]).max()) for x in (motion.angle, motion.rate, motion.moment))
     problem = problem.prepared(problem.start())
     period = 1 / main_frequency(records[0].displacement, records[0].sample_rate)
     scales = Scales(period, float(np.std(records[0].displacement)), problem.duration)
     outside = structure_changes(load_structure_effects(), problem.setup(problem.start()), scales)
-    return problem, (*outside, *joint_changes(laws, effects, Reference(angle, rate), moment)), period
+    beyond = tuple(joint_range_warnings(model, motion, places, GIVEN))
+    return problem, (*outside, *joint_changes(laws, effects, Reference(angle, rate), moment)), period, beyond
 
 
 def _measured(

@@ -24,7 +24,7 @@ from sindyjoint.reporting.page import markup
 from sindyjoint.reporting.provenance import Provenance, provenance
 from sindyjoint.reporting.results.discovery_page import NO_INERTIA, key_facts, run_rows, step_rows
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.tables import term_rows, terms_csv
+from sindyjoint.reporting.tables import share_text, term_rows, terms_csv
 from sindyjoint.reporting.text_table import (
     TextTable,
     aligned,
@@ -85,17 +85,13 @@ class DiscoveryView(View[Discovery, ReportData]):
 
     def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
         """Return the terms."""
-        rows = []
-        for term in result.model.terms:
-            low, high = term.interval95
-            value = rounded(term.coefficient, term.standard_error)
-            share = f"{100 * term.unique_share:.1f} %"
-            rows.append(
-                (term.id, term.symbol, value, pretty_unit(term.unit), f"{low:.4g} … {high:.4g}", share)
-            )
+        rows = tuple(
+            (row.name, row.symbol, row.value, row.unit, row.interval, share_text(row.share))
+            for row in term_rows(result.model)
+        )
         columns = ("term", "", "coefficient", "unit", "95 % interval", "share")
         over = result.over_inputs if isinstance(result, Discovery) else result.over
-        return (TextTable("terms", "Terms", columns, tuple(rows)), *(over_table(each) for each in over))
+        return (TextTable("terms", "Terms", columns, rows), *(over_table(each) for each in over))
 
     def content(
         self, result: Discovery | ReportData, data: ReportData, folder: Path | None

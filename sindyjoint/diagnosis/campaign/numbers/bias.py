@@ -10,16 +10,17 @@ section 6.5).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.candidates import refine_effect
-from sindyjoint.diagnosis.campaign.numbers.noise import left_in_all, mean_by_noise, noise_covariance
-from sindyjoint.diagnosis.campaign.numbers.replicates import Replicates
-from sindyjoint.diagnosis.campaign.numbers.whole import Numbers, is_element, numbers_of, with_numbers
+from sindyjoint.diagnosis.campaign.numbers.likeness import Likeness
+from sindyjoint.diagnosis.campaign.numbers.noise import mean_by_noise, noise_covariance
+from sindyjoint.diagnosis.campaign.numbers.valley import Valley, walk
+from sindyjoint.diagnosis.campaign.numbers.whole import is_element, with_numbers
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, least_squares, refit
 from sindyjoint.diagnosis.campaign.rows.run import reference_scales
@@ -35,8 +36,8 @@ LARGEST, LARGEST_SIGMAS, LIKE_NOISE = 0.5, 2.0, 2.0
 # Trials of the numbers, and what χ² would still fall by where they end: a fifth of a standard error, squared. Corners
 # make it rough below: on the way to a tenth numbers moved by less than a twentieth, in three times the trials.
 ROUNDS, LEAST_GAIN = 20, 0.04
-# Slopes are differences over a standard error, or this share of a number.
-LARGEST_DIFFERENCE = 0.05
+# Valleys of a shape: searches from a lower point, and by what share of the 95 % limit it is lower.
+RESTARTS, LEAST_FALL = 3, 0.1
 # Damping of a step, by the errors of the regression, after the first that led to nothing; by how much it grows then,
 # and from where on nothing is gained.
 FIRST_DAMPING, STRONGER, MOST_DAMPING = 0.25, 4.0, 100.0
@@ -58,12 +59,20 @@ class _Solved:
     unlikeness : float
         Sum of squares of the difference of the residuals that the fit leaves of the measurement and of the replicates,
         in units of noise.
+    likeness : Likeness
+    centre : ndarray
+        The numbers before what noise adds on average is taken out of them.
+    slopes : ndarray, shape (m, n)
+        Of what the fit leaves of replicates, by each number times its unit.
     """
 
     fitted: Repaired
     values: Array
     covariance: Array
     unlikeness: float
+    likeness: Likeness
+    centre: Array
+    slopes: Array
 
 
 def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, ...]]:
@@ -88,7 +97,80 @@ def without_bias(work: Work, repaired: Repaired) -> tuple[Repaired, tuple[str, .
     alike = [each for each in solved if each.unlikeness < least + FORM_LEAD]
     # The catalogue begins with the plainest form.
     best = min(alike, key=lambda each: ([_rank(e) for e in each.fitted.effects], each.unlikeness))
-    return with_numbers(best.fitted, best.values, best.covariance), _undetermined_forms(best, alike)
+    best, shapes = _along_valleys(work, best)
+    return with_numbers(best.fitted, best.values, best.covariance), (
+        *_undetermined_forms(best, alike),
+        *shapes,
+    )
+
+
+def _along_valleys(work: Work, best: _Solved) -> tuple[_Solved, tuple[str, ...]]:
+    """Return a solution whose covariance reaches along the valleys of its shapes, and notes on long ones.
+
+    Where the unlikeness is less on the way, the solution is sought from there.
+    """
+    notes, long = [], work.policy.long_valley
+    for place, each in enumerate(best.fitted.effects):
+        for name in _shapes(each):
+            for _ in range(RESTARTS):
+                valley, ranges = _valley(work, best, place, name)
+                lower = _lower(best, valley, ranges)
+                if lower is None:
+                    break
+                point, variant = lower
+                effects = list(best.fitted.effects)
+                effects[place] = replace(effects[place], variant=variant, within=None)
+                again = _solve(work, replace(best.fitted, effects=tuple(effects)), point)
+                if again is None or not again.unlikeness < best.unlikeness:
+                    break
+                best = again
+            covariance = valley.widened(best.centre, best.covariance)
+            if covariance[valley.at, valley.at] > long**2 * best.covariance[valley.at, valley.at]:
+                low, high = np.sort(valley.ends[:, valley.at])
+                notes.append(
+                    f"these runs do not determine the numbers of {each.effect.name} one by one: with {name} from "
+                    f"{low:.3g} to {high:.3g} it fits about as well; its intervals hold all of these"
+                )
+            best = replace(best, covariance=covariance)
+    return best, tuple(notes)
+
+
+def _shapes(effect: FittedEffect) -> tuple[str, ...]:
+    """Return the nonlinear parameters of an element that have no unit."""
+    return tuple(p.name for p in effect.variant.parameters if p.unit == "1") if is_element(effect) else ()
+
+
+def _valley(work: Work, best: _Solved, place: int, name: str) -> tuple[Valley, list[tuple[Variant, Array]]]:
+    """Return the valley of a shape, over all ranges that the catalogue has for the form, and these ranges."""
+    effect, likeness = best.fitted.effects[place], best.likeness
+    reference = reference_scales(work.rows)
+    k = effect.variant.names.index(name)
+    at = likeness.numbers.inner[effect.name].start + k
+    same = [v for v in effect.effect.variants if _formulas(v) == _formulas(effect.variant)]
+    ranges = [(v, v.bounds(reference)[k]) for v in same] or [(effect.variant, likeness.ends[:, at])]
+    ends = likeness.ends.copy()
+    ends[:, at] = min(r[0] for _, r in ranges), max(r[1] for _, r in ranges)
+    own = best.covariance[at]
+    # Weights count noise that replicates do not have: χ² rises by the ratio of both variances.
+    linear = np.zeros_like(best.covariance)
+    free = likeness.free
+    linear[np.ix_(free, free)] = least_squares(best.slopes[:, free], np.zeros(best.slopes.shape[0]))[1]
+    rise = float(own[at] / (linear[at, at] * likeness.unit[at] ** 2))
+    errors = (own / np.sqrt(own[at]), rise)
+    return walk(replace(likeness, ends=ends), (best.unlikeness, best.centre), best.slopes, at, errors), ranges
+
+
+def _lower(
+    best: _Solved, valley: Valley, ranges: list[tuple[Variant, Array]]
+) -> tuple[Array, Variant] | None:
+    """Return the numbers of the lowest point of a valley and the form with that range; None where it is not lower."""
+    points = [
+        (unlikeness, values, variant)
+        for unlikeness, values in zip(valley.unlikeness, valley.values, strict=True)
+        for variant, (low, high) in ranges
+        if low <= values[valley.at] <= high and unlikeness < best.unlikeness - LEAST_FALL * valley.limit
+    ]
+    return min(points, key=lambda p: p[0])[1:] if points else None
 
 
 def _has_signs(effect: FittedEffect) -> bool:
@@ -126,30 +208,20 @@ def _formulas(variant: Variant) -> str:
     return ", ".join(parts)
 
 
-def _solve(work: Work, fitted: Repaired) -> _Solved | None:
-    """Return the solution for a model in one form; None where there is none."""
-    numbers = numbers_of(fitted, work.rows)
-    errors = np.sqrt(np.diag(numbers.covariance))
-    free = np.ones(errors.size, dtype=bool)
-    for each in fitted.effects:
-        # A delay is out of the states already and does not move.
-        free[numbers.coefficients[each.name]] = not each.shifts
-    own = np.r_[(*numbers.coefficients.values(), *numbers.inner.values())].astype(int)
-    own = own[free[own]]
-    ends = _ends(work, fitted, numbers)
-    target = left_in_all(work.rows, fitted)
-
-    def left(values: Array) -> tuple[Replicates, Array] | None:
-        there = Replicates.of(work, with_numbers(fitted, values, numbers.covariance))
-        return None if there is None else (there, left_in_all(there.rows(), fitted))
-
-    # Numbers of an element that are hardly known are moved by less than their error: the response bends on the way.
-    unit = errors.copy()
-    unit[own] = np.minimum(errors[own], LARGEST_DIFFERENCE * np.abs(numbers.values[own]))
-    values, step, best, damping = numbers.values, np.zeros_like(errors), np.inf, 0.0
+def _solve(work: Work, fitted: Repaired, start: Array | None = None) -> _Solved | None:
+    """Return the solution for a model in one form, sought from the numbers of the fit or others; None without one."""
+    likeness = Likeness.of(work, fitted, start)
+    numbers, target, unit = likeness.numbers, likeness.target, likeness.unit
+    errors, ends, free = np.sqrt(np.diag(numbers.covariance)), likeness.ends, likeness.free
+    values, step, best, damping = (
+        numbers.values if start is None else start,
+        np.zeros_like(errors),
+        np.inf,
+        0.0,
+    )
     slopes = np.zeros((target.size, errors.size))
     for _ in range(ROUNDS):
-        tried = left(np.clip(values + step, *ends))
+        tried = likeness.left(np.clip(values + step, *ends))
         if tried is None or not np.sum((target - tried[1]) ** 2) < best:
             if not np.isfinite(best):
                 return None
@@ -158,10 +230,10 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
                 break
         else:
             # Slopes by the coefficients of the terms hardly change on the way.
-            places = np.flatnonzero(free) if np.isinf(best) else own
+            places = np.flatnonzero(free) if np.isinf(best) else likeness.own
             values, (found, rest) = np.clip(values + step, *ends), tried
             best, damping = float(np.sum((target - rest) ** 2)), damping / STRONGER
-            if not _renew(slopes, places, (values, unit, ends), rest, left):
+            if not likeness.renew(slopes, places, values, rest):
                 return None
         room, away = (ends - values).T, target - rest
         step = _step(slopes / unit, away, 0.0 * errors, free, room)
@@ -175,13 +247,14 @@ def _solve(work: Work, fitted: Repaired) -> _Solved | None:
     own_noise, misfit = noise_covariance(found, fitted, slopes[:, free], target - rest)
     covariance[np.ix_(free, free)] = own_noise * np.outer(unit[free], unit[free])
     by_noise = mean_by_noise(found, fitted, slopes[:, free])
-    values = values.copy()
+    centre, values = values, values.copy()
     values[free] -= by_noise * unit[free]
     values = np.clip(values, *ends)
     most = np.maximum(LARGEST * np.abs(numbers.values), LARGEST_SIGMAS * errors)
     if misfit > LIKE_NOISE and np.any(np.abs(values - numbers.values) > most):
         return None
-    return _Solved(fitted, values, _with_fixed(covariance, numbers.covariance, free), best)
+    covariance = _with_fixed(covariance, numbers.covariance, free)
+    return _Solved(fitted, values, covariance, best, likeness, centre, slopes)
 
 
 def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array:
@@ -198,20 +271,6 @@ def _with_fixed(own: Array, regression: Array, free: NDArray[np.bool_]) -> Array
     return covariance
 
 
-def _ends(work: Work, fitted: Repaired, numbers: Numbers) -> Array:
-    """Return the least and the largest value of each number, shape (2, n): of parameters as the catalogue has them."""
-    ends = np.outer([-np.inf, np.inf], np.ones(numbers.values.size))
-    reference = reference_scales(work.rows)
-    for each in fitted.effects:
-        if not each.shifts:
-            within = each.variant.bounds(reference) if each.within is None else each.within
-            own = numbers.values[numbers.inner[each.name]]
-            ends[:, numbers.inner[each.name]] = [
-                np.minimum(within[:, 0], own), np.maximum(within[:, 1], own)
-            ]  # fmt: skip
-    return ends
-
-
 def _step(slopes: Array, rest: Array, damping: Array, free: NDArray[np.bool_], room: Array) -> Array:
     """Return the step of Levenberg and Marquardt within the room that each number has; at its end one stays there."""
     step = np.zeros(free.size)
@@ -225,32 +284,6 @@ def _step(slopes: Array, rest: Array, damping: Array, free: NDArray[np.bool_], r
         step = np.where(beyond, np.clip(step, *room.T), step)
         free = free & ~beyond
     return step
-
-
-def _renew(
-    slopes: Array,
-    places: NDArray[np.intp],
-    where: tuple[Array, Array, Array],
-    rest: Array,
-    left: Callable[[Array], tuple[Replicates, Array] | None],
-) -> bool:
-    """Write by how much what is left of replicates changes with some numbers, each by its unit.
-
-    ``where`` are numbers, units, and ends of numbers. Return whether replicates could be simulated, on either side of
-    each number.
-    """
-    values, unit, ends = where
-    for place in places:
-        inside = 1.0 if values[place] + unit[place] <= ends[1, place] else -1.0
-        for sign in (inside, -inside):
-            later = values.copy()
-            later[place] += sign * unit[place]
-            if (moved := left(later)) is not None:
-                slopes[:, place] = sign * (moved[1] - rest)
-                break
-        else:
-            return False
-    return True
 
 
 def _other_forms(effect: FittedEffect) -> list[FittedEffect]:

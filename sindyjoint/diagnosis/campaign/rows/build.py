@@ -27,6 +27,7 @@ from sindyjoint.response.run import rest_of, settling
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.mask import rate_limit
+from sindyjoint.states.standstill import without_noise_travel
 
 PHASES = 240
 FEWEST_PHASES = 12
@@ -193,6 +194,7 @@ def _strided_motion(
             for values, slope in ((angle, rate), (rate, acceleration), (acceleration, jerk))
         )
     keep = rows * between
+    angle, rate = without_noise_travel(states, angle, rate, step / between)
     motion = _motion(states, model, (angle, rate, acceleration), step / between, keep, states.repeated)
     return moments, replace(motion, lead=_lead(states, step / between))
 
@@ -207,7 +209,7 @@ def _lead(states: ForceStates, step: float) -> tuple[Array, Array] | None:
         np.interp(wanted, time, np.append(before, now[0]))
         for before, now in zip(states.lead, (states.angle, states.rate), strict=True)
     )
-    return angle, rate
+    return without_noise_travel(states, angle, rate, step)
 
 
 def along_replicate(run: GapRun, states: ForceStates, replicate: ForceStates, model: JointModel) -> GapRun:
