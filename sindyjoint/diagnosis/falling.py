@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Gap, Step
 
 
 def grows(before: Gap, after: Gap) -> bool:
-    """Return whether a gap of the moment grows, or that of the response where no moment is measured."""
+    """Return whether a gap of the moment grows, or that of the response where no moment is measured.
+
+    Where the response falls to a fraction of what it was, the moment may grow: that of a free motion is its inertia's.
+    """
     if before.moment == before.moment and after.moment == after.moment:
-        return after.moment > before.moment
+        falls = after.response <= CAMPAIGN.little_help * before.response
+        return after.moment > before.moment and not falls
     return after.response > before.response
 
 

@@ -47,7 +47,10 @@ class DiagnosisPolicy:
     worse_response: float = calibrated(
         1.5, "an effect that makes the response gap so much worse is refused ..."
     )
-    little_help: float = calibrated(0.7, "... unless the moment gap falls to this share")
+    little_help: float = calibrated(
+        0.7,
+        "... unless the moment gap falls to this share; where it grows with a step, the response gap must fall to it",
+    )
     worse_moment: float = calibrated(
         2.0, "an effect that makes the gap of runs left out so much worse overfits"
     )

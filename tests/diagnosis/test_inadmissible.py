@@ -142,6 +142,14 @@ def test_steps_that_shrink_the_gap_only_together_share_one(gaps, groups):
     assert not gaps or before.moment == gaps[-1]
 
 
+def test_the_moment_of_a_free_motion_may_grow_where_its_response_falls():
+    before = Gap(0.0010, 0.028)
+    assert not grows(before, Gap(0.0016, 0.0026)) and grows(before, Gap(0.0016, 0.025))
+    assert grows(before, Gap(0.0016, float("nan"))) and not grows(
+        Gap(float("nan"), 0.3), Gap(float("nan"), 0.2)
+    )
+
+
 def test_a_search_whose_gap_ends_larger_than_it_began_is_taken_back():
     worse = Effect("worse", 500.0, Gap(1.1, 0.9, 0.9))
     assert not ended(Made(candidates=(worse,))).steps

@@ -22,7 +22,7 @@ from sindyjoint.text import percent, quantities, spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-from sindyjoint.diagnosis.result import Diagnosis
+    from sindyjoint.diagnosis.result import Diagnosis
 
 NARROW = 4  # inches of a panel, below which a legend has one column
 MOST_RIVALS = 4

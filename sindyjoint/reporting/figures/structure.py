@@ -19,7 +19,7 @@ from sindyjoint.text import percent, spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-from sindyjoint.diagnosis.result import Diagnosis, RecordGap
+    from sindyjoint.diagnosis.result import Diagnosis, RecordGap
 
 CYCLES_SHOWN = 6
 
