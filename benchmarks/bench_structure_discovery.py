@@ -183,20 +183,22 @@ def campaign(name, seed, kind="sine", wrong=False):
     return replace(test, structure=described, uncertain=uncertain), laws, factors
 
 
-def one(name, seed, kind, wrong):
+def one(name, seed, kind, wrong, refine=False):
     """Return what was found of one campaign."""
     from sindyjoint.workflows.discover import discover_rig
 
     begun = time.perf_counter()
     test, laws, factors = campaign(name, seed, kind, wrong)
     made = time.perf_counter()
-    result = discover_rig(test, random_state=seed)
+    result = discover_rig(test, random_state=seed, refine=refine)
     record = {
         "seed": seed,
         "simulated": made - begun,
         "seconds": time.perf_counter() - made,
         "factors": [*factors],
     }
+    if result.refinement is not None:
+        record["refinement"] = result.refinement.to_dict()
     record |= {"kinds": {}, "update": None if result.update is None else result.update.change.tolist()}
     for found in result.laws:
         truth = dict(zip(TERMS, (getattr(laws[found.kind], n) for n in NAMES), strict=True))
@@ -213,7 +215,7 @@ def one(name, seed, kind, wrong):
     return record
 
 
-def run(name, seeds, kind, wrong, out):
+def run(name, seeds, kind, wrong, out, refine=False):
     """Write what was found of each campaign as it is found; a file that is there already is gone on with."""
     path = Path(out)
     records = json.loads(path.read_text())["campaigns"] if path.is_file() else []
@@ -222,7 +224,7 @@ def run(name, seeds, kind, wrong, out):
         if seed in done:
             continue
         try:
-            records.append(one(name, seed, kind, wrong))
+            records.append(one(name, seed, kind, wrong, refine))
         except SindyJointError as error:
             records.append({"seed": seed, "error": str(error), "kinds": {}})
         path.write_text(
@@ -269,6 +271,7 @@ def main():
     runs.add_argument("rig", choices=[*STATIONS])
     runs.add_argument("--drive", choices=["sine", "multisine", "sweep", "impact"], default="sine")
     runs.add_argument("--wrong", action="store_true")
+    runs.add_argument("--refine", action="store_true")
     runs.add_argument("--seeds", nargs=2, type=int, default=[1, 10])
     runs.add_argument("--out", required=True)
     verbs.add_parser("show").add_argument("file")
@@ -276,7 +279,7 @@ def main():
     if given.verb == "show":
         show(given.file)
     else:
-        run(given.rig, given.seeds, given.drive, given.wrong, given.out)
+        run(given.rig, given.seeds, given.drive, given.wrong, given.out, given.refine)
 
 
 if __name__ == "__main__":

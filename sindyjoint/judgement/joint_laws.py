@@ -18,7 +18,7 @@ from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.judgement.discovery import Discovery, fitted_to
-from sindyjoint.judgement.rig_verdict import of_one_run, within_the_states
+from sindyjoint.judgement.rig_verdict import few_rows, of_many_rows, of_one_run, within_the_states
 from sindyjoint.judgement.second_search import campaign_model
 from sindyjoint.judgement.verdict import judge
 from sindyjoint.mechanics.rig_test import RigTest
@@ -178,15 +178,17 @@ def _find_law(
         rows, errors, more = found.rows, None, ""
         if rows is not None:
             errors, more = _beyond(found.regressor, rows, states, recovered, slow)
-        if not more:
+        few = few_rows(*_counted(recovered))
+        if not more or few:
             break
         added = (*added, more)
     discovery = _judged(test, kind, recovered, found.regressor, rows, errors)
+    words = [few] if few else []
     if added:
-        words = (
+        words.append(
             f"{' and '.join(map(spelled, added))}: little of the moment, yet far out of the sensors' noise"
         )
-        discovery = replace(discovery, warnings=(*discovery.warnings, words))
+    discovery = replace(discovery, warnings=(*discovery.warnings, *words))
     return discovery, "", recovered, errors
 
 
@@ -254,6 +256,12 @@ def _beyond(
     return errors, min(rivals, key=left_with).id if len(rivals) > 1 else rivals[0].id
 
 
+def _counted(recovered: Sequence[Recovered]) -> tuple[int, int]:
+    """Return in how many samples joints move, and how many numbers of their slow angles are found with the law."""
+    moving = sum(int(np.count_nonzero(each.states.moving)) for each in recovered)
+    return moving, sum(each.unseen.size for each in recovered)
+
+
 def _terms_of(regressor: JointRegressor) -> list[ResolvedTerm]:
     """Return the terms that were found, in the order of the model."""
     resolved = {term.id: term for term in regressor.terms_}
@@ -283,6 +291,7 @@ def _judged(
         floor = max(floor, float(np.nan_to_num(model.fitted.noise_floor)))
         model = replace(model, fitted=replace(model.fitted, noise_floor=floor))
     verdict = of_one_run(judge(regressor, model), len({each.recovery.run.name for each in recovered}))
+    verdict = of_many_rows(verdict, *_counted(recovered))
     if rows is not None and errors is not None:
         verdict = within_the_states(verdict, errors.angle_share, float(errors.hidden.max(initial=0.0)))
         model = model.with_numbers(rows.coefficients, errors.covariance)

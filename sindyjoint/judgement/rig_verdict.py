@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.verdict import Verdict
+from sindyjoint.substructure.policy import POLICY as LIMITS
 
 SURE = 2.0  # standard errors of a term within which it may be there unseen
 
@@ -16,6 +17,32 @@ def of_one_run(verdict: Verdict, runs: int) -> Verdict:
         return verdict
     reason = f"one run of the structure refutes no term; others at other levels would tell: {verdict.reason}"
     return replace(verdict, verdict="undecided", reason=reason)
+
+
+def few_rows(rows: int, unknowns: int) -> str:
+    """Say that a joint moves too little for what is found with its law; empty where it does not.
+
+    Parameters
+    ----------
+    rows : int
+        Samples in which the joint moves.
+    unknowns : int
+        Numbers of the slow part of its angle, which no sensor shows.
+    """
+    if rows >= LIMITS.rows_per_unknown * unknowns:
+        return ""
+    return (
+        f"the joint moves in {rows} samples only, and {unknowns} numbers of its slow angle are found with the law: "
+        "quadratic and cubic stiffness may be further off than their intervals say; sweeps or sines move it longer"
+    )
+
+
+def of_many_rows(verdict: Verdict, rows: int, unknowns: int) -> Verdict:
+    """Return a verdict that refutes nothing by rows of a joint that are few beside what is found with its law."""
+    few = few_rows(rows, unknowns)
+    if not few or verdict.verdict != "refuted":
+        return verdict
+    return replace(verdict, verdict="undecided", reason=f"{few}; without that: {verdict.reason}")
 
 
 def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:

@@ -20,6 +20,7 @@ from sindyjoint.equation.pointers import integer_at, intrinsic, pointer, shifted
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 
+HALVINGS = 30  # of a step in which a slider reaches its limit
 SLOPE = 1e-3  # step of the slopes of an internal state, relative to its largest value
 _pointer = types.CPointer(types.float64)
 LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer, _pointer, _pointer)
@@ -175,35 +176,70 @@ def scalar_law_of_expressions(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+def _state_step(address, cubic, u, width, step, parameters, z, k, moved):
+    """Fill `moved` with the states a share `width` of a step after `u` (Runge–Kutta, order 4); tell whether one stops.
+
+    `cubic` is the angle over the step; one stops whose rate is zero at the end only: a slider at its limit.
+    """
+    n = z.shape[0]
+    trial, out = np.empty(n), np.empty(1 + n)
+    nodes = (0.0, 0.5, 0.5, 1.0)
+    h = width * step
+    for stage in range(4):
+        at = u + nodes[stage] * width
+        theta = cubic[0] + at * (cubic[1] + at * (cubic[2] + at * cubic[3]))
+        omega = (cubic[1] + at * (2.0 * cubic[2] + 3.0 * at * cubic[3])) / step
+        for j in range(n):
+            trial[j] = z[j] + (nodes[stage] * h * k[stage - 1, j] if stage else 0.0)
+        direction = 1.0 if omega > 0.0 else (-1.0 if omega < 0.0 else 0.0)
+        call_law(address, theta, omega, direction, pointer(trial), pointer(parameters), pointer(out))
+        for j in range(n):
+            k[stage, j] = out[1 + j]
+    stops = False
+    for j in range(n):
+        moved[j] = z[j] + h * (k[0, j] + 2.0 * k[1, j] + 2.0 * k[2, j] + k[3, j]) / 6.0
+        stops = stops or (k[0, j] != 0.0 and (k[1, j] == 0.0 or k[2, j] == 0.0 or k[3, j] == 0.0))
+    return stops
+
+
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def integrate_states(address, angle, rate, parameters, step, substeps, state):
     """Fill `state`, shape (n_states, n), from its first column along a prescribed motion (Runge–Kutta, order 4).
 
-    Between samples the angle is the cubic through angles and rates, and the rate its derivative.
+    Between samples the angle is the cubic through angles and rates, and the rate its derivative. The instant at which a
+    slider reaches its limit is found by halving, so that where it stops follows the motion without jumps.
     """
     n = state.shape[0]
-    z, trial, out = np.empty(n), np.empty(n), np.empty(1 + n)
-    for j in range(n):
-        z[j] = state[j, 0]
-    k = np.zeros((4, n))
-    nodes = (0.0, 0.5, 0.5, 1.0)
+    z, moved, k = state[:, 0].copy(), np.empty(n), np.zeros((4, n))
+    cubic, stopped = np.empty(4), np.zeros(n, np.bool_)
     for i in range(angle.size - 1):
         d = angle[i + 1] - angle[i]
         v0, v1 = step * rate[i], step * rate[i + 1]
+        cubic[:] = (angle[i], v0, 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d)
         for part in range(substeps):
-            for stage in range(4):
-                u = (part + nodes[stage]) / substeps
-                theta = angle[i] + u * (v0 + u * (3.0 * d - 2.0 * v0 - v1 + u * (v0 + v1 - 2.0 * d)))
-                omega = (v0 + u * (2.0 * (3.0 * d - 2.0 * v0 - v1) + 3.0 * u * (v0 + v1 - 2.0 * d))) / step
+            u, width = part / substeps, 1.0 / substeps
+            for _ in range(1 + n):
+                if not _state_step(address, cubic, u, width, step, parameters, z, k, moved):
+                    break
+                low, high = 0.0, width
+                for _ in range(HALVINGS):
+                    middle = (low + high) / 2
+                    if _state_step(address, cubic, u, middle, step, parameters, z, k, moved):
+                        high = middle
+                    else:
+                        low = middle
+                _state_step(address, cubic, u, high, step, parameters, z, k, moved)
                 for j in range(n):
-                    trial[j] = z[j] + (nodes[stage] * step / substeps * k[stage - 1, j] if stage else 0.0)
-                direction = 1.0 if omega > 0.0 else (-1.0 if omega < 0.0 else 0.0)
-                call_law(address, theta, omega, direction, pointer(trial), pointer(parameters), pointer(out))
+                    stopped[j] = k[1, j] == 0.0 or k[2, j] == 0.0 or k[3, j] == 0.0
+                _state_step(address, cubic, u, low, step, parameters, z, k, moved)
                 for j in range(n):
-                    k[stage, j] = out[1 + j]
-            for j in range(n):
-                z[j] += step / substeps * (k[0, j] + 2.0 * k[1, j] + 2.0 * k[2, j] + k[3, j]) / 6.0
-        for j in range(n):
-            state[j, i + 1] = z[j]
+                    # Just past its limit a slider stays there; the rest of the step is the others'.
+                    z[j] = moved[j] + (2.0 * (high - low) * step * k[3, j] if stopped[j] else 0.0)
+                u, width = u + high, width - high
+            else:
+                _state_step(address, cubic, u, width, step, parameters, z, k, moved)
+            z[:] = moved
+        state[:, i + 1] = z
 
 
 def fastest_decay(address, angle, rate, direction, parameters, state):

@@ -316,6 +316,11 @@ def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) 
         count = min(modes, len(internal))
         _, shapes = eigh(k_internal, m_internal, subset_by_index=[0, count - 1])
         basis[internal, len(kept) :] = shapes
+    return projected(structure, basis)
+
+
+def projected(structure: Structure, basis: Array) -> Structure:
+    """Return a structure in the coordinates of a basis, shape (whole, n), whose first ones are the joints' angles."""
 
     def project(matrix: Array) -> Array:
         reduced = basis.T @ matrix @ basis

@@ -154,12 +154,41 @@ def respond(
         held = reduced.stiffness[modal, :joints] @ record.q[0, :joints]
         right = initial_force * stepper.load[modal] - held
         record.q[0, modal] = np.linalg.solve(reduced.stiffness[modal, modal], right)
-    bounds = np.full((joints, 2), [-np.inf, np.inf])
-    if limits:
-        for row, hinge in zip(bounds, reduced.hinges, strict=True):
-            row[:] = softening_limit(hinge.law)
+    bounds = _softening_bounds(reduced) if limits else np.full((joints, 2), [-np.inf, np.inf])
     events = _advance(stepper, excitation, record, bounds)
     return _collect_response(stepper, points, parts, record, events)
+
+
+def _softening_bounds(structure: Structure) -> Array:
+    return np.array([softening_limit(hinge.law) for hinge in structure.hinges], dtype=np.float64)
+
+
+#: Coordinates of a reduced structure, their rates, and the internal states of its joints, at one instant or several.
+State = tuple[Array, Array, Array]
+
+
+def trajectory(
+    reduced: Structure,
+    excitation: Excitation,
+    at: str,
+    duration: float,
+    sample_rate: float,
+    initial: State | None = None,
+) -> State:
+    """Return the states of a reduced structure at every step of one sample, from one or from standstill.
+
+    Raises
+    ------
+    InputError, SimulationError
+        As :func:`respond`.
+    """
+    _check_step(reduced, 1 / sample_rate, duration, sample_rate)
+    stepper = Stepper(reduced, reduced.point(at).copy(), 1 / sample_rate)
+    record = _Record.begin(stepper, excitation, round(duration * sample_rate))
+    if initial is not None:
+        record.q[0], record.v[0], record.z[0] = initial
+    _advance(stepper, excitation, record, _softening_bounds(reduced))
+    return record.q, record.v, record.z
 
 
 @dataclass(frozen=True, eq=False)

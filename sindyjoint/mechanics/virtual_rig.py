@@ -183,16 +183,27 @@ def _shown(structure: Structure, at: str, sensor: Sensor, response: Response, ra
 
     Acceleration is the rate of the simulated velocity: that of the simulation's steps rings where a joint sticks.
     """
-    if sensor.quantity == "acceleration":
-        signal = _sampled(response.velocity[sensor.point], rate, derivative=True)
-    else:
-        signal = _sampled(getattr(response, sensor.quantity)[sensor.point], rate)
+    signal = recorded(sensor, response.displacement[sensor.point], response.velocity[sensor.point], rate)
     if at != BASE:
         return signal
     if sensor.quantity != "acceleration":
         raise InputError(f"sensor {sensor.name!r}: on a shaken base a virtual test knows accelerations only")
     assert structure.base is not None
     return signal + _sampled(response.force, rate) * float(structure.point(sensor.point) @ structure.base)
+
+
+def recorded(sensor: Sensor, displacement: Array, velocity: Array, rate: float) -> Array:
+    """Return what a sensor shows at the rate of the record, of motion at `OVERSAMPLING` times that rate."""
+    if sensor.quantity == "acceleration":
+        return _sampled(velocity, rate, derivative=True)
+    return _sampled(displacement if sensor.quantity == "displacement" else velocity, rate)
+
+
+def between_samples(signal: Array) -> Array:
+    """Return a recorded signal at `OVERSAMPLING` times its rate."""
+    from scipy.signal import resample_poly
+
+    return np.asarray(resample_poly(signal, OVERSAMPLING, 1, window=_recorder_filter(), padtype="line"))
 
 
 def _sampled(signal: Array, rate: float, derivative: bool = False) -> Array:

@@ -58,6 +58,12 @@ class SubstructurePolicy:
         source="below 4 for 18 terms that are not there, on 15 campaigns of the pulse rig with five that are; 20 for "
         "k2 at 0.12 % of the moment",
     )
+    rows_per_unknown: float = limit(
+        5.0,
+        "samples in which a joint moves for each number of the slow part of its angle that is found with the law; with "
+        "fewer, terms beside those that explain the moment are not sought, and none is refuted",
+        source="3 after blows to the pulse rig (two campaigns), which made terms of what is beyond the band",
+    )
     explained: float = limit(
         10.0,
         "mean square of the residual of the rows, in that of the noise, up to which a term may stand out: beyond it "

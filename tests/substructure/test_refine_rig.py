@@ -8,12 +8,12 @@ import pytest
 from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
 from sindyjoint.judgement.rig_refinement import refine_rig
 from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.rig_test import UncertainNumber
+from sindyjoint.mechanics.rig_test import RigRun, UncertainNumber
 from sindyjoint.record import Joint
 from sindyjoint.substructure.recovery import recover
 from sindyjoint.substructure.simulated.steady import coefficients, complex_amplitudes, steady
 
-from .two_masses import integrated_run, rig_test, structure
+from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test, structure, swept_run
 
 K, K3, C = 900.0, 4e6, 12.0
 FORMULAS = {
@@ -75,6 +75,68 @@ def test_numbers_of_the_structure_are_fitted_under_their_prior(runs):
     assert known.update.standard_error[0] < 0.005
     taken = refined(rig_test(runs, structure=soft), model(K, K3, C), starts=1)
     assert known.after < 1.2 and taken.after > 2
+
+
+def softer(share):
+    """A ground spring that is softer in the file than in truth, and the statement that it may be by 2 %."""
+    soft = structure((1 - share) * K0)
+    zero = np.zeros((2, 2))
+    return {"structure": soft, "uncertain": (UncertainNumber("stiffness", 0.02, zero, soft.stiffness, zero),)}
+
+
+def test_a_run_whose_joint_sticks_narrows_the_prior_of_the_structure(runs):
+    """At 2.5 Hz both masses move as one: ``x″ = −ω²·F / (K0 − (M1 + M2)·ω² + i·ω·C0)``."""
+    frequency, time = 2.5, np.arange(2400) / RATE
+    wave, omega = np.exp(2j * np.pi * frequency * time), 2 * np.pi * frequency
+    moved = -(omega**2) / (K0 - (M1 + M2) * omega**2 + 1j * omega * C0)
+    noise = np.random.default_rng(7)
+    signals = [(each * wave).real for each in (1.0, moved, moved)]
+    drive, *shown = (each + 0.002 * each.std() * noise.normal(size=each.size) for each in signals)
+    low = RigRun("low", drive, np.array(shown), RATE, frequency, use="update")
+    options = softer(0.02)
+    recoveries = [recover(rig_test([], **options), run) for run in runs[:1]]
+    given = {"joint": model(K, K3, C)}
+    alone, both = (
+        refine_rig(rig_test(those, **options), recoveries, given, starts=1) for those in ([], [low])
+    )
+    assert both.update.prior[0] == 0.02
+    assert both.update.change[0] == pytest.approx(1 / 0.98 - 1, abs=4 * both.update.standard_error[0])
+    assert both.update.standard_error[0] < 0.7 * alone.update.standard_error[0]
+
+
+@pytest.fixture(scope="module")
+def sweeps():
+    return [
+        swept_run(
+            f"{a:g} N", a, lambda d, v: K * d + K3 * d**3 + C * v, seconds=5.0, noise=0.005, seed=int(a)
+        )
+        for a in (3.0, 5.0)
+    ]
+
+
+def test_runs_that_do_not_repeat_are_refined_in_segments(sweeps):
+    result = refined(rig_test(sweeps), model(1.03 * K, 0.97 * K3, 1.05 * C), starts=1)
+    assert result.refined and result.before > 3
+    assert result.after == pytest.approx(1.1, abs=0.2)  # the drive's noise passes through the structure
+    for term, true in zip(result.models["joint"].terms, (K, K3, C), strict=True):
+        assert abs(term.coefficient - true) < 4 * term.standard_error
+        assert term.standard_error < 0.005 * true
+
+
+def test_a_number_of_the_structure_is_fitted_to_segments(sweeps):
+    """The ground spring is 4 % softer in the file, twice what it says."""
+    known = refined(rig_test(sweeps[1:], **softer(0.04)), model(K, K3, C), starts=1)
+    assert known.update.change[0] == pytest.approx(1 / 0.96 - 1, abs=4 * known.update.standard_error[0])
+    assert known.update.standard_error[0] < 0.003 and known.after < 1.4
+
+
+def test_runs_that_repeat_and_runs_that_do_not_are_refined_together(runs, sweeps):
+    own, both = (
+        refined(rig_test(those), model(K, K3, C), starts=1) for those in (runs[:1], [*runs[:1], sweeps[0]])
+    )
+    assert np.all(both.models["joint"].number_errors < own.models["joint"].number_errors)
+    for term, true in zip(both.models["joint"].terms, (K, K3, C), strict=True):
+        assert abs(term.coefficient - true) < 4 * term.standard_error
 
 
 def test_a_law_that_does_not_explain_the_response_is_said_not_to(runs):

@@ -68,22 +68,36 @@ def passing_run(seconds=12.0):
 
 def integrated_run(name, frequency, amplitude, law, periods=10, noise=0.0, seed=0):
     """A run by SciPy's integrator, written here: law(d, v) is the joint's force at an elongation and its rate."""
-    from scipy.integrate import solve_ivp
-
     settled = 6.0
-    span = settled + periods / frequency
     time = settled + np.arange(int(periods * RATE / frequency)) / RATE
+
+    def drive(t):
+        return amplitude * np.sin(2 * np.pi * frequency * t)
+
+    return recorded_run(name, drive, law, time, noise, seed, frequency)
+
+
+def swept_run(name, amplitude, law, seconds=12.0, noise=0.0, seed=0):
+    """The same of a sine whose frequency goes from 1 to 7 Hz, from standstill."""
+
+    def drive(t):
+        return amplitude * np.sin(2 * np.pi * (t + 3.0 * t**2 / seconds))
+
+    return recorded_run(name, drive, law, np.arange(int(seconds * RATE)) / RATE, noise, seed)
+
+
+def recorded_run(name, drive, law, time, noise, seed, frequency=None):
+    """What accelerometers and a force cell with noise show of a motion by SciPy's integrator."""
+    from scipy.integrate import solve_ivp
 
     def slope(t, y):
         x1, v1, x2, v2 = y
         joint = law(x2 - x1, v2 - v1)
-        drive = amplitude * np.sin(2 * np.pi * frequency * t)
-        return [v1, (joint - K0 * x1 - C0 * v1) / M1, v2, (drive - joint) / M2]
+        return [v1, (joint - K0 * x1 - C0 * v1) / M1, v2, (drive(t) - joint) / M2]
 
-    solved = solve_ivp(slope, (0, span), np.zeros(4), t_eval=time, rtol=1e-8, atol=1e-11, method="LSODA")
+    solved = solve_ivp(slope, (0, time[-1]), np.zeros(4), t_eval=time, rtol=1e-8, atol=1e-11, method="LSODA")
     accelerations = np.array([slope(t, y) for t, y in zip(time, solved.y.T, strict=True)])[:, [1, 3]].T
-    drive = amplitude * np.sin(2 * np.pi * frequency * time)
     generator = np.random.default_rng(seed)
-    signals = np.vstack([drive, accelerations])
+    signals = np.vstack([drive(time), accelerations])
     signals = signals + noise * signals.std(axis=1, keepdims=True) * generator.normal(size=signals.shape)
     return RigRun(name, signals[0], signals[1:], RATE, frequency)

@@ -12,6 +12,8 @@ from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
 from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.diagnosis.structure.result import assemble_model
 from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import model_law
 
@@ -99,6 +101,28 @@ class JointKind:
             if change.kind == self.name
         ]
         return assemble_model(numbers, self.laws, after, own)
+
+
+def kinds_of(test: RigTest, models: Mapping[str, JointModel], least: float) -> tuple[JointKind, ...]:
+    """Return the kinds of joints of a test, each with its model.
+
+    Raises
+    ------
+    InputError
+        Where a kind has no model.
+    """
+    names = tuple(dict.fromkeys(test.kinds))
+    missing = sorted(set(names) - models.keys())
+    if missing:
+        raise InputError(
+            f"no model of {missing[0]!r}; every kind of joint needs one: {', '.join(sorted(names))}"
+        )
+    return tuple(
+        JointKind.of(
+            name, tuple(np.flatnonzero([kind == name for kind in test.kinds]).tolist()), models[name], least
+        )
+        for name in names
+    )
 
 
 def kept_numbers(model: JointModel) -> NDArray[np.intp]:

@@ -1,8 +1,8 @@
 """The runs of a structure as an output-error problem: laws of its joints, its own numbers, effects added so far.
 
 Each run's steady motion is that of harmonic balance; derivatives follow from the balance itself, without a further
-simulation. Unknown are the laws' numbers, the structure's uncertain numbers under the priors that its file states, and
-the numbers of effects.
+simulation. Unknown are the laws' numbers, the structure's uncertain numbers under the priors that its file states (as
+the runs whose joints stick have updated them), and the numbers of effects.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.structure.kinds import JointKind
+from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
@@ -26,7 +27,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
 from sindyjoint.substructure.simulated.steady import Condensed, Steady
-from sindyjoint.substructure.update import Update, with_numbers
+from sindyjoint.substructure.update import Update, held_spectra, update_structure, with_numbers
 
 Complex = NDArray[np.complex128]
 
@@ -52,6 +53,9 @@ class RunsProblem:
     whitening : tuple of ndarray
         Of each run's residuals; empty for none.
     found : tuple of Change
+    prior : Update or None
+        The structure's uncertain numbers by the runs whose joints stick; None where there are none, and the priors of
+        the file hold.
     policy : DiagnosisPolicy
     """
 
@@ -61,6 +65,7 @@ class RunsProblem:
     known: bool = False
     whitening: tuple[Array, ...] = ()
     found: tuple[Change, ...] = ()
+    prior: Update | None = None
     policy: DiagnosisPolicy = STRUCTURE
     _kept: dict[object, Any] = field(default_factory=dict, repr=False)
 
@@ -84,21 +89,20 @@ class RunsProblem:
         InputError
             Where a kind has no model, or the runs cannot be simulated with the models.
         """
-        missing = sorted(set(test.kinds) - models.keys())
-        if missing:
-            raise InputError(
-                f"no model of {missing[0]!r}; every kind of joint needs one: {', '.join(sorted(set(test.kinds)))}"
-            )
         recoveries = [each for each in recoveries if each.spectra.repeats]
         if not recoveries:
             raise InputError("no run repeats; the steady response is simulated of runs whose drive does")
-        kinds = tuple(
-            JointKind.of(name, tuple(np.flatnonzero([k == name for k in test.kinds]).tolist()), models[name],
-                         policy.model_error)
-            for name in dict.fromkeys(test.kinds)
-        )  # fmt: skip
-        problem = cls(test, kinds, tuple(SteadyRun.of(test, r) for r in recoveries), known, policy=policy)
+        problem = replace(cls.with_models(test, models, policy), known=known)
+        problem = replace(problem, runs=tuple(SteadyRun.of(test, r) for r in recoveries))
         return problem.whitened(problem.start()) if fitted else problem
+
+    @classmethod
+    def with_models(
+        cls, test: RigTest, models: Mapping[str, JointModel], policy: DiagnosisPolicy = STRUCTURE
+    ) -> RunsProblem:
+        """Return the problem without runs, the structure's numbers updated by those whose joints stick."""
+        prior = update_structure(test, (), held_spectra(test)) if test.update_runs else None
+        return cls(test, kinds_of(test, models, policy.model_error), (), prior=prior, policy=policy)
 
     @property
     def duration(self) -> float:
@@ -145,7 +149,15 @@ class RunsProblem:
 
     def changes(self, x: Array) -> Array:
         """Return the relative changes of the structure's uncertain numbers."""
-        return x[: self.numbers] * np.array([number.uncertainty for number in self.test.uncertain])
+        moved = self._root @ x[: self.numbers]
+        return moved if self.prior is None else self.prior.change + moved
+
+    @cached_property
+    def _root(self) -> Array:
+        """L of the prior covariance L·Lᵀ of the structure's uncertain numbers."""
+        if self.prior is not None:
+            return np.asarray(np.linalg.cholesky(self.prior.covariance))
+        return np.diag([number.uncertainty for number in self.test.uncertain])
 
     def setup(self, x: Array, extra: Change | None = None) -> Setup:
         """Return the setup of some numbers."""
@@ -294,7 +306,7 @@ class RunsProblem:
         if not self.numbers:
             return None
         prior = np.array([number.uncertainty for number in self.test.uncertain])
-        own = covariance[: self.numbers, : self.numbers] * np.outer(prior, prior)
+        own = self._root @ covariance[: self.numbers, : self.numbers] @ self._root.T
         return Update(tuple(number.name for number in self.test.uncertain), prior, self.changes(x), own)
 
     def near(self, x: Array) -> RunsProblem:

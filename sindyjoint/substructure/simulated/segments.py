@@ -1,0 +1,251 @@
+"""A run of a structure that does not repeat, simulated in segments: multiple shooting.
+
+Over a long record a slightly wrong frequency ends whole cycles off, which hides the minimum; over a segment of a few
+periods it does not. Each segment begins at a state of its own (Bock, in: Modelling of Chemical Reaction Systems, 1981).
+The states are no numbers of the fit: what an error of a state does to the residual of its segment is projected out, to
+first order, under a prior as wide as the motion is large. Before each fit the states are moved to where they fit best.
+
+Residuals are compared up to the frequency up to which the recovery uses the sensors: the cosine transform of a segment
+leaves white noise white, and what lies above is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.rig_test import BASE, RigTest, load_row, sensor_rows
+from sindyjoint.mechanics.structure import Structure, craig_bampton, projected
+from sindyjoint.mechanics.transient import State, trajectory
+from sindyjoint.mechanics.virtual_rig import OVERSAMPLING, REACH, between_samples, recorded
+from sindyjoint.numeric import Array, rms
+from sindyjoint.substructure.policy import POLICY as LIMITS
+from sindyjoint.substructure.recovery import Recovery
+
+# Periods of the first frequency with joints that stick in a segment.
+PERIODS = 10
+# Fixed-interface modes of the structure that is simulated.
+MODES = 12
+# Step of the differences by a state, of the size of the motion.
+STEP = 1e-3
+# What the time step may take of a frequency so many times the first one with joints that stick.
+SLOW, HARMONIC = 1e-3, 10
+# Steps of a state towards where it fits best.
+ROUNDS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedRun:
+    """A run that does not repeat.
+
+    Parameters
+    ----------
+    test : RigTest
+        Its sensors.
+    name : str
+    rate : float
+        Hz.
+    drive : ndarray, shape (OVERSAMPLING·n,)
+        Between the samples, too.
+    measured : ndarray, shape (sensors, n)
+    drive_sigma : float
+    sigma : ndarray, shape (sensors,)
+        Noise of a sample.
+    basis : ndarray, shape (coordinates, r)
+        Of the structure that is simulated.
+    spans : tuple of (int, int)
+        First sample of each segment and that after its last; it is simulated from `REACH` samples before the one to as
+        many after the other, which the recorder's filter needs.
+    steps : int
+        Of the simulation, for one sample of `drive`.
+    directions : tuple of State
+        Moves of a state: of the size of the motion, mode by mode.
+    states : tuple of State
+        With which each segment begins; empty before they are known.
+    spread : tuple of ndarray, shape (rows, m)
+        Of each segment: W of r − W·Wᵀ·r, the residual without what errors of its state explain.
+    """
+
+    test: RigTest
+    name: str
+    rate: float
+    drive: Array
+    measured: Array
+    drive_sigma: float
+    sigma: Array
+    basis: Array
+    spans: tuple[tuple[int, int], ...]
+    steps: int
+    directions: tuple[State, ...] = ()
+    states: tuple[State, ...] = ()
+    spread: tuple[Array, ...] = ()
+
+    @classmethod
+    def of(cls, test: RigTest, recovery: Recovery) -> SegmentedRun:
+        """Return a run as it was recorded, its noise as it was found.
+
+        Raises
+        ------
+        InputError
+            For sensors on a shaken base that show no acceleration.
+        """
+        run, n = recovery.run, recovery.run.drive.size
+        periods = (n - 2 * REACH) / run.sample_rate * float(test.structure.frequencies(1, locked=True)[0])
+        ends = np.linspace(REACH, n - REACH, max(1, int(periods / PERIODS)) + 1).round().astype(int).tolist()
+        noise = np.sqrt(recovery.spectra.variance[:, 0] * (n - 1) / 2)
+        carried = _carried(test)
+        basis = craig_bampton(
+            _with_drive(test, test.structure), [test.at, *(sensor.point for sensor in test.sensors)], MODES
+        ).basis
+        assert basis is not None
+        return cls(
+            test, run.name, run.sample_rate, between_samples(run.drive),
+            run.responses - np.outer(carried, run.drive), float(noise[0]),
+            np.hypot(noise[1:], carried * noise[0]), basis,
+            tuple(zip(ends[:-1], ends[1:], strict=True)), _steps(test.structure, run.sample_rate),
+        )  # fmt: skip
+
+    @property
+    def rows(self) -> int:
+        """Number of its residuals."""
+        return sum(_kept(b - a) for a, b in self.spans) * len(self.sigma)
+
+    def reduced(self, structure: Structure, laws: Sequence[Law]) -> Structure:
+        """Return the structure that is simulated, with laws in its joints."""
+        hinges = tuple(replace(h, law=law) for h, law in zip(structure.hinges, laws, strict=True))
+        return projected(_with_drive(self.test, replace(structure, hinges=hinges)), self.basis)
+
+    def with_drive_noise(self, generator: np.random.Generator) -> SegmentedRun:
+        """Return the run with noise on the drive as much as there is."""
+        noise = np.asarray(self.drive_sigma * generator.normal(size=self.measured.shape[1]))
+        return replace(self, drive=self.drive + between_samples(noise))
+
+    def residual(self, reduced: Structure) -> list[Array]:
+        """Return simulated less measured of each segment, without what its state explains.
+
+        Raises
+        ------
+        SimulationError
+        """
+        parts = (
+            self._segment(reduced, span, state) for span, state in zip(self.spans, self.states, strict=True)
+        )
+        return [part - w @ (w.T @ part) for part, w in zip(parts, self.spread, strict=True)]
+
+    def settled(self, reduced: Structure) -> SegmentedRun:
+        """Return the run with the states where they fit best, and with what their errors explain there.
+
+        Raises
+        ------
+        SimulationError
+        """
+        begun = self if self.states else self._begun(reduced)
+        found = [
+            begun._settle(reduced, span, state) for span, state in zip(begun.spans, begun.states, strict=True)
+        ]
+        return replace(begun, states=tuple(s for s, _ in found), spread=tuple(w for _, w in found))
+
+    def _begun(self, reduced: Structure) -> SegmentedRun:
+        """Return the run with the states of a simulation of the whole from standstill."""
+        whole = self._motion(reduced, self.drive)
+        firsts = [(a - REACH) * OVERSAMPLING for a, _ in self.spans]
+        states = tuple((whole[0][i], whole[1][i], whole[2][i]) for i in firsts)
+        return replace(self, states=states, directions=_moves(reduced, whole, LIMITS.band * self.rate))
+
+    def _settle(self, reduced: Structure, span: tuple[int, int], state: State) -> tuple[State, Array]:
+        """Return the state of a segment with which it fits best, and what errors of it explain."""
+        residual = self._segment(reduced, span, state)
+        effects = np.array([
+            (self._segment(reduced, span, _moved(state, [STEP], [move])) - residual) / STEP
+            for move in self.directions
+        ]).T  # fmt: skip
+        left, size, right = np.linalg.svd(effects, full_matrices=False)
+        for _ in range(ROUNDS):
+            shift = -right.T @ (size / (size**2 + 1) * (left.T @ residual))
+            trial = _moved(state, shift, self.directions)
+            after = self._segment(reduced, span, trial)
+            if after @ after >= residual @ residual:
+                break
+            state, residual = trial, after
+        return state, left * np.sqrt(1 - 1 / np.sqrt(1 + size**2))
+
+    def _motion(self, reduced: Structure, drive: Array, state: State | None = None) -> State:
+        """Return the states under a drive, at each of its samples."""
+        rate = OVERSAMPLING * self.rate
+        duration = (drive.size - 1) / rate
+        found = trajectory(reduced, sampled(drive, rate), self.test.at, duration, self.steps * rate, state)
+        return found[0][:: self.steps], found[1][:: self.steps], found[2][:: self.steps]
+
+    def _segment(self, reduced: Structure, span: tuple[int, int], state: State) -> Array:
+        """Return simulated less measured of a segment from a state, in the noise of the sensors, shape (rows,)."""
+        from scipy.fft import dct
+
+        first, stop = span
+        drive = self.drive[(first - REACH) * OVERSAMPLING : (stop + REACH - 1) * OVERSAMPLING + 1]
+        q, v, _ = self._motion(reduced, drive, state)
+        inside = slice(REACH, REACH + stop - first)
+        rows = [(sensor, reduced.point(sensor.point)) for sensor in self.test.sensors]
+        shown = np.array([recorded(sensor, q @ row, v @ row, self.rate)[inside] for sensor, row in rows])
+        weighed = (shown - self.measured[:, first:stop]) / self.sigma[:, None]
+        return np.asarray(dct(weighed, norm="ortho", axis=1)[:, : _kept(stop - first)].ravel())
+
+
+def _steps(structure: Structure, rate: float) -> int:
+    """Return how many steps of the simulation one sample of the drive needs.
+
+    The midpoint rule is slow by (ωh)²/12 of a frequency (Hughes, The Finite Element Method, 1987, section 9.1).
+    """
+    omega = 2 * np.pi * HARMONIC * float(structure.frequencies(1, locked=True)[0])
+    return int(np.ceil(omega / (OVERSAMPLING * rate) / np.sqrt(12 * SLOW)))
+
+
+def _kept(samples: int) -> int:
+    """Return how many coefficients of the cosine transform of a segment lie in the band that is compared."""
+    return int(2 * LIMITS.band * samples)
+
+
+def _with_drive(test: RigTest, structure: Structure) -> Structure:
+    """Return a structure that has a shaken base as a point."""
+    if test.at != BASE:
+        return structure
+    return replace(structure, points={**structure.points, BASE: load_row(structure, BASE)})
+
+
+def _carried(test: RigTest) -> Array:
+    """Return what every sensor shows of the motion of a shaken base itself, shape (sensors,)."""
+    if test.at != BASE:
+        return np.zeros(len(test.sensors))
+    if any(sensor.quantity != "acceleration" for sensor in test.sensors):
+        raise InputError("on a shaken base runs that do not repeat are simulated for accelerometers only")
+    assert test.structure.base is not None
+    return np.asarray(sensor_rows(test.structure, test.sensors) @ test.structure.base)
+
+
+def _moves(reduced: Structure, motion: State, top: float) -> tuple[State, ...]:
+    """Return moves of a state, of the RMS of a motion: angle and rate of each mode up to a frequency, Hz."""
+    from scipy.linalg import eigh
+
+    joints = np.arange(reduced.n_joints)
+    stiffness = reduced.stiffness.copy()
+    stiffness[joints, joints] += reduced.tangent_stiffness()
+    squared, shapes = eigh(stiffness, reduced.mass)
+    shapes = shapes[:, : max(1, np.count_nonzero(squared < (2 * np.pi * top) ** 2))]
+    still, none = np.zeros(len(shapes)), np.zeros_like(motion[2][0])
+    moves: list[State] = []
+    for shape in shapes.T:
+        angle, rate = (rms(part @ (reduced.mass @ shape)) for part in motion[:2])
+        moves += [(angle * shape, still, none), (still, rate * shape, none)]
+    return tuple(moves)
+
+
+def _moved(state: State, shift: Sequence[float] | Array, moves: Sequence[State]) -> State:
+    """Return a state moved by multiples of some moves."""
+    q, v, z = (
+        part + sum(s * move[i] for s, move in zip(shift, moves, strict=True)) for i, part in enumerate(state)
+    )
+    return q, v, z
