@@ -7,6 +7,7 @@ it by address, so they are compiled once and cached; a new law costs only its fe
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -119,12 +120,23 @@ def SUM_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802
 def sum_of(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
     """Return the sum of two laws, states and parameters of the first one first; there is nothing to compile."""
     header = np.array([first.address, second.address, first.n_states, first.numbers.size], dtype=np.int64)
+    end = SUM_HEADER + first.numbers.size
+
+    def memory(numbers: NDArray[np.float64]) -> CompiledLaw:
+        """Return the one law that has all internal states, or the sum of what is left of both."""
+        one = replace(first, numbers=numbers[SUM_HEADER:end])
+        other = replace(second, numbers=numbers[end:])
+        if first.n_states and second.n_states:
+            return replace(sum_of(one.of_states(), other.of_states()), memory=None)
+        return (one if first.n_states else other).of_states()
+
     return CompiledLaw(
         SUM_CALLBACK,
         np.concatenate([header.view(np.float64), first.numbers, second.numbers]),
         first.n_states + second.n_states,
-        np.concatenate([SUM_HEADER + first.places, SUM_HEADER + first.numbers.size + second.places]),
+        np.concatenate([SUM_HEADER + first.places, end + second.places]),
         (first, second),
+        memory,
     )
 
 

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -20,30 +21,42 @@ from sindyjoint.workflows.verify import verify
 from tests.diagnosis.hidden_effects import hide
 
 
+# What is hidden here, and two that are not: what becomes of a find is tested, and not the search.
+FEW = ("jenkins_element", "maxwell_branch", "channel_delay", "frequency_dependent_stiffness", "quadratic_damping",
+       "dead_zone")  # fmt: skip
+HIDDEN = {
+    "jenkins_element": 3,
+    "maxwell_branch": 4,
+    "channel_delay": 3,
+    "frequency_dependent_stiffness": 4,
+}
+
+
 @pytest.fixture(autouse=True)
 def few(few_effects):
-    """What is hidden here, and two that are not: what becomes of a find is tested, and not the search."""
-    few_effects("jenkins_element", "maxwell_branch", "channel_delay", "frequency_dependent_stiffness",
-                "quadratic_damping", "dead_zone")  # fmt: skip
+    few_effects(*FEW)
 
 
-@pytest.mark.parametrize(
-    "name, seed",
-    [
-        ("jenkins_element", 3),
-        ("maxwell_branch", 4),
-        ("channel_delay", 3),
-        ("frequency_dependent_stiffness", 4),
-    ],
-)
-def test_the_saved_model_leaves_the_gap_that_the_diagnosis_reports(tmp_path, name, seed):
-    hidden = hide(name, seed, duration=4.0)
-    out = [run.name for run in hidden.campaign.runs][1::4]
-    result = diagnose(hidden.campaign, hold_out=out, advise=False)
+@pytest.fixture(scope="module")
+def found():
+    """Return a function from what is hidden to its campaign, the runs kept out and the diagnosis, made once."""
+
+    @cache
+    def of(name):
+        campaign = hide(name, HIDDEN[name], duration=4.0).campaign
+        out = [run.name for run in campaign.runs][1::4]
+        return campaign, out, diagnose(campaign, hold_out=out, advise=False)
+
+    return of
+
+
+@pytest.mark.parametrize("name", HIDDEN)
+def test_the_saved_model_leaves_the_gap_that_the_diagnosis_reports(found, tmp_path, name):
+    campaign, out, result = found(name)
     assert result.effects, result.reason
     write_results(result, tmp_path / "out")
     assert read_model(tmp_path / "out") == result.whole
-    again = verify(tmp_path / "out", hidden.campaign, draws=0)
+    again = verify(tmp_path / "out", campaign, draws=0)
     assert {run.name for run in again.runs} == set(out)
     # The same simulation of the same runs; channels are put right before the processing, and not after it.
     assert again.response_nrmse == pytest.approx(result.final.response, rel=0.02)
@@ -51,21 +64,20 @@ def test_the_saved_model_leaves_the_gap_that_the_diagnosis_reports(tmp_path, nam
     assert again.response_nrmse < 0.8 * result.initial.response
 
 
-def test_effects_of_the_joint_are_elements_and_those_of_the_test_are_nuisances(tmp_path):
-    joint = diagnose(hide("jenkins_element", 3, duration=4.0).campaign, max_effects=1, advise=False)
+def test_effects_of_the_joint_are_elements_and_those_of_the_test_are_nuisances(found):
+    joint = found("jenkins_element")[-1]
     (element,) = joint.whole.elements
     assert element.id == "jenkins_element" and not joint.test.nuisances
     assert element.parameters[0].interval95[0] < element.parameters[0].value
-    test = diagnose(hide("channel_delay", 3, duration=4.0).campaign, max_effects=1, advise=False)
+    test = found("channel_delay")[-1]
     (delay,) = test.test.nuisances
     assert delay.id == "channel_delay" and delay.number.unit == "s" and not test.whole.elements
     assert test.test.campaign.startswith("sha256:") and test.whole.fitted.data == test.test.campaign
 
 
-def test_a_diagnosis_goes_on_from_the_whole_model():
-    hidden = hide("jenkins_element", 3, duration=4.0)
-    first = diagnose(hidden.campaign, max_effects=1, advise=False)
-    again = diagnose(hidden.campaign, first.whole, advise=False)
+def test_a_diagnosis_goes_on_from_the_whole_model(found):
+    campaign, out, first = found("jenkins_element")
+    again = diagnose(campaign, first.whole, hold_out=out, advise=False)
     assert again.verdict == "nothing_missing" and not again.steps
     assert again.initial.moment == pytest.approx(first.final.moment, rel=0.02)
     (element,), (before,) = again.whole.elements, first.whole.elements
