@@ -20,7 +20,6 @@ from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
 from sindyjoint.workflows.verify import verify
 from tests.diagnosis.hidden_effects import hide
 
-
 # What is hidden here, and two that are not: what becomes of a find is tested, and not the search.
 FEW = ("jenkins_element", "maxwell_branch", "channel_delay", "frequency_dependent_stiffness", "quadratic_damping",
        "dead_zone")  # fmt: skip
