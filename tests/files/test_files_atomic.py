@@ -232,3 +232,15 @@ def test_old_contents_that_nothing_replaced_go_back(tmp_path, monkeypatch):
     target.rename(_name_temporary(target, OLD))
     settle(target)
     assert [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
+
+
+def test_what_is_being_written_under_a_name_that_begins_alike_is_left(tmp_path):
+    with whole_folder(tmp_path / "j.1") as stage:
+        (stage / "factors").write_text("1")
+        with whole_folder(tmp_path / "j") as other:
+            (other / "model").write_text("2")
+        settle(tmp_path / "j")
+        assert (stage / "factors").exists()
+    assert {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*")} == {
+        "j", "j/model", "j.1", "j.1/factors",
+    }  # fmt: skip

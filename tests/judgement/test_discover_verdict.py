@@ -1,6 +1,7 @@
 """From a campaign to a model: the right terms, the right verdict, and controls in which something must not be found."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,12 @@ PLAN = {"frequencies": [3, 4, 5], "levels": [0.9, 0.6, 0.35], "noise": 0.01, "ra
 
 def campaign(joint="inter-panel", **options):
     return virtual_campaign(joint, **(PLAN | options))
+
+
+@cache
+def plain():
+    """Return the discovery of the campaign as it is, made once."""
+    return discover(campaign())
 
 
 def changed(made, change):
@@ -49,8 +56,8 @@ def test_the_built_in_test_says_that_it_is_simulated():
 
 
 def test_one_engine():
-    made = campaign()
-    found = discover(made)
+    found = plain()
+    made = found.campaign
     rows = regression_rows(campaign_states(made), made.joint.inertia)
     regressor = JointRegressor().fit(**rows.fit_arguments())
     assert regressor.selected_ == found.model.ids
@@ -95,7 +102,7 @@ def test_zero_moment_gives_no_model():
 
 @pytest.mark.parametrize("channel", ["moment", "angle"])
 def test_reversed_channel_is_noticed(channel):
-    upright = discover(campaign())
+    upright = plain()
     reversed_campaign = changed(campaign(), lambda run: replace(run, **{channel: -getattr(run, channel)}))
     stopped = discover(reversed_campaign)
     assert not stopped.found and [f.id for f in stopped.soundness.findings] == ["reversed_sign"]
@@ -120,7 +127,7 @@ def test_softening_inside_the_tested_range_is_noticed():
     assert (
         f"at {min(-low, high):.2g}"[:7] in warning and "a moment-driven joint snaps through there" in warning
     )
-    assert not any("softens to zero" in w for w in discover(campaign()).warnings)
+    assert not any("softens to zero" in w for w in plain().warnings)
 
 
 def test_constant_offset_is_found_and_left_open():
@@ -220,7 +227,7 @@ def test_a_joint_that_hardly_moves_is_said():
 
 
 def test_record_holds_what_it_promises():
-    record = discover(campaign()).to_dict()
+    record = plain().to_dict()
     assert record["fit"]["samples"] > 30_000 and record["fit"]["runs"] == 9
     assert record["fit"]["noise_floor"] == pytest.approx(0.01 * 3.5, rel=0.1)
     assert record["fit"]["noise_floor"] < record["fit"]["residual_rms"] < 0.02 * record["fit"]["moment_rms"]
