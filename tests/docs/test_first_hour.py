@@ -60,7 +60,7 @@ def test_public_data(name, tmp_path, sindyjoint):
     ends_in_a_report([answers[0], answers[0], answers[2]], tmp_path / "results", simulated=False)
 
 
-# Several peculiarities at once: how letters are coded (the C locale knows ASCII only, the console another alphabet), and
+# Several peculiarities at once: how letters are coded (the C locale knows ASCII only, the console more), and
 # how lines are laid out. Consoles of the C locale: tests/cli/test_cli_encoding.py.
 ODD = {
     "LC_ALL": "C", "LANG": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "TERM": "dumb",
