@@ -13,6 +13,7 @@ from sindyjoint.mechanics.transient import respond
 from sindyjoint.substructure.forced import frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.modes import mode_over_amplitude, slip_amplitudes
+from sindyjoint.substructure.period import steady_states
 
 STIFF = 10.0
 
@@ -189,6 +190,22 @@ def test_a_bilinear_oscillator_follows_caugheys_curve():
     quadrature = caughey(size[top], 0.5, 0.4)[1]
     assert size[top] * (quadrature + 0.05 * omega[top]) == pytest.approx(0.3, rel=0.01)
     assert 0 < top < size.size - 1
+
+
+def test_a_slider_stops_at_its_limit_and_follows_the_motion_without_jumps():
+    """The moment of a Jenkins element over a period, beside the play operator; a step takes it 3 % further at most."""
+    phase = 2 * np.pi * np.arange(240) / 240
+    law, fundamental = jenkins(1.0, 0.4), []
+    for size in 1.0 + 1e-6 * np.arange(40):
+        z = steady_states(law, size * np.cos(phase), -size * np.sin(phase), 2 * np.pi)[0]
+        # The operator on the same motion, after its first period.
+        exact, play = 0.0, []
+        for step in np.diff(size * np.cos(np.linspace(0, 4 * np.pi, 481))):
+            exact = float(np.clip(exact + step, -0.4, 0.4))
+            play.append(exact)
+        assert z == pytest.approx(np.roll(play[240:], 1), abs=1e-6)
+        fundamental.append(z @ np.sin(phase))
+    assert np.abs(np.diff(fundamental, 2)).max() < 1e-7
 
 
 def test_derivatives_of_a_law_with_an_internal_state_lead_to_the_solution():
