@@ -3,9 +3,9 @@
 For the pulse rig and the four-panel wing, at the three default levels: amplitude of the first harmonic by harmonic
 balance over that by simulation, at frequencies over the band, and the processor time of either. Then the pulse rig with
 little friction and damping, whose response folds: the frequencies at which a sine stepped up and down jumps, over those
-of the folds.
+of the folds; and the pulse rig with a Jenkins element in its joint.
 
-    python -m benchmarks.bench_curves [pulse-rig|four-panel-wing|folds ...]
+    python -m benchmarks.bench_curves [pulse-rig|four-panel-wing|folds|jenkins ...]
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from sindyjoint import curves
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics.laws import FormulaLaw, PaperLaw, SumLaw
 from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import respond
@@ -32,6 +32,7 @@ PERIODS, RISE = 120, 60
 SHARES, MOVES = (0.0, 0.25, 0.5, 0.75, 1.0), 0.1
 FOLDING = PaperLaw(k1=6.066e3, k2=-1.927e5, k3=-2.684e9, c1=3.0, M_F=0.15, name="joint")
 FORCE = 0.15
+SLIDER, YIELDS = 1500.0, 1e-4  # N·m/rad, rad, of a Jenkins element beside the joint's law
 # Steps of a sine that is stepped over a fold, and periods of each: near it the motion takes long to settle. It begins
 # and ends as far from the fold as the shares say; what the first step shows is still settling.
 FOLD_STEP, FOLD_PERIODS = 1e-3, 300
@@ -129,6 +130,31 @@ def folds() -> None:
         )
 
 
+def jenkins() -> None:
+    """Print amplitudes of the pulse rig with a Jenkins element beside the law of its joint, over those simulated."""
+    from sympy import Abs, Heaviside, Symbol
+
+    z, omega = Symbol("z", real=True), Symbol("omega", real=True)
+    full = Heaviside(Abs(z) - YIELDS, 1) * Heaviside(z * omega, 0)
+    slider = FormulaLaw(SLIDER * z, {}, {"z": omega * (1 - full)})
+    rig = with_laws(load_rig("pulse-rig"), lambda hinge: SumLaw(hinge.law, slider))
+    balance = Balance.of(rig.structure(), rig.at, viscous=True)
+    sticking = float(rig.structure().frequencies(1, locked=True)[0])
+    for force in (0.8, 1.2):
+        curve = frequency_response(balance, force, (0.7 * sticking, 1.15 * sticking))
+        ratios = [
+            on_branch(curve, one) / amplitudes(rig, np.array([one]), PERIODS, force)[0]
+            for one in curve.peak[0] * np.array([0.97, 1.0, 1.03])
+        ]
+        print(
+            f"pulse rig with a Jenkins element, {force:g} N:",
+            " ".join(f"{one:.4f}" for one in ratios),
+            flush=True,
+        )
+
+
+DOERS = {"folds": folds, "jenkins": jenkins}
+
 if __name__ == "__main__":
-    for asked in sys.argv[1:] or ("pulse-rig", "four-panel-wing", "folds"):
-        folds() if asked == "folds" else levels_of(asked)
+    for asked in sys.argv[1:] or ("pulse-rig", "four-panel-wing", *DOERS):
+        DOERS[asked]() if asked in DOERS else levels_of(asked)

@@ -33,7 +33,8 @@ def few_rows(rows: int, unknowns: int) -> str:
         return ""
     return (
         f"the joint moves in {rows} samples only, and {unknowns} numbers of its slow angle are found with the law: "
-        "quadratic and cubic stiffness may be further off than their intervals say; sweeps or sines move it longer"
+        "by regression coefficients may be further off than their intervals say, quadratic stiffness by all of itself; "
+        "refine on the simulated response, or make sweeps or sines, which move it longer"
     )
 
 

@@ -9,7 +9,8 @@ import pytest
 from sindyjoint.cli import main
 from sindyjoint.equation.terms import term_columns
 from sindyjoint.files.writers import ENCODERS
-from sindyjoint.judgement.rig_verdict import within_the_states
+from sindyjoint.judgement.rig_verdict import of_many_rows, within_the_states
+from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.records.structure import StructureRecord
 from sindyjoint.substructure.law_errors import Source, law_errors
@@ -130,6 +131,16 @@ def test_terms_that_are_there_need_no_better_angle_than_shows_that_no_other_is(f
     confirmed = replace(discovery.verdict, verdict="confirmed")
     assert within_the_states(confirmed, 0.05, 0.001) == confirmed
     assert within_the_states(confirmed, 0.001, 0.01).verdict == "undecided"
+
+
+def test_few_samples_of_motion_refute_no_term():
+    """After blows a joint moved in 1003 samples, with which 342 numbers of its slow angle were found."""
+    refuted = Verdict("refuted", (), ("quintic_stiffness",), "the data need quintic stiffness")
+    undecided = of_many_rows(refuted, 1003, 342)
+    assert undecided.verdict == "undecided" and "1003 samples" in undecided.reason
+    assert of_many_rows(refuted, 2563, 404) == refuted
+    confirmed = replace(refuted, verdict="confirmed", extra=())
+    assert of_many_rows(confirmed, 1003, 342) == confirmed
 
 
 def test_noise_of_slow_harmonics_is_not_the_motion_of_a_joint():

@@ -13,6 +13,7 @@ from sindyjoint.mechanics.transient import respond
 from sindyjoint.substructure.forced import frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.modes import mode_over_amplitude, slip_amplitudes
+from sindyjoint.substructure.period import steady_states
 
 STIFF = 10.0
 
@@ -161,6 +162,9 @@ def jenkins(stiffness, yields):
     return FormulaLaw(kt * z, {"kt": stiffness, "limit": yields}, {"z": omega * (1 - full)})
 
 
+SLIDER = jenkins(1.0, 0.4)
+
+
 def caughey(size, stiffness, yields):
     """In-phase and quadrature stiffness of a Jenkins element that slips at one harmonic.
 
@@ -189,6 +193,18 @@ def test_a_bilinear_oscillator_follows_caugheys_curve():
     quadrature = caughey(size[top], 0.5, 0.4)[1]
     assert size[top] * (quadrature + 0.05 * omega[top]) == pytest.approx(0.3, rel=0.01)
     assert 0 < top < size.size - 1
+
+
+@pytest.mark.parametrize("size", [0.6, 1.0, 3.0])
+def test_a_slider_stops_at_its_limit(size):
+    """The moment of a Jenkins element over a period, beside the play operator; up to a step past it the curve jumps."""
+    phase = 2 * np.pi * np.arange(240) / 240
+    z = steady_states(SLIDER, size * np.cos(phase), -size * np.sin(phase), 2 * np.pi)[0]
+    exact, play = 0.0, []
+    for step in np.diff(size * np.cos(2 * np.pi * np.arange(481) / 240)):
+        exact = float(np.clip(exact + step, -0.4, 0.4))
+        play.append(exact)
+    assert z == pytest.approx(np.roll(play[240:], 1), abs=1e-7 * size)
 
 
 def test_derivatives_of_a_law_with_an_internal_state_lead_to_the_solution():
