@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.errors import InputError
+from sindyjoint.equation.model_parts import range_warnings
+from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.actuator import SINE
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
@@ -152,7 +154,11 @@ class Planner:
             tuple(joint.model.ids[i] for i in self.matter), runs[:enough], found,
             () if of_grid is None else predictions(joint.model, of_grid, coefficients), grid, curve, self.until,
             self._advice(curve, enough, now),
-            (*self.known.notes, *_warnings(found, bool(grid) or now is not None, joint.model)), now,
+            (
+                *self.known.notes,
+                *_warnings(found, bool(grid) or now is not None, joint.model),
+                *_beyond_tested(joint.model, runs[:enough]),
+            ), now,
         )  # fmt: skip
 
     def _of_grid(
@@ -215,6 +221,20 @@ class Planner:
 
 def _shown(share: float) -> str:
     return percent(share) if np.isfinite(share) else "not known yet"
+
+
+def _beyond_tested(model: JointModel, runs: Sequence[PlannedRun]) -> tuple[str, ...]:
+    """Return whether a model that was fitted to a test moves beyond it in planned runs, in one line."""
+    moved = []
+    for run in runs if model.fitted.samples else ():
+        # A joint of the range does, near its limits.
+        with suppress(SimulationError):
+            law = model_law(model)
+            moved.append(motion(law, run.drive, run.frequency, run.level, waveform=run.waveform))
+    if not moved:
+        return ()
+    angle, rate = (np.concatenate(each) for each in zip(*((m.angle, m.rate) for m in moved), strict=True))
+    return range_warnings(model.fitted, model.joint.motion, angle, rate, "the model in the planned runs")
 
 
 def _warnings(found: Sequence[Prediction], compared: bool, model: JointModel) -> tuple[str, ...]:

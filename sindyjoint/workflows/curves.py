@@ -199,7 +199,7 @@ class _CurveMaker:
             found = frequency_response(
                 balance, level, band, varied=varied, tested=self.placed.tested, limits=ends
             )
-            warnings += self._warnings(found, ends)
+            warnings += [line for line in self._warnings(found, ends) if line not in warnings]
             responses.append(found)
         return StructureCurves(
             self.placed.rig.name, self.at, self.point, tuple(h.name for h in structure.hinges), self.placed.tested,

@@ -168,7 +168,7 @@ def missing(target):
     for name in NEEDS.get(target, []):
         try:
             importlib.import_module(name)
-        except ImportError as error:
+        except (ImportError, RuntimeError) as error:  # OpenSees without its libraries raises the latter
             return f"{name} cannot be imported: {str(error).splitlines()[0]}"
     return "no C compiler is installed" if target == "c" and compiler() is None else ""
 

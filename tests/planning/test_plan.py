@@ -51,6 +51,8 @@ def test_a_plan_fills_the_time_and_beats_the_grid(found):
     assert found.curve[-1].widest < 0.8 * found.curve[-1].grid
     assert [step.widest for step in found.curve] == sorted((s.widest for s in found.curve), reverse=True)
     assert len({run.frequency for run in found.runs}) == 3 and not found.undetermined
+    # A joint that is only like another was tested nowhere.
+    assert not any("beyond the tested range" in text for text in found.warnings)
 
 
 def test_it_ends_where_it_is_enough(found):
@@ -64,9 +66,11 @@ def test_it_ends_where_it_is_enough(found):
 
 
 def test_a_joint_with_elements_is_planned_for_its_terms():
-    found = plan(
-        model=with_elements(JENKINS), drive="angle", time=40.0, sample_rate=250.0, limits={"moment": 4.0}
-    )
+    model = with_elements(JENKINS)
+    model = replace(model, fitted=replace(model.fitted, angle=1e-5))
+    found = plan(model=model, drive="angle", time=40.0, sample_rate=250.0, limits={"moment": 4.0})
+    beyond = "the model in the planned runs: beyond the tested range: angle up to"
+    assert any(text.startswith(beyond) and "% of the time)" in text for text in found.warnings)
     assert len(found.runs) == 8 and set(found.to_dict()["predicted"]) == set(found.model.ids)
     assert any(text.startswith("Jenkins element: in every simulation") for text in found.warnings)
     (made,) = play(model_law(found.model), found.runs[:1], replace(found.sensors, noise=1e-9)).runs

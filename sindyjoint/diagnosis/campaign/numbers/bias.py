@@ -125,8 +125,9 @@ def _along_valleys(work: Work, best: _Solved) -> tuple[_Solved, tuple[str, ...]]
                     break
                 best = again
             covariance = valley.widened(best.centre, best.covariance)
-            if covariance[valley.at, valley.at] > long**2 * best.covariance[valley.at, valley.at]:
-                low, high = np.sort(valley.ends[:, valley.at])
+            low, high = np.sort(valley.ends[:, valley.at])
+            whole = low <= min(r[0] for _, r in ranges) and high >= max(r[1] for _, r in ranges)
+            if whole or covariance[valley.at, valley.at] > long**2 * best.covariance[valley.at, valley.at]:
                 notes.append(
                     f"these runs do not determine the numbers of {each.effect.name} one by one: with {name} from "
                     f"{low:.3g} to {high:.3g} it fits about as well; its intervals hold all of these"
