@@ -139,8 +139,9 @@ def test_reports_of_campaigns_of_which_one_is_called_as_another_begins(joints, t
     for number, name in enumerate(("j", "j.1", "joint <3>")):
         shutil.copytree(joints / f"joint-{number}", tmp_path / "in" / name)
     out = tmp_path / "out"
-    # Beside one another: tests/files/test_files_atomic.py.
-    answer = sindyjoint("batch", tmp_path / "in" / "*", "--out", out, "-l", "paper", "--reports", "-q")
+    answer = sindyjoint(
+        "batch", tmp_path / "in" / "*", "--out", out, "-l", "paper", "--reports", "--jobs", "2", "-q"
+    )
     assert answer.status == 0
     page = (out / "report.html").read_text(encoding="utf-8")
     (odd,) = (path for path in out.glob("campaigns/*") if path.name not in ("j", "j.1"))
