@@ -63,9 +63,9 @@ def _describe_failure(status: int, time: float, limits: Array, where: str) -> Si
 
     if status == kernel.LIMIT:
         text = (
-            f"the joint left its range ({limits[0]:.4g} to {limits[1]:.4g}) at t = {time:.6g} s: past the "
-            "softening limit its tangent stiffness is negative and it snaps through; lower the excitation, or pass "
-            "limits=None to follow it"
+            f"the joint left its range ({limits[0]:.4g} to {limits[1]:.4g}) at t = {time:.6g} s: past a "
+            "softening limit its tangent stiffness is negative and it snaps through, with negative damping it swings "
+            "ever wider; lower the excitation, or pass limits=None to follow it"
         )
     elif status == kernel.NOT_FINITE:
         text = f"the state is no longer finite at t = {time:.6g} s; the law is unbounded there"

@@ -16,6 +16,11 @@ class ResponsePolicy:
         "least elastic moment, as a share of the moment's RMS, with which a joint is simulated without "
         "restarts",
     )
+    runaway: float = limit(
+        1e4,
+        "distance from the measured angles, in their range, at which a simulation without a softening limit is ended: "
+        "with negative damping it would swing ever wider in ever shorter steps",
+    )
     input_moves: float = limit(
         0.01,
         "largest change of the moment within a run, in its RMS, that an input may make where it is held at its mean",

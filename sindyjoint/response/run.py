@@ -17,6 +17,7 @@ from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
+from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.standstill import without_noise_travel
 
@@ -303,13 +304,18 @@ def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     """Return the angles that end a simulation.
 
     The softening limit; where the measured motion passes it, or under multiple shooting, three times the
-    measured range.
+    measured range. A stiffening law whose damping is negative has no such limit and swings ever wider and faster:
+    it ends :attr:`~ResponsePolicy.runaway` ranges outside of the measured one.
     """
     low, high = softening_limit(law)
     least, most = float(np.min(states.angle)), float(np.max(states.angle))
-    if drive == "moment" and low < least and most < high:
-        return (low, high)
     reach = most - least
+    if drive == "moment" and low < least and most < high:
+        away = POLICY.runaway * reach
+        return (
+            low if np.isfinite(low) else least - away,
+            high if np.isfinite(high) else most + away,
+        )
     return (least - reach, most + reach)
 
 

@@ -1,6 +1,7 @@
 """Simulated against measured runs: driven by the moment, by multiple shooting, by the motion."""
 
 from dataclasses import replace
+from time import process_time
 
 import numpy as np
 import pytest
@@ -108,6 +109,17 @@ def test_past_the_softening_limit_is_a_result_in_words():
     assert "the joint left its range" in found.failure and "snaps through" in found.failure
     # Along the measured motion it still has a moment.
     assert 0.01 < found.moment_nrmse < 0.2
+
+
+def test_a_stiffening_law_that_gains_energy_ends_where_it_runs_away():
+    """It took the integrator's 20 million steps, seconds of processor time for every run of a campaign."""
+    run = runs()[0]
+    gaining = replace(INTER_PANEL, k2=0.0, k3=abs(INTER_PANEL.k3), c1=-100.0)
+    begin = process_time()
+    found = simulate_run(gaining, run)
+    assert process_time() - begin < 1.0
+    assert found.simulated_angle is None
+    assert "the joint left its range" in found.failure and "ever wider" in found.failure
 
 
 def test_a_motion_past_the_limit_is_followed():
