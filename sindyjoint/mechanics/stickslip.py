@@ -345,6 +345,21 @@ def transfer_moment(
     SimulationError
         When an internal state is no longer finite; carries the time.
     """
+    theta, omega = np.asarray(angle, dtype=np.float64), np.asarray(rate, dtype=np.float64)
+    state = internal_states(law, theta, omega, sample_rate, substeps=substeps, rest=rest)
+    moment = law.moment(theta, omega, slip_direction(omega), state)
+    if acceleration is not None:
+        moment = moment + law.inertia * np.asarray(acceleration, dtype=np.float64)
+    return moment, state
+
+
+def internal_states(
+    law: Law, angle: ArrayLike, rate: ArrayLike, sample_rate: float, *, substeps: int = 8, rest: float = 0.0
+) -> Array:
+    """Return the internal states of a law along a prescribed motion, shape (n_states, n).
+
+    Parameters and what is raised: :func:`transfer_moment`.
+    """
     from sindyjoint.mechanics.kernels import fastest_decay, integrate_states
 
     theta, omega = np.asarray(angle, dtype=np.float64), np.asarray(rate, dtype=np.float64)
@@ -371,7 +386,4 @@ def transfer_moment(
                 "the law's parameters",
                 time=time,
             )
-    moment = law.moment(theta, omega, direction, state)
-    if acceleration is not None:
-        moment = moment + law.inertia * np.asarray(acceleration, dtype=np.float64)
-    return moment, state
+    return state

@@ -12,7 +12,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import brought_from_rest, simulate, transfer_moment
+from sindyjoint.mechanics.stickslip import brought_from_rest, internal_states, simulate, slip_direction
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
@@ -257,14 +257,10 @@ def along_motion(
     angle, rate = (
         np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
     )
-    if law.n_states:
-        angle, rate = without_noise_travel(states, angle, rate, 1 / sample_rate)
-    acceleration = np.concatenate([np.zeros(size), states.acceleration])
-    rest = rest_of(states)
-    moment, inner = transfer_moment(
-        law, angle, rate, sample_rate, acceleration=acceleration, substeps=substeps, rest=rest
-    )
-    return moment[size:], inner[:, size:]
+    still = without_noise_travel(states, angle, rate, 1 / sample_rate) if law.n_states else (angle, rate)
+    inner = internal_states(law, still[0], still[1], sample_rate, substeps=substeps, rest=rest_of(states))
+    moment = law.moment(angle, rate, slip_direction(rate), inner)[size:]
+    return moment + law.inertia * states.acceleration, inner[:, size:]
 
 
 def rest_of(states: ForceStates) -> float:
