@@ -35,14 +35,14 @@ settings.load_profile("repeatable")
 TESTS = Path(__file__).resolve().parent
 
 
-@pytest.hookimpl(optionalhook=True)
 def pytest_collection_finish():
-    """Look for cycles seldom: what the tests' modules hold is looked through at each full search, for a tenth of the time."""
+    """Look for cycles seldom: each full search goes through all that the tests' modules hold."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 50)
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
     """Send tests that share a fixture of a file or folder to one worker, so that it is made once.
 
