@@ -18,7 +18,13 @@ from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.judgement.discovery import Discovery, fitted_to
-from sindyjoint.judgement.rig_verdict import few_rows, of_many_rows, of_one_run, within_the_states
+from sindyjoint.judgement.rig_verdict import (
+    few_rows,
+    of_many_rows,
+    of_one_run,
+    of_slight_terms,
+    within_the_states,
+)
 from sindyjoint.judgement.second_search import campaign_model
 from sindyjoint.judgement.verdict import judge
 from sindyjoint.mechanics.rig_test import RigTest
@@ -291,7 +297,7 @@ def _judged(
         floor = max(floor, float(np.nan_to_num(model.fitted.noise_floor)))
         model = replace(model, fitted=replace(model.fitted, noise_floor=floor))
     verdict = of_one_run(judge(regressor, model), len({each.recovery.run.name for each in recovered}))
-    verdict = of_many_rows(verdict, *_counted(recovered))
+    verdict = of_slight_terms(of_many_rows(verdict, *_counted(recovered)), model)
     if rows is not None and errors is not None:
         verdict = within_the_states(verdict, errors.angle_share, float(errors.hidden.max(initial=0.0)))
         model = model.with_numbers(rows.coefficients, errors.covariance)

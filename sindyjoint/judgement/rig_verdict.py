@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.substructure.policy import POLICY as LIMITS
+from sindyjoint.text import spelled
 
 SURE = 2.0  # standard errors of a term within which it may be there unseen
 
@@ -44,6 +46,27 @@ def of_many_rows(verdict: Verdict, rows: int, unknowns: int) -> Verdict:
     if not few or verdict.verdict != "refuted":
         return verdict
     return replace(verdict, verdict="undecided", reason=f"{few}; without that: {verdict.reason}")
+
+
+def of_slight_terms(verdict: Verdict, model: JointModel) -> Verdict:
+    """Return a verdict that refutes nothing by terms that carry less of the moment than a structure is known to.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    model : JointModel
+        What was found, with the unique shares of its terms.
+    """
+    shares = {term.id: term.unique_share for term in model.terms}
+    extra = [shares.get(term, float("inf")) for term in verdict.extra]
+    if verdict.verdict != "refuted" or verdict.missing or not max(extra, default=0.0) < LIMITS.refuting_share:
+        return verdict
+    words = " and ".join(map(spelled, verdict.extra))
+    reason = (
+        f"the data need {words}, which carry less than {100 * LIMITS.refuting_share:g} % of the moment: a structure is "
+        "hardly described more accurately; the five terms carry the rest"
+    )
+    return replace(verdict, verdict="undecided", reason=reason)
 
 
 def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:

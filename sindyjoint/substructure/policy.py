@@ -64,6 +64,12 @@ class SubstructurePolicy:
         "fewer, terms beside those that explain the moment are not sought, and none is refuted",
         source="3 after blows to the pulse rig (two campaigns), which made terms of what is beyond the band",
     )
+    refuting_share: float = limit(
+        0.001,
+        "share of the moment below which terms beyond the paper's refute nothing: masses and beams are hardly "
+        "described more accurately, and what the recovery leaves of records that do not repeat looks like terms",
+        source="by judgement; terms that were not there had at most 0.0001 (a sweep, a blow, 0.01 % noise)",
+    )
     explained: float = limit(
         10.0,
         "mean square of the residual of the rows, in that of the noise, up to which a term may stand out: beyond it "

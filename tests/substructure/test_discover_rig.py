@@ -9,7 +9,7 @@ import pytest
 from sindyjoint.cli import main
 from sindyjoint.equation.terms import term_columns
 from sindyjoint.files.writers import ENCODERS
-from sindyjoint.judgement.rig_verdict import of_many_rows, within_the_states
+from sindyjoint.judgement.rig_verdict import of_many_rows, of_slight_terms, within_the_states
 from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.records.structure import StructureRecord
@@ -141,6 +141,19 @@ def test_few_samples_of_motion_refute_no_term():
     assert of_many_rows(refuted, 2563, 404) == refuted
     confirmed = replace(refuted, verdict="confirmed", extra=())
     assert of_many_rows(confirmed, 1003, 342) == confirmed
+
+
+def test_terms_that_carry_less_than_a_structure_is_known_to_refute_nothing(found):
+    model = found.laws[0].discovery.model
+    *_, last = model.terms
+    refuted = Verdict("refuted", (), (last.id,), "the data need it")
+    slight = replace(model, terms=(*model.terms[:-1], replace(last, unique_share=9e-4)))
+    undecided = of_slight_terms(refuted, slight)
+    assert undecided.verdict == "undecided" and "less than 0.1 % of the moment" in undecided.reason
+    more = replace(model, terms=(*model.terms[:-1], replace(last, unique_share=1.1e-3)))
+    assert of_slight_terms(refuted, more) == refuted
+    # Terms of the paper that are not there are another matter.
+    assert of_slight_terms(replace(refuted, missing=("cubic_stiffness",)), slight).verdict == "refuted"
 
 
 def test_noise_of_slow_harmonics_is_not_the_motion_of_a_joint():
