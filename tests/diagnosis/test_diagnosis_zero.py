@@ -137,6 +137,9 @@ def test_names_verdict_and_gaps_stay_and_coefficients_follow(name, seed):
         assert [step.effect for step in later.steps if step.effect not in ZERO] == [name]
         assert later.final.moment == pytest.approx(first.final.moment, rel=0.02)
         assert later.final.response == pytest.approx(first.final.response, rel=0.05)
+        # Both are drawn over the displacement as it was measured.
+        for run, repaired in zip(later.before, later.after, strict=True):
+            assert np.ptp(run.angle) == pytest.approx(np.ptp([*run.angle, *repaired.angle]), rel=0.01)
         assert all(
             follows_the_taylor_shift(before, {term.id: term for term in later.whole.terms}, shift).values()
         )

@@ -72,6 +72,9 @@ def test_floor_and_pictures_are_those_of_the_runs_kept_out():
     assert [s.run for s in problem.work.kept_states] == ["kept"]
     shown = run_gaps(gap_rows(problem.work, problem.work.model), problem.work.model)
     assert [each.run for each in shown] == ["kept"]
+    # Drawn over the displacement as it was measured, from whatever zero the rows count it.
+    (moved,) = run_gaps(gap_rows(problem.work, problem.work.model), problem.work.model, zero=0.01)
+    assert moved.angle == pytest.approx(shown[0].angle + 0.01, rel=1e-12)
     assert shown[0].noise == pytest.approx(0.06 * float(np.std(runs[2].moment)), rel=0.15)
     everything = CampaignProblem.build(campaign(*runs[:2]), None, "paper", load_effects(), CAMPAIGN)
     assert everything.noise_floor.moment == pytest.approx(0.01, rel=0.15)

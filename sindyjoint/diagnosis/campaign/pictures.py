@@ -22,18 +22,19 @@ MOST_ROWS = 1500
 
 
 def run_gaps(
-    rows: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()
+    rows: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = (), zero: float = 0.0
 ) -> tuple[RunGap, ...]:
     """Return up to twelve runs, spread over the campaign, beside a model with effects; long ones thinned.
 
-    Rows are moments of the joint, channels put right: a time shift among the effects is in them already.
+    Rows are moments of the joint, channels put right: a time shift among the effects is in them already. Angles are as
+    measured: ``zero``, from which those of the rows are counted, is added.
     """
     chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_RUNS)).round().astype(int))
     whole = [rows[i].whole() for i in chosen]
-    return tuple(_beside(run, modelled(run, model, effects)) for run in whole)
+    return tuple(_beside(run, modelled(run, model, effects), zero) for run in whole)
 
 
-def _beside(run: GapRun, model: Array) -> RunGap:
+def _beside(run: GapRun, model: Array, zero: float) -> RunGap:
     keep = run.motion.keep
     time = np.asarray(run.motion.step * keep if run.folded else run.motion.time[keep], dtype=np.float64)
     curve = _stretch(run, time)
@@ -44,7 +45,7 @@ def _beside(run: GapRun, model: Array) -> RunGap:
         frequency=run.motion.frequency,
         repeats=run.folded,
         time=time[part],
-        angle=run.angle[part],
+        angle=run.angle[part] + zero,
         rate=run.rate[part],
         measured=run.target[part],
         model=model[part],

@@ -391,8 +391,10 @@ class CampaignProblem(Problem):
             effects=self.found,
             whole=self.whole,
             test=self.test,
-            before=run_gaps(gap_rows(first.work, first.work.model), first.work.model),
-            after=run_gaps(gap_rows(self.work, repaired.model, self.found), repaired.model, self.found)
+            before=run_gaps(gap_rows(first.work, first.work.model), first.work.model, zero=first.zero),
+            after=run_gaps(
+                gap_rows(self.work, repaired.model, self.found), repaired.model, self.found, self.zero
+            )
             if found["steps"]
             else (),
         )
