@@ -79,7 +79,10 @@ def _describe_failure(status: int, time: float, limits: Array, where: str) -> Si
             "(the moment there is larger for slip towards −1 than towards +1); Coulomb friction must not be negative"
         )
     else:
-        text = f"20 million steps did not suffice; the simulation stopped at t = {time:.6g} s; the law is too stiff"
+        text = (
+            f"{kernel.STEPS_PER_SAMPLE} steps a sample did not suffice; the simulation stopped at t = {time:.6g} s; "
+            "the law is too stiff"
+        )
     return SimulationError(where + text, time=float(time))
 
 

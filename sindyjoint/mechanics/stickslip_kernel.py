@@ -19,6 +19,8 @@ from sindyjoint.equation.pointers import pointer, shifted
 from sindyjoint.mechanics.kernels import call_law
 
 DONE, LIMIT, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, ACTIVE_FRICTION = range(6)
+# Most steps of a simulation: usual are fewer than ten a sample; a law that takes hundreds is not that of the samples.
+STEPS_PER_SAMPLE, LEAST_STEPS = 400, 2_000_000
 
 # Only `integrate` is called from Python: wrappers of the others would cost a tenth of the compilation.
 _options = {
@@ -334,7 +336,7 @@ def integrate(address, p, inertia, pieces, tone, y, sizes, room, sample_step, rt
             continue
 
         steps += 1
-        if steps > 20_000_000:
+        if steps > LEAST_STEPS and steps > STEPS_PER_SAMPLE * n_samples:
             return TOO_MANY_STEPS, t, steps
         h = min(h_next, max_step)
         if not smooth:
