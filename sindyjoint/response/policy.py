@@ -19,7 +19,7 @@ class ResponsePolicy:
     runaway: float = limit(
         1e4,
         "distance from the measured angles, in their range, at which a simulation without a softening limit is ended: "
-        "with negative damping it would swing ever wider in ever shorter steps",
+        "with negative damping its amplitude would grow in ever shorter steps",
     )
     input_moves: float = limit(
         0.01,

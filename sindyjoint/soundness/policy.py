@@ -212,7 +212,7 @@ class SoundnessPolicy:
     )
     another_scale: float = limit(
         10.0,
-        "ratio of a run's swing to the usual one, either way, from which it is no edge of a common range",
+        "ratio of a run's amplitude to the usual one, either way, from which it is no edge of a common range",
     )
     stray_rows: float = limit(
         0.05, "share of a run's rows, those furthest from the law, that alone make no departure"
@@ -296,7 +296,7 @@ class SoundnessPolicy:
     strong_line: float = limit(0.02, "mains line in parts of the channel's RMS that biases")
     largest_angle: float = limit(
         3.4,
-        "angle beyond which a joint's swing is implausible",
+        "angle beyond which a joint's motion is implausible",
         unit="rad",
         source="half a turn and a margin",
     )
