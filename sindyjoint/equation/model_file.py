@@ -30,9 +30,10 @@ def read_model(path: str | os.PathLike[str]) -> JointModel:
     if file.is_dir():
         file = file / "model.json"
     if not file.is_file():
+        within = [str(folder) for folder in _model_folders(Path(path))]
         raise MissingInputError(
-            f"{str(path)!r}: no model is here; expected a model.json, or a folder with one, as "
-            "'discover --out' writes it"
+            f"{str(path)!r}: no model is here; expected a model.json, or a folder with one, "
+            + (f"such as {' or '.join(within)}" if within else "as 'discover --out' writes it")
         )
     data = read_json(file)
     try:
@@ -42,3 +43,20 @@ def read_model(path: str | os.PathLike[str]) -> JointModel:
         reason = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
         raise InputError(f"{file}: {reason}") from error
     return model
+
+
+def read_models(path: str | os.PathLike[str]) -> list[JointModel]:
+    """Read the model of a file or folder, or those of all kinds of joint in what ``discover RIG --out`` wrote.
+
+    Raises
+    ------
+    MissingInputError, InputError
+        As :func:`read_model`.
+    """
+    folder = Path(path)
+    within = [] if (folder / "model.json").is_file() else _model_folders(folder)
+    return [read_model(each) for each in within or [folder]]
+
+
+def _model_folders(folder: Path) -> list[Path]:
+    return sorted(file.parent for file in folder.glob("*/model.json")) if folder.is_dir() else []

@@ -132,6 +132,25 @@ def load_rig_test(rig: str | Path) -> RigTest:
     return _with_path(build, path)
 
 
+def load_rig_structure(rig: str | Path) -> RigTest:
+    """Read a rig with sensors without its runs; a joint whose law is sought, or a model's, has ``UNKNOWN``.
+
+    Raises
+    ------
+    InputError, UnitError, UnknownNameError, MissingInputError
+        In one line that names file and field.
+    """
+    path, given = _read(rig)
+    laws = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
+    return _with_path(lambda: _build_test(given, path, laws), path)
+
+
+def has_pulse(rig: str | Path) -> bool:
+    """Return whether a rig is a chain that a pulse excites."""
+    _, given = _read(rig)
+    return given.pulse is not None and bool(given.chain)
+
+
 def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
     """Read a rig whose joints have laws, shipped or given, with the runs that a virtual test shall make."""
     path, given = _read(rig)

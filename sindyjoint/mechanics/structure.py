@@ -319,6 +319,30 @@ def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) 
     return projected(structure, basis)
 
 
+def with_coordinate(structure: Structure, name: str) -> Structure:
+    """Return a structure one of whose coordinates, none of the joints', is the deflection of a point.
+
+    With the row r of the point and its largest entry r_c behind the joints, q_c = (w − Σ r_i q_i)/r_c, i ≠ c.
+
+    Raises
+    ------
+    UnknownNameError
+    InputError
+        For a point that stands still, or moves with the joints alone.
+    """
+    row, joints = structure.point(name), structure.n_joints
+    if not row[joints:].any():
+        how = "moves with the joints alone" if row.any() else "does not move: it sits at the base"
+        raise InputError(f"point {name!r} {how}; expected one on the structure beyond them")
+    place = joints + int(np.argmax(np.abs(row[joints:])))
+    if np.count_nonzero(row) == 1 and row[place] == 1:
+        return structure
+    basis = np.eye(row.size)
+    basis[place] = -row / row[place]
+    basis[place, place] = 1 / row[place]
+    return projected(structure, basis)
+
+
 def projected(structure: Structure, basis: Array) -> Structure:
     """Return a structure in the coordinates of a basis, shape (whole, n), whose first ones are the joints' angles."""
 

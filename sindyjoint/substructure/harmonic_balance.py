@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.structure import Structure, craig_bampton
+from sindyjoint.mechanics.structure import Structure, craig_bampton, with_coordinate
 from sindyjoint.numeric import Array
 from sindyjoint.substructure.harmonics import analysis, differentiation, real_blocks, synthesis
 from sindyjoint.substructure.period import PeriodMoment, period_moment
@@ -54,6 +54,8 @@ class Balance:
     viscous_from : float
         Zero: the beams' loss factors hold at the frequency of the motion, whatever it is, and its harmonics are damped
         as by a damper that gives them there. Else ω of such a damper, rad/s.
+    viscous : ndarray, shape (n, n), optional
+        Damping matrix beside the loss, N·m·s/rad.
     """
 
     mass: Array
@@ -65,6 +67,7 @@ class Balance:
     tangents: Array
     hold: Array
     viscous_from: float = 0.0
+    viscous: Array | None = None
 
     @classmethod
     def of(
@@ -102,7 +105,7 @@ class Balance:
             raise InputError(
                 "the structure has no joint: its response is linear; expected at least one joint"
             )
-        reduced = craig_bampton(structure, [at, point or at], modes)
+        reduced = craig_bampton(with_coordinate(structure, at), [at, point or at], modes)
         first = 2 * np.pi * structure.frequencies(1)[0]
         joints = np.arange(structure.n_joints)
         tangents = structure.tangent_stiffness()
@@ -111,7 +114,7 @@ class Balance:
         laws = tuple(hinge.law for hinge in structure.hinges)
         return cls(
             reduced.mass, reduced.loss, reduced.stiffness, laws, reduced.point(point or at), harmonics, tangents,
-            hold, first if viscous else 0.0,
+            hold, first if viscous else 0.0, reduced.viscous,
         )  # fmt: skip
 
     @property
@@ -139,10 +142,12 @@ class Balance:
         return np.asarray(np.ptp(self.angles(unknowns), axis=1) / 2)
 
     def _dynamic(self, omega: float, growth: float, orders: NDArray[Any]) -> Complex:
-        """Return D_h = K − (hΩ)²·M + i·h·(η·K − Ω·ξ·M), η·K being the loss, shape (orders, n, n)."""
+        """Return D_h = K − (hΩ)²·M + i·h·(η·K + Ω·C − Ω·ξ·M), η·K being the loss, shape (orders, n, n)."""
         h = orders[:, None, None]
         share = omega / self.viscous_from if self.viscous_from else 1.0
         damping = share * self.loss - omega * growth * self.mass
+        if self.viscous is not None:
+            damping = damping + omega * self.viscous
         return self.stiffness - (h * omega) ** 2 * self.mass + 1j * h * damping
 
     def linear(self, omega: float, growth: float = 0.0) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.numeric import Array, finite
+from sindyjoint.record import Motion
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.forced import ForcedResponse
 from sindyjoint.substructure.modes import ModeCurve
@@ -25,7 +26,7 @@ class StructureCurves(Shown):
         Where the force acts, and whose deflection the response is.
     joints : tuple of str
     tested : ndarray, shape (joints,)
-        Largest angle that each joint's model was fitted to, rad; not finite for a joint without a model.
+        Largest angle that each joint's model was fitted to, rad (m); not finite for a joint without a model.
     sliding, locked : ndarray, shape (modes,)
         Natural frequencies with the joints' stiffness at zero, and with locked joints, Hz.
     modes : tuple of ModeCurve
@@ -34,6 +35,8 @@ class StructureCurves(Shown):
     simulated : bool
         True: what is shown follows from a model.
     warnings : tuple of str
+    motion : {"rotation", "translation"}
+        Of the joints.
     """
 
     name: str
@@ -48,12 +51,14 @@ class StructureCurves(Shown):
     harmonics: int
     simulated: bool = True
     warnings: tuple[str, ...] = ()
+    motion: Motion = "rotation"
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
         return {
             "schema": 1,
             "rig": self.name,
+            "motion": self.motion,
             "at": self.at,
             "point": self.point,
             "harmonics": self.harmonics,

@@ -9,15 +9,18 @@ from pathlib import Path
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import as_model
+from sindyjoint.equation.model_file import as_model, read_models
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import softening_limit
-from sindyjoint.mechanics.pulse_test import hinges
+from sindyjoint.mechanics.rig_test import BASE, RigTest
+from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure, rig_path
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.options import checks_options
+from sindyjoint.record import Motion
 from sindyjoint.response.model_law import model_law
+from sindyjoint.response.models_by_kind import place_by_kind
 from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels
 from sindyjoint.substructure.forced import ForcedResponse, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
@@ -41,7 +44,7 @@ BAND = (0.8, 1.15)
 @checks_options()
 @single_threaded()
 def curves(
-    subject: JointModel | Rig | str | Path,
+    subject: JointModel | Rig | RigTest | str | Path,
     *,
     model: Model | Sequence[Model] = (),
     frequencies: Sequence[float] = (),
@@ -58,11 +61,12 @@ def curves(
 
     Parameters
     ----------
-    subject : JointModel, Rig, str or Path
+    subject : JointModel, Rig, RigTest, str or Path
         A model, its ``model.json`` or the folder with it; or a rig, its TOML file or the name of a shipped one.
     model : JointModel or path, or several of them
-        Of a rig: replace the joints that bear their names, or that the rig gives as ``law = "model"``. Curves have
-        95 % bands from their covariance.
+        Of a rig: replace the joints that bear their names, or that the rig gives as ``law = "model"``; of a rig with
+        sensors and runs those of their kind. A folder that ``discover RIG`` wrote holds those of all kinds. Curves
+        have 95 % bands from their covariance.
     frequencies : sequence of float
         Of a joint: Hz. Default: lowest and highest that the model was fitted to; 1 Hz where it knows none.
     amplitudes : (float, float), optional
@@ -75,7 +79,8 @@ def curves(
     modes : int
         Of a rig: how many modes are followed over amplitude.
     at, point : str, optional
-        Of a rig: where the force acts, and whose deflection the response is. Default: as the rig says; the first.
+        Of a rig: where the force acts, and whose deflection the response is. Default: as the rig says; its first
+        output point, or where the force acts.
     harmonics : int
         Of a rig: that are balanced.
     progress : callable, optional
@@ -99,16 +104,23 @@ def curves(
     True
     """
     say = progress or (lambda stage: None)
-    if not isinstance(subject, Rig) and (isinstance(subject, JointModel) or _names_model(subject)):
+    if isinstance(subject, JointModel) or (isinstance(subject, str | Path) and _names_model(subject)):
         given = {"model": model, "levels": levels, "band": band, "at": at, "point": point}
         _refuse({name: value for name, value in given.items() if value}, "a rig", "a model")
         return _of_joint(as_model(subject), frequencies, amplitudes, say)
     given = {"frequencies": frequencies, "amplitudes": amplitudes}
     _refuse({name: value for name, value in given.items() if value}, "a model", "a rig")
-    rig = subject if isinstance(subject, Rig) else load_rig(subject, PLACEHOLDERS)
     given_models = [model] if isinstance(model, JointModel | str | Path) else list(model)
-    placed = PlacedModels.in_rig(rig, list(map(as_model, given_models)))
-    maker = _CurveMaker(placed, at or rig.at, point or at or rig.points[0], harmonics, say)
+    models = [
+        one
+        for each in given_models
+        for one in ([each] if isinstance(each, JointModel) else read_models(each))
+    ]
+    driven = isinstance(subject, RigTest) or (not isinstance(subject, Rig) and not has_pulse(subject))
+    placed = _in_test(subject, models) if driven else _in_rig(subject, models)
+    if at is None and placed.at == BASE:
+        raise InputError(f"the base of {placed.name!r} is shaken; give at, the point where a force acts")
+    maker = _CurveMaker(placed, at or placed.at, point or at or placed.point, harmonics, say)
     return maker.curves(levels, band, modes)
 
 
@@ -116,7 +128,42 @@ def _names_model(subject: str | Path) -> bool:
     if str(subject) in shipped_rigs():
         return False
     path = Path(subject)
-    return path.is_dir() or path.suffix.lower() == ".json"
+    return (path.is_dir() and rig_path(path) == path) or path.suffix.lower() == ".json"
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A structure whose joints have their laws, the model of each joint that has one, and where it is driven."""
+
+    name: str
+    motion: Motion
+    structure: Structure
+    models: tuple[JointModel | None, ...]
+    at: str
+    point: str
+
+    @property
+    def tested(self) -> Array:
+        """Tested angle of each joint, rad (m); infinite without a model."""
+        return np.array([np.inf if m is None else m.fitted.angle for m in self.models])
+
+
+def _in_rig(rig: Rig | str | Path, models: Sequence[JointModel]) -> _Placed:
+    placed = PlacedModels.in_rig(
+        rig if isinstance(rig, Rig) else load_rig(rig_path(rig), PLACEHOLDERS), models
+    )
+    made = placed.rig
+    return _Placed(made.name, "rotation", made.structure(), placed.models, made.at, made.points[0])
+
+
+def _in_test(rig: RigTest | str | Path, models: Sequence[JointModel]) -> _Placed:
+    test = rig if isinstance(rig, RigTest) else load_rig_structure(rig)
+    structure, standing = place_by_kind(test, models)
+    if len(structure.mass) == structure.n_joints:
+        raise InputError(
+            f"{test.name!r} has nothing beside its joints; its curves are those of a joint: give the model"
+        )
+    return _Placed(test.name, test.motion, structure, standing, test.at, test.at)
 
 
 def _refuse(given: dict[str, object], owner: str, subject: str) -> None:
@@ -164,7 +211,7 @@ def _softens(law: object) -> float:
 class _CurveMaker:
     """Makes a structure's curves."""
 
-    placed: PlacedModels
+    placed: _Placed
     at: str
     point: str
     harmonics: int
@@ -178,7 +225,7 @@ class _CurveMaker:
             raise InputError(f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each")
         if not all(0 < level < np.inf for level in levels):
             raise InputError(f"levels are {list(levels)}; expected positive forces")
-        structure = self.placed.rig.structure()
+        structure = self.placed.structure
         sliding, locked = structure.frequencies(modes), structure.frequencies(modes, locked=True)
         if band is None:
             band = (BAND[0] * float(sliding[0]), BAND[1] * float(locked[0]))
@@ -202,12 +249,13 @@ class _CurveMaker:
             warnings += [line for line in self._warnings(found, ends) if line not in warnings]
             responses.append(found)
         return StructureCurves(
-            self.placed.rig.name, self.at, self.point, tuple(h.name for h in structure.hinges), self.placed.tested,
+            self.placed.name, self.at, self.point, tuple(h.name for h in structure.hinges), self.placed.tested,
             sliding, locked, tuple(followed), tuple(responses), self.harmonics, True, tuple(warnings),
+            self.placed.motion,
         )  # fmt: skip
 
     def _limits(self, laws: Sequence[object]) -> Array:
-        """Return the angle of each joint at which modes end, rad."""
+        """Return the angle of each joint at which modes end, rad (m)."""
         softens = [TO_SOFTENING * _softens(law) for law in laws]
         limits = np.minimum(softens, BEYOND * self.placed.tested)
         return np.where(np.isfinite(limits), limits, WIDEST)
@@ -231,7 +279,8 @@ class _CurveMaker:
 
     def _warnings(self, found: ForcedResponse, ends: Array) -> list[str]:
         warnings = []
-        names = [hinge.name for hinge in hinges(self.placed.rig)]
+        names = [hinge.name for hinge in self.placed.structure.hinges]
+        unit = "rad" if self.placed.motion == "rotation" else "m"
         peaks = found.angle.max(axis=1)
         for name, peak, end, tested in zip(names, peaks, ends, self.placed.tested, strict=True):
             if peak > end:
@@ -241,6 +290,6 @@ class _CurveMaker:
                 )
             elif peak > tested:
                 warnings.append(
-                    f"at {found.force:g} N {name} moves up to {peak:.3g} rad where {tested:.3g} rad was tested"
+                    f"at {found.force:g} N {name} moves up to {peak:.3g} {unit} where {tested:.3g} {unit} was tested"
                 )
         return warnings

@@ -109,6 +109,7 @@ class StructureCurvesRecord(Part):
 
     schema_: Version
     rig: str
+    motion: Joint
     at: str
     point: str
     harmonics: int

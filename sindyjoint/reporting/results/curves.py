@@ -77,7 +77,7 @@ class StructureCurvesView(View[StructureCurves, StructureCurves]):
         modes = ("Mode", "At", "Amplitude", "Frequency", "Damping", "Slips from")
         return (
             TextTable(
-                "levels", "The largest response at each level.", levels, tuple(map(_level_row, result.levels))
+                "levels", "The largest response at each level.", levels, tuple(_level_row(level, UNITS[result.motion][0]) for level in result.levels)
             ),
             TextTable(
                 "modes", "From the smallest to the largest amplitude.", modes,
@@ -166,13 +166,13 @@ def _joint_rows(curve: JointCurve, motion: str) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _level_row(level: ForcedResponse) -> tuple[str, ...]:
+def _level_row(level: ForcedResponse, length: str) -> tuple[str, ...]:
     frequency, amplitude = level.peak
     return (
         f"{level.force:.3g} N",
         f"{frequency:.4g} Hz",
         _with_width(amplitude, amplitude * level.peak_error, "m"),
-        _amount(float(level.angle.max()), "rad"),
+        _amount(float(level.angle.max()), length),
         ", ".join(f"{fold:.4g} Hz" for fold in level.folds) or DASH,
     )
 
@@ -222,7 +222,7 @@ def joint_csv(result: JointCurves) -> str:
 def response_csv(result: StructureCurves) -> str:
     """Return the frequency response at all levels as CSV, SI units; edges are points of the 95 % band's two edges."""
     names = ["force_N", "frequency_Hz", "amplitude_m", "phase_deg", "low95_frequency_Hz", "low95_amplitude_m"]
-    names += ["high95_frequency_Hz", "high95_amplitude_m", *(f"{joint}_angle_rad" for joint in result.joints)]
+    names += ["high95_frequency_Hz", "high95_amplitude_m", *_joint_columns(result)]
     rows = []
     for level in result.levels:
         columns = [np.full(level.frequency.size, level.force), level.frequency, level.amplitude]
@@ -232,6 +232,11 @@ def response_csv(result: StructureCurves) -> str:
             for row, stable, tested in zip(np.array(columns).T, level.stable, level.tested, strict=True)
         ]
     return csv_text([*names, "stable", "tested"], rows)
+
+
+def _joint_columns(result: StructureCurves) -> list[str]:
+    quantity = "angle_rad" if result.motion == "rotation" else "elongation_m"
+    return [f"{joint}_{quantity}" for joint in result.joints]
 
 
 def modes_csv(result: StructureCurves) -> str:
@@ -244,7 +249,7 @@ def modes_csv(result: StructureCurves) -> str:
         "damping_ratio",
         "damping_ratio_error",
     ]
-    names += ["force_N", *(f"{joint}_angle_rad" for joint in result.joints), "tested"]
+    names += ["force_N", *_joint_columns(result), "tested"]
     rows = []
     for mode in result.modes:
         columns = [mode.amplitude, mode.frequency, mode.frequency_error, mode.damping, mode.damping_error]
