@@ -116,8 +116,10 @@ def curves(
         for each in given_models
         for one in ([each] if isinstance(each, JointModel) else read_models(each))
     ]
-    driven = isinstance(subject, RigTest) or (not isinstance(subject, Rig) and not has_pulse(subject))
-    placed = _in_test(subject, models) if driven else _in_rig(subject, models)
+    if isinstance(subject, RigTest) or (not isinstance(subject, Rig) and not has_pulse(subject)):
+        placed = _in_test(subject, models)
+    else:
+        placed = _in_rig(subject, models)
     if at is None and placed.at == BASE:
         raise InputError(f"the base of {placed.name!r} is shaken; give at, the point where a force acts")
     maker = _CurveMaker(placed, at or placed.at, point or at or placed.point, harmonics, say)
@@ -160,9 +162,7 @@ def _in_test(rig: RigTest | str | Path, models: Sequence[JointModel]) -> _Placed
     test = rig if isinstance(rig, RigTest) else load_rig_structure(rig)
     structure, standing = place_by_kind(test, models)
     if len(structure.mass) == structure.n_joints:
-        raise InputError(
-            f"{test.name!r} has nothing beside its joints; its curves are those of a joint: give the model"
-        )
+        raise InputError(f"{test.name!r} has nothing beside its joints; its curves are a model's: give that")
     return _Placed(test.name, test.motion, structure, standing, test.at, test.at)
 
 

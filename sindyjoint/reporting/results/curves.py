@@ -75,10 +75,10 @@ class StructureCurvesView(View[StructureCurves, StructureCurves]):
         """Return the peak of each level, and the course of each mode."""
         levels = ("Force", "Peak at", "Amplitude", "Largest joint angle", "Jumps at")
         modes = ("Mode", "At", "Amplitude", "Frequency", "Damping", "Slips from")
+        length = UNITS[result.motion][0]
+        rows = tuple(_level_row(level, length) for level in result.levels)
         return (
-            TextTable(
-                "levels", "The largest response at each level.", levels, tuple(_level_row(level, UNITS[result.motion][0]) for level in result.levels)
-            ),
+            TextTable("levels", "The largest response at each level.", levels, rows),
             TextTable(
                 "modes", "From the smallest to the largest amplitude.", modes,
                 tuple(_mode_row(mode, result.joints) for mode in result.modes),
