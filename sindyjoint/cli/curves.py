@@ -93,7 +93,9 @@ def curves(
             ),
         )
 
-    files = [*(model or []), Path(subject)]
+    from sindyjoint.mechanics.rig_test_file import rig_path
+
+    files = [*(model or []), rig_path(subject)]
     answer(find, out, output, progress, files=files)
 
 

@@ -72,8 +72,8 @@ def verify(
 ) -> None:
     """Simulate a model and hold it against measured response.
 
-    Against a campaign: the runs marked use = "validate". Against a rig: the response that its file names as measured,
-    or a virtual pulse test of the rig as it is written.
+    Against a campaign: the runs marked use = "validate". Against a rig: its recorded runs, sensor by sensor; or the
+    response to a pulse that its file names as measured; or a virtual pulse test of the rig as it is written.
 
     Exit status 0: the model passed; 1: it failed, and the reason is printed; 2: the input is at fault.
 

@@ -80,7 +80,7 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         tolerated = f"{percent(result.tolerance)} beyond the noise is tolerated"
         fit = Light("response", colour, f"error {percent(result.response_nrmse)}, {floor}; {tolerated}")
     lights.append(fit)
-    if result.kind == "campaign":
+    if result.kind == "campaign" or any(run.drive != "pulse" for run in result.runs):
         lights.append(
             Light("held out", "good", "no run is compared that the model was fitted to")
             if result.independent
@@ -100,7 +100,10 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         steps.append((f"sindyjoint diagnose {subject} --model MODEL", "find and name what the model lacks"))
     if "held out" in weak:
         steps.append(
-            ('write use = "validate" to a run in campaign.toml', "compare with a run that was not fitted to")
+            (
+                f'write use = "validate" to a run in {result.kind}.toml',
+                "compare with a run that was not fitted to",
+            )
         )
     if "range" in weak:
         steps.append(("record runs at these levels", "fit the model where it is used"))

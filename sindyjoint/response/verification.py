@@ -72,10 +72,11 @@ class RunVerification:
     Parameters
     ----------
     name : str
-    channel : {"angle", "moment", "displacement"}
+    channel : {"angle", "moment", "displacement", "acceleration", "velocity"}
         What the response is.
     drive : str
-        How it was simulated: "moment", "windows", "motion", "free run" or "pulse".
+        How it was simulated: "moment", "windows", "motion", "free run" or "pulse"; of a run of a structure "steady" or
+        "standstill".
     time, measured : ndarray, shape (n,)
     simulated : ndarray, shape (n,), or None
     band : Band or None
@@ -151,8 +152,8 @@ class Verification(Shown):
         One sentence.
     tolerance : float
     response_nrmse, moment_nrmse, noise_floor, amplitude_rms_error, mean_period_difference : float or None
-        Errors: RMS over all runs relative to that of what was measured. Others: root mean squares over the runs (of the
-        period: the mean).
+        Errors and noise: RMS over all runs relative to that of what was measured. Others: root mean squares over the
+        runs (of the period: the mean).
     runs : tuple of RunVerification
     warnings : tuple of str
     free_run : int, optional
@@ -161,6 +162,8 @@ class Verification(Shown):
         Whether no run is compared that may have been fitted to.
     beyond_range : tuple of str
         Runs that go beyond what the model was tested to.
+    beside : tuple of JointModel
+        Those of further kinds of joint in a structure.
     """
 
     model: JointModel
@@ -179,6 +182,7 @@ class Verification(Shown):
     free_run: int | None = None
     independent: bool = True
     beyond_range: tuple[str, ...] = ()
+    beside: tuple[JointModel, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -240,7 +244,7 @@ def judged(
         if run.band is not None and run.band.failed
     ]
     whole = None if failed else _pooled("", runs, "response_nrmse", "scale")
-    floor = _pool_runs([run.noise_floor for run in runs], rms)
+    floor = _pooled("", runs, "noise_floor", "scale")
     beyond = float("inf") if whole is None else rms([run.beyond_noise for run in runs])
     worst = max(runs, key=lambda run: run.beyond_noise)
     if not failed and len(runs) > 1 and worst.beyond_noise > tolerance:

@@ -12,12 +12,14 @@ import numpy as np
 from sindyjoint.discovery.delay import align_channels
 from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import as_model, read_model
+from sindyjoint.equation.model_file import as_model, read_model, read_models
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.policy import POLICY
+from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.rig_test_file import has_measured_runs, load_rig_test
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
@@ -29,6 +31,7 @@ from sindyjoint.response.verify_rig import PLACEHOLDERS, verify_rig
 from sindyjoint.soundness.check import check_campaign, require_sound, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states.campaigns import content_hash
+from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.threads import single_threaded
 
 DRAWS = 20
@@ -53,8 +56,8 @@ class CampaignVerification(Verification):
 @checks_options()
 @single_threaded()
 def verify(
-    model: JointModel | str | Path,
-    against: Rig | Campaign | str | Path,
+    model: JointModel | Sequence[JointModel] | str | Path,
+    against: Rig | RigTest | Campaign | str | Path,
     *,
     test: TestNuisances | None = None,
     accept: Sequence[str] = (),
@@ -73,11 +76,13 @@ def verify(
 
     Parameters
     ----------
-    model : JointModel or path of a model.json
-    against : Rig, Campaign, or path
+    model : JointModel, several of them, or path of a model.json
+        Several only of a rig with runs: of its kinds of joint, as a folder that ``discover RIG`` wrote holds them.
+    against : Rig, RigTest, Campaign, or path
         A campaign: its runs marked ``use = "validate"``, or all of them where none is. A rig (or the name of a
         shipped one): the response it names as measured; without one, a virtual pulse test of the rig as it is
-        written, in which the model then replaces the joint.
+        written, in which the model then replaces the joint. A rig with sensors and recorded runs: those marked
+        ``use = "validate"``, or all of them.
     test : TestNuisances, optional
         Channel errors and the like that a diagnosis found in one campaign; put right in that campaign, and in no other.
         Default: those of ``test.json`` beside a model that is read from a file.
@@ -118,16 +123,22 @@ def verify(
         raise InputError(f"tolerance is {tolerance!r}; expected a number above zero")
     if draws < 0:
         raise InputError(f"draws is {draws!r}; expected a number that is not negative")
-    if not isinstance(model, JointModel):
+    against = _open_input(against)
+    if not isinstance(model, JointModel | Sequence) or isinstance(model, str):
         test = read_test(model) if test is None else test
-        model = read_model(model)
-    if not (model.terms or model.elements):
+        model = read_models(model) if isinstance(against, RigTest) else read_model(model)
+    models = [model] if isinstance(model, JointModel) else list(model)
+    if not all(each.terms or each.elements for each in models):
         raise InputError("the model has no terms: there is nothing to simulate; run discover first")
     settings = Settings(tolerance, draws, np.random.default_rng(random_state), window, free_run)
-    against = _open_input(against)
     given = {"noise": noise, "presliding": presliding, "loss_factor": loss_factor}
     truth = {name: value for name, value in given.items() if value is not None}
+    if not isinstance(against, RigTest) and len(models) != 1:
+        raise InputError(
+            f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"
+        )
     if isinstance(against, Campaign):
+        (model,) = models
         if truth:
             raise InputError(
                 f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given"
@@ -155,7 +166,13 @@ def verify(
         raise InputError(
             f"accept is {', '.join(accept)}: belongs to a campaign, whose data are checked; a rig is given"
         )
-    return verify_rig(model, against, settings, truth, say)
+    if isinstance(against, RigTest):
+        if truth:
+            raise InputError(
+                f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig has recorded runs"
+            )
+        return verify_runs(models, against, settings, say)
+    return verify_rig(models[0], against, settings, truth, say)
 
 
 def put_right(
@@ -175,12 +192,13 @@ def put_right(
     return test.corrected(usable), test, tuple(filter(None, (words, kept)))
 
 
-def _open_input(against: Rig | Campaign | str | Path) -> Rig | Campaign:
-    """Return the rig or campaign that a path means: a TOML file with a chain is a rig."""
-    if isinstance(against, Rig | Campaign):
+def _open_input(against: Rig | RigTest | Campaign | str | Path) -> Rig | RigTest | Campaign:
+    """Return the rig, with recorded runs or without, or the campaign that a path means."""
+    if isinstance(against, Rig | RigTest | Campaign):
         return against
-
     path = Path(against)
+    if has_measured_runs(path) and str(against) not in shipped_rigs():
+        return load_rig_test(path)
     if str(against) in shipped_rigs() and not path.is_dir():
         return load_rig(str(against))
     if not path.exists():

@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CYCLES_SHOWN = 6
-UNITS = {"angle": "rad", "displacement": "m", "moment": "N*m", "force": "N"}
+UNITS = {
+    "angle": "rad", "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2", "moment": "N*m", "force": "N",
+}  # fmt: skip
 # More samples of a response than these no picture shows.
 KEPT_SAMPLES = 6000
 

@@ -37,8 +37,8 @@ class VerifiedRun(Part):
     moment_nrmse: Maybe
     rmse: Maybe
     rmse_unit: str
-    drive: Literal["moment", "windows", "motion", "free run", "pulse"] | None = None
-    channel: Literal["angle", "moment", "displacement", "force"] | None = None
+    drive: Literal["moment", "windows", "motion", "free run", "pulse", "steady", "standstill"] | None = None
+    channel: Literal["angle", "moment", "displacement", "force", "velocity", "acceleration"] | None = None
     noise_floor: Maybe = None
     amplitude_rms_error: Maybe = None
     mean_period_difference: Maybe = None

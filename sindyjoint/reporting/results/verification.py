@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -125,7 +126,11 @@ class VerificationView(View[Verification, Verification]):
         caption = in_words_of_origin(
             self.simulated(result), "Errors relative to the RMS of what was measured."
         )
-        return TextTable("runs", caption, columns, rows), model_table(result.model)
+        others = tuple(
+            replace(model_table(model), name=f"terms-{number}", title=f"Coefficients of {model.joint.name}.")
+            for number, model in enumerate(result.beside, 2)
+        )
+        return TextTable("runs", caption, columns, rows), model_table(result.model), *others
 
     def lead(self, result: Verification, data: Verification) -> tuple[str, int]:
         """Return the first cycles of the run with the largest error, of those that are drawn."""
@@ -158,13 +163,14 @@ class VerificationView(View[Verification, Verification]):
                 ("Period", milliseconds(result.mean_period_difference), "mean difference"),
             ],
             "failures": [f"{run.name}: {run.failure}." for run in result.runs if run.failure],
-            "equation": markup(mathml(result.model)),
+            "equations": [markup(mathml(model)) for model in (result.model, *result.beside)],
             "payload": {"loops": response_payload(result.runs, self.simulated(result))},
         }
 
     def files(self, result: Verification, data: Verification) -> dict[str, str]:
-        """Return the model."""
-        return {"model.json": result.model.to_json() + "\n"}
+        """Return the models."""
+        others = {f"model-{n}.json": each.to_json() + "\n" for n, each in enumerate(result.beside, 2)}
+        return {"model.json": result.model.to_json() + "\n", **others}
 
     def headline(self, result: Verification) -> Headline:
         """Return whether the model gives the response."""
@@ -183,7 +189,8 @@ class VerificationView(View[Verification, Verification]):
         """Print equation, figures and warnings."""
         from rich.markup import escape
 
-        lines = result.model.equation().split("; ")  # the rates of internal states stand below
+        # The rates of internal states stand below.
+        lines = [line for model in (result.model, *result.beside) for line in model.equation().split("; ")]
         console.print("\n".join(f"  {escape(line)}" for line in lines) + "\n")
         load = quantities(result.model.joint.motion).moment.lower()
         columns = (

@@ -150,6 +150,24 @@ class SegmentedRun:
         ]
         return replace(begun, states=tuple(s for s, _ in found), spread=tuple(w for _, w in found))
 
+    def from_standstill(self, reduced: Structure) -> tuple[Array, Array, Array]:
+        """Return what the sensors show of the whole record, simulated from standstill, and the motion behind it.
+
+        Returns
+        -------
+        shown : ndarray, shape (sensors, n)
+        q, v : ndarray, shape (OVERSAMPLING·n, r)
+            Coordinates of the reduced structure and their rates; the joints come first.
+
+        Raises
+        ------
+        SimulationError
+        """
+        q, v, _ = self._motion(reduced, self.drive)
+        rows = [(sensor, reduced.point(sensor.point)) for sensor in self.test.sensors]
+        shown = np.array([recorded(sensor, q @ row, v @ row, self.rate) for sensor, row in rows])
+        return shown[:, : self.measured.shape[1]], q, v
+
     def _begun(self, reduced: Structure) -> SegmentedRun:
         """Return the run with the states of a simulation of the whole from standstill."""
         whole = self._motion(reduced, self.drive)

@@ -1,0 +1,313 @@
+"""Models in the joints of a structure, against what its sensors measured in runs.
+
+Each run is driven by the force (or base acceleration) that was measured. A run that repeats is simulated as the steady
+motion, by harmonic balance with exact sticking, whose highest harmonics are too rough to be compared: they are left out
+of both. One that does not is simulated from standstill, by steps of time, and compared in the band of the recovery.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_parts import range_warnings
+from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.rig_test import RigRun, RigTest
+from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
+from sindyjoint.numeric import Array, rms
+from sindyjoint.response.model_law import model_law
+from sindyjoint.response.models_by_kind import place_by_kind
+from sindyjoint.response.oscillation import compare_oscillations, oscillation
+from sindyjoint.response.verification import (
+    Band,
+    RunVerification,
+    Settings,
+    Verification,
+    band_of,
+    judged,
+)
+from sindyjoint.substructure.policy import POLICY as LIMITS
+from sindyjoint.substructure.recovery import Recovery, recover
+from sindyjoint.substructure.simulated.runs import SteadyRun
+from sindyjoint.substructure.simulated.segments import SegmentedRun
+
+UNITS = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
+Complex = NDArray[np.complex128]
+
+#: A record begins at rest where its first samples are less than this share of the RMS of their sensors. In the midst of
+#: a motion they are as large as that; a blow may begin with the first sample.
+AT_REST = 0.5
+#: Share of the RMS of a sensor above the compared frequencies from which on it is said.
+SMALL = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What a run shows: of each sensor its signal, and of each joint its angle and rate, shape (·, samples)."""
+
+    shown: Array
+    angle: Array
+    rate: Array
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredRun:
+    """A run of a structure, as it is compared.
+
+    Parameters
+    ----------
+    test : RigTest
+    recovery : Recovery
+    """
+
+    test: RigTest
+    recovery: Recovery
+
+    @property
+    def run(self) -> RigRun:
+        """What was recorded."""
+        return self.recovery.run
+
+    @property
+    def repeats(self) -> bool:
+        """Whether its drive does."""
+        return self.recovery.spectra.repeats
+
+    @cached_property
+    def signals(self) -> Array:
+        """What is compared of the sensors, without their mean, which accelerometers do not see, (sensors, samples)."""
+        if not self.repeats:
+            return self._in_band(self.run.responses)
+        spectra = self.recovery.spectra
+        shown = self.run.responses[:, spectra.first :]
+        above = spectra.amplitudes[1:].copy()
+        above[:, : self._steady.measured.shape[1]] = 0.0
+        left = shown - _series(above, self._steady.omega, np.arange(shown.shape[1]) / self.run.sample_rate)
+        return np.asarray(left - left.mean(axis=1, keepdims=True))
+
+    def _in_band(self, shown: Array) -> Array:
+        """Return signals without their mean and without what lies above the band of the recovery."""
+        from scipy.fft import dct, idct
+
+        parts = dct(shown, norm="ortho", axis=1)
+        parts[:, 0] = 0.0
+        parts[:, int(2 * LIMITS.band * shown.shape[1]) :] = 0.0
+        return np.asarray(idct(parts, norm="ortho", axis=1))
+
+    @property
+    def highest(self) -> float:
+        """Up to which frequency it is compared, Hz."""
+        if not self.repeats:
+            return LIMITS.band * self.run.sample_rate
+        return self._steady.measured.shape[1] * self.recovery.spectra.frequency
+
+    @property
+    def left_out(self) -> Array:
+        """Of each sensor the share of its RMS that lies above, shape (sensors,)."""
+        first = self.run.drive.size - self.time.size
+        whole = self.run.responses[:, first:].std(axis=1)
+        return np.asarray(np.sqrt(np.clip(1 - (self.signals.std(axis=1) / whole) ** 2, 0, None)))
+
+    @property
+    def time(self) -> Array:
+        """s, shape (samples,)."""
+        return np.arange(self.signals.shape[1]) / self.run.sample_rate
+
+    @cached_property
+    def noise(self) -> Array:
+        """RMS of what does not repeat; of a run that does not of what was declared or measured, shape (sensors,)."""
+        spectra = self.recovery.spectra
+        if not self.repeats:
+            return np.asarray(np.sqrt(spectra.variance[1:, 0] * (self.run.drive.size - 1) / 2))
+        compared = spectra.amplitudes[1:, : self._steady.measured.shape[1]]
+        return np.array([rms(row) for row in self.signals - _series(compared, self._steady.omega, self.time)])
+
+    @cached_property
+    def _steady(self) -> SteadyRun:
+        return SteadyRun.of(self.test, self.recovery)
+
+    @cached_property
+    def _segments(self) -> SegmentedRun:
+        return SegmentedRun.of(self.test, self.recovery)
+
+    def simulate(self, structure: Structure) -> Motion:
+        """Return what the run shows of a structure whose joints have their laws.
+
+        Raises
+        ------
+        SimulationError
+        """
+        if self.repeats:
+            return self._simulate_steady(structure)
+        return self._simulate_record(structure)
+
+    def _simulate_steady(self, structure: Structure) -> Motion:
+        run = self._steady
+        answer = run.answer(run.balance(structure, [hinge.law for hinge in structure.hinges]))
+        angles = run.angles(answer)[:, 1:]
+        rates = 1j * run.omega * np.arange(1, angles.shape[1] + 1) * angles
+        return Motion(
+            *(_series(amplitudes, run.omega, self.time) for amplitudes in (answer.shown, angles, rates))
+        )
+
+    def _simulate_record(self, structure: Structure) -> Motion:
+        run = self._segments
+        reduced = run.reduced(structure, [hinge.law for hinge in structure.hinges])
+        shown, q, v = run.from_standstill(reduced)
+        joints = slice(0, structure.n_joints)
+        inside = slice(None, OVERSAMPLING * self.time.size, OVERSAMPLING)
+        return Motion(self._in_band(shown), q.T[joints, inside], v.T[joints, inside])
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it begins so; a run that repeats need not."""
+        begins = self.run.responses[:, 0] / self.run.responses.std(axis=1)
+        return self.repeats or rms(begins) < AT_REST
+
+
+def verify_runs(
+    models: Sequence[JointModel], test: RigTest, settings: Settings, say: Callable[[str], None]
+) -> Verification:
+    """Compare the runs marked ``use = "validate"``, or all where none is, with a simulation of the structure.
+
+    Parameters
+    ----------
+    models : sequence of JointModel
+        For the joints of their kinds; see :func:`~sindyjoint.response.models_by_kind.place_by_kind`.
+    test : RigTest
+    settings : Settings
+    say : callable
+
+    Returns
+    -------
+    Verification
+        One entry for each run and sensor.
+
+    Raises
+    ------
+    InputError
+        For models that cannot stand for the joints, and runs that cannot be used.
+    """
+    structure, standing = place_by_kind(test, models)
+    if not models:
+        raise InputError("no model was given")
+    kept = [run for run in test.runs if run.use == "validate"]
+    chosen = kept or [run for run in test.runs if run.use != "update"]
+    warnings = _origin(test, bool(kept))
+    draws = [_replaced(structure, standing, models, drawn) for drawn in _drawn(models, settings)]
+    entries: list[RunVerification] = []
+    beyond: list[str] = []
+    for number, run in enumerate(chosen, 1):
+        say(f"simulating runs: {number} of {len(chosen)}")
+        measured = MeasuredRun(test, recover(test, run))
+        if not measured.at_rest:
+            warnings.append(
+                f"{run.name}: simulated from standstill, and it does not begin there: begin the record before the drive"
+            )
+        share = measured.left_out
+        if measured.repeats and share.max() > SMALL:
+            worst = test.sensors[int(np.argmax(share))].name
+            warnings.append(
+                f"{run.name}: compared up to {measured.highest:.3g} Hz; {100 * share.max():.0f} % of what {worst} "
+                "shows lies above"
+            )
+        failure, motion = "", None
+        try:
+            motion = measured.simulate(structure)
+        except SimulationError as error:
+            failure = str(error)
+        exceeded = [] if motion is None else list(_beyond(test, standing, motion, run.name))
+        warnings += exceeded
+        beyond += [run.name] * bool(exceeded)
+        bands = [_attempt(measured, other) for other in draws] if motion is not None else []
+        entries += _entries(measured, motion, bands, failure)
+    result = judged(models[0], "rig", test.name, settings.tolerance, entries, warnings)
+    return replace(result, beside=tuple(models[1:]), independent=bool(kept), beyond_range=tuple(beyond))
+
+
+def _origin(test: RigTest, kept: bool) -> list[str]:
+    warnings = []
+    if test.simulated:
+        warnings.append("the response is simulated (a virtual test of the rig), not measured")
+    if not kept:
+        warnings.append(
+            "no run is marked use = 'validate': all runs are compared, those the model was fitted to among them"
+        )
+    return warnings
+
+
+def _drawn(models: Sequence[JointModel], settings: Settings) -> Iterator[tuple[JointModel, ...]]:
+    return zip(*(settings.drawn(model) for model in models), strict=True)
+
+
+def _replaced(
+    structure: Structure,
+    standing: Sequence[JointModel | None],
+    models: Sequence[JointModel],
+    drawn: Sequence[JointModel],
+) -> Structure:
+    laws: dict[int, Law] = {id(model): model_law(other) for model, other in zip(models, drawn, strict=True)}
+    hinges = tuple(
+        hinge if model is None else replace(hinge, law=laws[id(model)])
+        for hinge, model in zip(structure.hinges, standing, strict=True)
+    )
+    return replace(structure, hinges=hinges)
+
+
+def _attempt(measured: MeasuredRun, structure: Structure) -> Motion | None:
+    try:
+        return measured.simulate(structure)
+    except SimulationError:
+        return None
+
+
+def _beyond(test: RigTest, standing: Sequence[JointModel | None], motion: Motion, run: str) -> Iterator[str]:
+    parts = zip(test.structure.hinges, standing, motion.angle, motion.rate, strict=True)
+    for hinge, model, angle, rate in parts:
+        if model is not None:
+            yield from range_warnings(model.fitted, test.motion, angle, rate, f"{run}, {hinge.name}")
+
+
+def _entries(
+    measured: MeasuredRun, motion: Motion | None, drawn: Sequence[Motion | None], failure: str
+) -> Iterator[RunVerification]:
+    run = measured.run
+    for place, (sensor, signal) in enumerate(zip(measured.test.sensors, measured.signals, strict=True)):
+        simulated = None if motion is None else motion.shown[place]
+        band: Band | None = band_of([None if one is None else one.shown[place] for one in drawn])
+        # An acceleration has turning points at every corner; a steady motion has one amplitude and one period.
+        cycles = sensor.quantity == "displacement" and not measured.repeats
+        oscillations = (
+            oscillation(signal, run.sample_rate) if cycles else None,
+            oscillation(simulated, run.sample_rate) if cycles and simulated is not None else None,
+        )
+        gap = compare_oscillations(*oscillations)
+        error, scale = None if simulated is None else rms(simulated - signal), rms(signal)
+        yield RunVerification(
+            name=f"{run.name}, {sensor.name}", channel=sensor.quantity,
+            drive="steady" if measured.repeats else "standstill", time=measured.time, measured=signal,
+            simulated=simulated, band=band, response_nrmse=None if error is None else error / scale,
+            moment_nrmse=None, noise_floor=float(measured.noise[place]) / scale,
+            amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
+            mean_period_difference=None if gap is None else gap.mean_period_difference,
+            oscillations=oscillations, energy=None, failure=failure, scale=scale, rmse=error,
+            rmse_unit=UNITS[sensor.quantity],
+        )  # fmt: skip
+
+
+def _series(amplitudes: Complex, omega: float, time: Array) -> Array:
+    """Return Re Σ a_h·exp(i·h·ω·t), h from 1, shape (rows, samples)."""
+    out = np.zeros((len(amplitudes), time.size))
+    turn = np.exp(1j * omega * time)
+    power = np.ones_like(turn)
+    for column in amplitudes.T:
+        power = power * turn
+        out += np.real(column[:, None] * power)
+    return out
