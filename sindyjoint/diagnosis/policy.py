@@ -175,6 +175,11 @@ class DiagnosisPolicy:
     model_error: float = calibrated(
         0.003, "least relative standard error in the prior of a model in a structure"
     )
+    segments: int = judgement(
+        16,
+        "segments in all of a structure's runs that do not repeat, those in which its joints move most, that are simulated "
+        "for every candidate",
+    )
     behind: float = calibrated(40.0, "distance at which candidates of a structure are given up", unit="nat")
     linear: float = calibrated(4.0, "mean square, in units of noise, below which a response is linear")
     fallback: float = calibrated(

@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.structure.output_error import Fit, fit
-from sindyjoint.diagnosis.structure.records import RecordsProblem
-from sindyjoint.diagnosis.structure.runs import RunsProblem
+from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.substructure.recovery import Recovery
-from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.update import Update
 
 # Fits to the response, residuals whitened anew before each.
@@ -91,20 +89,6 @@ class RigRefinement:
         return words
 
 
-def _problem(
-    test: RigTest, recoveries: Sequence[Recovery], models: dict[str, JointModel]
-) -> RunsProblem | RecordsProblem:
-    """Return the output-error problem of runs that repeat and runs that do not, weighed with the models."""
-    passing = tuple(SegmentedRun.of(test, each) for each in recoveries if not each.spectra.repeats)
-    if not passing:
-        return RunsProblem.of(test, recoveries, models)
-    steady = RunsProblem.with_models(test, models)
-    if len(passing) < len(recoveries):
-        steady = RunsProblem.of(test, recoveries, models)
-    problem = RecordsProblem(steady, passing)
-    return problem.whitened(problem.start())
-
-
 def refine_rig(
     test: RigTest,
     recoveries: Sequence[Recovery],
@@ -141,7 +125,7 @@ def refine_rig(
     say = progress or (lambda stage: None)
     nothing = float("nan")
     try:
-        problem = _problem(test, recoveries, models)
+        problem = runs_problem(test, recoveries, models)
     except InputError as error:
         return RigRefinement(False, str(error), models, None, nothing, nothing)
     start = problem.start()

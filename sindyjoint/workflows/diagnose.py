@@ -275,7 +275,8 @@ def diagnose_rig(
     Parameters
     ----------
     rig : RigTest or path of a rig.toml
-        With sensors and recorded runs that repeat. The gaps are those of runs that no fit sees: those marked
+        With sensors and recorded runs; of runs that do not repeat those segments are compared in which the joints move
+        most. The gaps are those of runs that no fit sees: those marked
         ``use = "validate"``, or every third one.
     models : JointModel or mapping of str to JointModel, optional
         For every joint, or by kind of joint: from tests of the joint alone; numbers keep to their covariance. Default:
@@ -293,7 +294,7 @@ def diagnose_rig(
         For runs that cannot be used, or joints in which no law is found.
     """
     from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis, divide_runs
-    from sindyjoint.diagnosis.structure.runs import RunsProblem
+    from sindyjoint.diagnosis.structure.records import runs_problem
     from sindyjoint.judgement.rig_discovery import described
     from sindyjoint.mechanics.rig_test_file import load_rig_test
 
@@ -314,9 +315,11 @@ def diagnose_rig(
         models = {law.kind: law.discovery.model for law in found.laws if law.discovery is not None}
     elif isinstance(models, JointModel):
         models = dict.fromkeys(test.kinds, models)
-    say("the steady motion with the models")
+    say("the response with the models")
     fitted, kept = (
-        RunsProblem.of(test, [recover(test, run) for run in runs], models, given, policy, runs is own)
+        runs_problem(
+            test, [recover(test, run) for run in runs], models, given, policy, runs is own, policy.segments
+        )
         if runs
         else None
         for runs in (own, others)

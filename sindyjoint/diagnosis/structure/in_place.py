@@ -23,11 +23,14 @@ from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
+from sindyjoint.diagnosis.structure.motions import joint_motions, main_period
 from sindyjoint.diagnosis.structure.output_error import fit
 from sindyjoint.diagnosis.structure.problem import StructureProblem
+from sindyjoint.diagnosis.structure.records import RecordsProblem
 from sindyjoint.diagnosis.structure.result import with_slopes
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.diagnosis.structure.search import FittedChange
+from sindyjoint.diagnosis.structure.segment_gaps import UNITS, locate_segments, measured_power, segment_gaps
 from sindyjoint.diagnosis.structure.tested_range import beyond_tested
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
@@ -93,6 +96,8 @@ class RunsDiagnosis(StructureProblem):
             old, new = given.answer(place, given.start()), after.answer(place, self.best.x)
             pair = [None if each is None else each[1] for each in (old, new)]
             found += [_record(run, number, pair) for number in range(len(shown.test.sensors))]
+        if isinstance(given, RecordsProblem) and isinstance(after, RecordsProblem):
+            found += segment_gaps(given, after, self.best.x)
         return tuple(
             sorted(found, key=lambda each: -each.gap_after if each.gap_after == each.gap_after else 0.0)
         )
@@ -132,11 +137,15 @@ class RunsDiagnosis(StructureProblem):
         parts["run"] += max(last.best.cost - noise, 0.0)
         whole = max(sum(parts.values()), 1e-300)
         own = sum(float(np.sum(np.abs(run.measured / run.sigma) ** 2)) for run in problem.runs)
+        if isinstance(problem, RecordsProblem):
+            own += measured_power(problem)
         shares = {kind: part / whole for kind, part in parts.items()}
         return divide_gap(total / own, noise / own, 0.0, lambda _: shares)
 
     def places(self) -> tuple[Place, ...]:
         """Return in which run, at which sensor and at which harmonic the gap of the given models lies."""
+        if isinstance(self.pulse, RecordsProblem) and not self.pulse.runs:
+            return locate_segments(self.pulse)
         names, square = [], []
         for place, run in enumerate(self.pulse.runs):
             found = self.pulse.answer(place, self.pulse.start())
@@ -177,6 +186,9 @@ class RunsDiagnosis(StructureProblem):
             models[kind.name] = with_slopes(assembled, x, problem.bounds()[1], covariance)
         lead = changed[0] if changed else problem.kinds[0].name
         notes = [SIMULATED] if problem.test.simulated else []
+        if isinstance(problem, RecordsProblem):
+            count = sum(len(record.spans) for record in problem.records)
+            notes.append(f"of runs that do not repeat {count} segments are compared, in which the joints move most")
         if not self.kept:
             notes.append(
                 "no run was kept out of the fit: the gaps are those of the fitted runs; mark one use = 'validate'"
@@ -214,25 +226,19 @@ def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tup
     """Return the ways in which the structure, and each kind of joint, may differ from what is described."""
     chain = problem.test.chain
     setup = problem.setup(x)
-    main = min(run.omega * (1 + int(np.argmax(np.abs(run.drive[1:])))) for run in problem.runs)
     known = [
         effect
         for effect in load_structure_effects()
         if effect.acts_on not in UNSEEN and (chain is not None or effect.acts_on not in OF_CHAINS)
     ]
-    changes = list(structure_changes(known, setup, Scales(2 * np.pi / main, 1.0, 1.0)))
+    changes = list(structure_changes(known, setup, Scales(main_period(problem), 1.0, 1.0)))
     laws = problem.laws(setup)
-    motions = [
-        (run, run.angles(found[0]))
-        for place, run in enumerate(problem.runs)
-        if (found := problem.answer(place, x))
-    ]
+    motions = list(joint_motions(problem, x))
     for kind in problem.kinds:
         angle = rate = moment = 0.0
-        for run, amplitudes in motions:
+        for _, angles, rates in motions:
             for place in kind.places:
-                d, v = _motion(amplitudes[place], run.omega)
-                law = laws[place]
+                law, d, v = laws[place], angles[place], rates[place]
                 own = law.moment(d, v, np.sign(v), np.zeros((law.n_states, d.size)))
                 angle, rate, moment = (
                     max(old, float(np.abs(new).max())) for old, new in ((angle, d), (rate, v), (moment, own))
@@ -240,12 +246,6 @@ def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tup
         for change in joint_changes(kind.laws, effects, Reference(angle, rate), moment):
             changes.append(kind.change(change, len(problem.kinds) > 1))
     return tuple(changes)
-
-
-def _motion(amplitudes: Complex, omega: float) -> tuple[Array, Array]:
-    orders = np.arange(amplitudes.size)
-    wave = np.exp(1j * np.outer(np.linspace(0, 2 * np.pi, 8 * amplitudes.size), orders))
-    return (wave @ amplitudes).real, (wave @ (1j * omega * orders * amplitudes)).real
 
 
 def _record(run: SteadyRun, sensor: int, pair: Sequence[Complex | None]) -> RecordGap:
@@ -272,5 +272,3 @@ def _record(run: SteadyRun, sensor: int, pair: Sequence[Complex | None]) -> Reco
         gap(pair[0]), gap(pair[1]), noise / size, channel.quantity, UNITS[channel.quantity],
     )  # fmt: skip
 
-
-UNITS = {"acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}

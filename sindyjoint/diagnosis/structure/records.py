@@ -2,109 +2,109 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.effects.structure import Change
+from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.simulated.segments import SegmentedRun
-from sindyjoint.substructure.update import Update
+from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.simulated.segments import DRAWS, Channels, SegmentedRun
+from sindyjoint.substructure.states import joint_states
 
 # Step of the differences, in the scaled numbers of the fit: a simulation has events, and a smaller one would see them.
 STEP = 0.05
-# Draws of the noise of the drive, from which its part of the covariance follows.
-DRAWS = 4
+# The same for the numbers of an effect, of the largest that is sought.
+STEP_EFFECT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class RecordsProblem:
+class RecordsProblem(RunsProblem):
     """Runs that repeat, with the numbers of all, and runs that do not.
 
     Parameters
     ----------
-    steady : RunsProblem
     records : tuple of SegmentedRun
+    floored : bool
+        Whether their residuals are weighed with the noise of the drive, too.
     """
 
-    steady: RunsProblem
-    records: tuple[SegmentedRun, ...]
-    _kept: dict[bytes, list[Array] | None] = field(default_factory=dict, repr=False)
+    records: tuple[SegmentedRun, ...] = ()
+    floored: bool = False
 
-    @property
-    def duration(self) -> float:
-        """No horizon: segments are short."""
-        return 0.0
-
-    @property
-    def base_size(self) -> int:
-        """Numbers of the base."""
-        return self.steady.base_size
-
-    @property
-    def numbers(self) -> int:
-        """How many uncertain numbers the structure has."""
-        return self.steady.numbers
-
-    def rows(self) -> float:
+    def rows(self, duration: float | None = None) -> float:
         """Return the number of residuals."""
-        return self.steady.rows() + sum(record.rows for record in self.records)
-
-    def start(self) -> Array:
-        """Return the base without anything added."""
-        return self.steady.start()
-
-    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
-        """Return lower and upper bounds of the numbers."""
-        return self.steady.bounds(extra)
+        return super().rows() + sum(record.rows for record in self.records)
 
     def residuals(self, x: Array, duration: float = 0.0, extra: Change | None = None) -> Array | None:
         """Return simulated less measured in units of noise, prior rows among them; None without a motion."""
-        first, parts = self.steady.residuals(x), self._segments(x)
+        first, parts = super().residuals(x, duration, extra), self._segments(x, extra)
         return None if first is None or parts is None else np.concatenate([first, *parts])
 
-    def _segments(self, x: Array) -> list[Array] | None:
-        key = x.tobytes()
-        if key not in self._kept:
-            if len(self._kept) > 8:
-                self._kept.clear()
-            try:
-                self._kept[key] = [
-                    part for record in self.records for part in record.residual(self._simulated(record, x))
-                ]
-            except (SimulationError, InputError, np.linalg.LinAlgError):
-                self._kept[key] = None
-        return self._kept[key]
+    def _segments(self, x: Array, extra: Change | None = None) -> list[Array] | None:
+        """Return the residual of every segment; None without a motion."""
+        key = "segments", x.tobytes(), id(extra), tuple(map(id, self.found))
+        if key in self._kept:
+            return self._kept[key]
+        found = None
+        with suppress(SimulationError, InputError, np.linalg.LinAlgError):
+            setup = self.setup(x, extra)
+            found = [
+                part
+                for record in self.records
+                for part in record.residual(self.simulated(record, x, setup), channels_of(setup))
+            ]
+        return self._keep(key, found)
 
-    def _simulated(self, record: SegmentedRun, x: Array) -> Any:
-        setup = self.steady.setup(x)
-        return record.reduced(self.steady.structure(setup, x), self.steady.laws(setup))
+    def simulated(self, record: SegmentedRun, x: Array, setup: Setup | None = None) -> Structure:
+        """Return the structure that is simulated of a run.
+
+        Raises
+        ------
+        InputError
+            Where a number is not finite, or a clamp bends that did not: the segments' states would be others.
+        """
+        setup = self.setup(x) if setup is None else setup
+        if not all(np.isfinite(value) for own in setup.kinds.values() for value in own.numbers.values()):
+            raise InputError("a number of the law is not finite")
+        structure = self.structure(setup, x)
+        if len(structure.mass) != len(record.basis):
+            raise InputError("the structure has other coordinates")
+        return record.reduced(structure, self.laws(setup))
 
     def derivatives(
         self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
     ) -> Array:
         """Return the columns of the Jacobian at some places, those of the segments by differences."""
         first = residual.size - sum(record.rows for record in self.records)
-        _, high = self.bounds()
+        low, high = self.bounds(extra)
         columns = np.zeros((residual.size, len(places)))
-        columns[:first] = self.steady.derivatives(x, residual[:first], duration, places)
+        columns[:first] = super().derivatives(x, residual[:first], duration, places, extra)
         for column, place in enumerate(places):
-            step = STEP if x[place] + STEP <= high[place] else -STEP
+            size = STEP if place < self.priors else STEP_EFFECT * (high - low)[place]
+            step = size if x[place] + size <= high[place] else -size
             for way in (step, -step):
                 moved = x.copy()
                 moved[place] += way
-                parts = self._segments(moved)
+                parts = self._segments(moved, extra) if way else None
                 if parts is not None:
                     columns[first:, column] = (np.concatenate(parts) - residual[first:]) / way
                     break
         return columns
 
-    def whitened(self, x: Array) -> RecordsProblem:
+    def near(self, x: Array) -> RunsProblem:
+        """Return the problem for a first look round some numbers: itself."""
+        return self
+
+    def whitened(self, x: Array, extra: Change | None = None) -> RecordsProblem:
         """Return the problem with residuals weighed at some numbers, and segments that begin where they fit best.
 
         Raises
@@ -112,16 +112,18 @@ class RecordsProblem:
         InputError
             Where a run cannot be simulated there.
         """
-        records = []
+        steady, records = super().whitened(x, extra), []
+        assert isinstance(steady, RecordsProblem)
         for record in self.records:
             try:
-                records.append(record.settled(self._simulated(record, x)))
+                reduced = self.simulated(record, x, self.setup(x, extra))
+                settled = record.settled(reduced)
+                records.append(settled.with_noise_of_drive(reduced) if self.floored else settled)
             except SimulationError as error:
                 raise InputError(
                     f"run {record.name!r} cannot be simulated with the model: {error}"
                 ) from error
-        steady = self.steady.whitened(x) if self.steady.runs else self.steady
-        return replace(self, steady=steady, records=tuple(records), _kept={})
+        return replace(steady, records=tuple(records), _kept={})
 
     def covariance(self, x: Array) -> Array:
         """Return the covariance of the numbers, with what the noise of the drive does through the structure.
@@ -145,24 +147,60 @@ class RecordsProblem:
                 scatter += np.outer(score, score) / DRAWS
                 power += float(np.sum((other - part) ** 2)) / DRAWS
         degrees = max(self.rows() - x.size, 1.0)
-        excess = max(1.0, float(residual @ residual) / (degrees + power))
+        noise = degrees if self.floored else degrees + power
+        excess = max(1.0, float(residual @ residual) / noise)
         return np.asarray(inverse @ (normal + scatter) @ inverse * excess)
 
     def _with_drive_noise(self, x: Array, draw: int) -> list[Array]:
         """Return the residuals of all segments with other noise on the drive, as far as that can be simulated."""
-        found = []
+        found, channels = [], channels_of(self.setup(x))
         for number, record in enumerate(self.records):
-            simulated = self._simulated(record, x)
+            simulated = self.simulated(record, x)
+            noisy = record.with_drive_noise(np.random.default_rng([draw, number]))
             try:
-                found += record.with_drive_noise(np.random.default_rng([draw, number])).residual(simulated)
+                found += noisy.residual(simulated, channels)
             except SimulationError:
-                found += record.residual(simulated)
+                found += record.residual(simulated, channels)
         return found
 
-    def models(self, x: Array, covariance: Array) -> dict[str, JointModel]:
-        """Return the model of each kind with the numbers of the base, whose covariance is given."""
-        return self.steady.models(x, covariance)
 
-    def update(self, x: Array, covariance: Array) -> Update | None:
-        """Return the structure's uncertain numbers; None where it has none."""
-        return self.steady.update(x, covariance)
+def channels_of(setup: Setup) -> Channels:
+    """Return what a setup makes of drive and sensors."""
+    return Channels(setup.pulse, setup.gain, setup.delay)
+
+
+def runs_problem(
+    test: RigTest,
+    recoveries: Sequence[Recovery],
+    models: Mapping[str, JointModel],
+    known: bool = False,
+    policy: DiagnosisPolicy = STRUCTURE,
+    fitted: bool = True,
+    most: int | None = None,
+) -> RunsProblem:
+    """Return the problem of runs that repeat and runs that do not; parameters as of :meth:`RunsProblem.of`.
+
+    ``most``: segments of runs that do not repeat in all, those in which joints move most; their residuals are then
+    weighed with the noise of the drive, too. Default: all segments, and the noise of the sensors alone.
+    """
+    passing = [each for each in recoveries if not each.spectra.repeats]
+    if not passing:
+        return RunsProblem.of(test, recoveries, models, known, policy, fitted)
+    if len(passing) < len(recoveries):
+        steady = RunsProblem.of(test, recoveries, models, known, policy, fitted=False)
+    else:
+        steady = replace(RunsProblem.with_models(test, models, policy), known=known)
+    records = [SegmentedRun.of(test, each) for each in passing]
+    if most is not None:
+        count = max(1, most // len(records))
+        records = [r.liveliest(_joint_motion(each), count) for r, each in zip(records, passing, strict=True)]
+    own = {each.name: getattr(steady, each.name) for each in fields(steady) if each.name != "_kept"}
+    problem = RecordsProblem(**own, records=tuple(records), floored=most is not None)
+    return problem.whitened(problem.start()) if fitted else problem
+
+
+def _joint_motion(recovery: Recovery) -> Array:
+    """Return the size of the joints' rates over a run, each in its own RMS, shape (n,)."""
+    joints = recovery.transfer.angles.shape[1]
+    rates = [joint_states(recovery, joint, "").rate for joint in range(joints)]
+    return np.sqrt(sum((rate / max(float(np.std(rate)), 1e-300)) ** 2 for rate in rates))

@@ -11,8 +11,9 @@ leaves white noise white, and what lies above is left out.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from sindyjoint.mechanics.rig_test import BASE, RigTest, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure, craig_bampton, projected
 from sindyjoint.mechanics.transient import State, trajectory
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING, REACH, between_samples, recorded
-from sindyjoint.numeric import Array, rms
+from sindyjoint.numeric import Array, delayed, rms
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 
@@ -37,6 +38,29 @@ STEP = 1e-3
 SLOW, HARMONIC = 1e-3, 10
 # Steps of a state towards where it fits best.
 ROUNDS = 2
+# Draws of the noise of the drive, from which what it adds to the residual follows.
+DRAWS = 4
+
+
+class Channels(NamedTuple):
+    """What drive and sensors of a run may be besides as they were recorded.
+
+    Parameters
+    ----------
+    pulse : float
+        By which the measured drive is multiplied.
+    gain : float
+        Of all sensors.
+    delay : float
+        Of all sensors, s.
+    """
+
+    pulse: float = 1.0
+    gain: float = 1.0
+    delay: float = 0.0
+
+
+RECORDED = Channels()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +93,8 @@ class SegmentedRun:
         With which each segment begins; empty before they are known.
     spread : tuple of ndarray, shape (rows, m)
         Of each segment: W of r − W·Wᵀ·r, the residual without what errors of its state explain.
+    shares : tuple of float
+        Of each segment: noise of the sensors in that of sensors and drive together; empty for ones.
     """
 
     test: RigTest
@@ -84,6 +110,7 @@ class SegmentedRun:
     directions: tuple[State, ...] = ()
     states: tuple[State, ...] = ()
     spread: tuple[Array, ...] = ()
+    shares: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, test: RigTest, recovery: Recovery) -> SegmentedRun:
@@ -113,7 +140,11 @@ class SegmentedRun:
     @property
     def rows(self) -> int:
         """Number of its residuals."""
-        return sum(_kept(b - a) for a, b in self.spans) * len(self.sigma)
+        return sum(self.segment_rows(a, b) for a, b in self.spans)
+
+    def segment_rows(self, first: int, stop: int) -> int:
+        """Return the number of residuals of a segment."""
+        return _kept(stop - first) * len(self.sigma)
 
     def reduced(self, structure: Structure, laws: Sequence[Law]) -> Structure:
         """Return the structure that is simulated, with laws in its joints."""
@@ -125,17 +156,59 @@ class SegmentedRun:
         noise = np.asarray(self.drive_sigma * generator.normal(size=self.measured.shape[1]))
         return replace(self, drive=self.drive + between_samples(noise))
 
-    def residual(self, reduced: Structure) -> list[Array]:
+    def liveliest(self, motion: Array, count: int) -> SegmentedRun:
+        """Return the run with the segments, at most so many, in which a signal of as many samples is largest."""
+        sizes = [-rms(motion[a:b]) for a, b in self.spans]
+        return replace(self, spans=tuple(self.spans[i] for i in sorted(np.argsort(sizes)[:count])))
+
+    def residual(self, reduced: Structure, channels: Channels = RECORDED) -> list[Array]:
         """Return simulated less measured of each segment, without what its state explains.
 
         Raises
         ------
         SimulationError
         """
+        shares = self.shares or (1.0,) * len(self.spans)
+        shown = (shown for shown, _ in self.motions(reduced, channels))
         parts = (
-            self._segment(reduced, span, state) for span, state in zip(self.spans, self.states, strict=True)
+            share * self._compared(span, each)
+            for span, each, share in zip(self.spans, shown, shares, strict=True)
         )
         return [part - w @ (w.T @ part) for part, w in zip(parts, self.spread, strict=True)]
+
+    def motions(
+        self, reduced: Structure, channels: Channels = RECORDED
+    ) -> Iterator[tuple[Array, tuple[Array, Array]]]:
+        """Yield of each segment what the sensors show, shape (sensors, n), and angle and rate of the joints, (n, joints).
+
+        Internal states that the law did not have when the states were found go on from one segment to the next.
+
+        Raises
+        ------
+        SimulationError
+        """
+        internal = np.zeros((reduced.n_joints, max(1, *(hinge.law.n_states for hinge in reduced.hinges))))
+        for span, (q, v, z) in zip(self.spans, self.states, strict=True):
+            begin = (q, v, z if z.any() else internal)
+            shown, motion = self._simulated(reduced, span, begin, channels)
+            internal = motion[2][-2 * REACH * OVERSAMPLING - 1]
+            inside = slice(REACH * OVERSAMPLING, (REACH + span[1] - span[0]) * OVERSAMPLING, OVERSAMPLING)
+            angle, rate = (part[inside, : reduced.n_joints] for part in motion[:2])
+            yield shown, (angle, rate)
+
+    def with_noise_of_drive(self, reduced: Structure) -> SegmentedRun:
+        """Return the run with residuals that are as large as the noise of sensors and drive makes them, segment by segment.
+
+        Raises
+        ------
+        SimulationError
+        """
+        bare = replace(self, shares=())
+        clear, power = bare.residual(reduced), np.zeros(len(self.spans))
+        for draw in range(DRAWS):
+            noisy = bare.with_drive_noise(np.random.default_rng(draw)).residual(reduced)
+            power += [np.mean((a - b) ** 2) / DRAWS for a, b in zip(noisy, clear, strict=True)]
+        return replace(self, shares=tuple((1 / np.sqrt(1 + power)).tolist()))
 
     def settled(self, reduced: Structure) -> SegmentedRun:
         """Return the run with the states where they fit best, and with what their errors explain there.
@@ -144,7 +217,7 @@ class SegmentedRun:
         ------
         SimulationError
         """
-        begun = self if self.states else self._begun(reduced)
+        begun = self.begun(reduced)
         found = [
             begun._settle(reduced, span, state) for span, state in zip(begun.spans, begun.states, strict=True)
         ]
@@ -168,8 +241,15 @@ class SegmentedRun:
         shown = np.array([recorded(sensor, q @ row, v @ row, self.rate) for sensor, row in rows])
         return shown[:, : self.measured.shape[1]], q, v
 
-    def _begun(self, reduced: Structure) -> SegmentedRun:
-        """Return the run with the states of a simulation of the whole from standstill."""
+    def begun(self, reduced: Structure) -> SegmentedRun:
+        """Return the run with states: those it has, or those of a simulation of the whole from standstill.
+
+        Raises
+        ------
+        SimulationError
+        """
+        if self.states:
+            return self
         whole = self._motion(reduced, self.drive)
         firsts = [(a - REACH) * OVERSAMPLING for a, _ in self.spans]
         states = tuple((whole[0][i], whole[1][i], whole[2][i]) for i in firsts)
@@ -201,14 +281,27 @@ class SegmentedRun:
 
     def _segment(self, reduced: Structure, span: tuple[int, int], state: State) -> Array:
         """Return simulated less measured of a segment from a state, in the noise of the sensors, shape (rows,)."""
+        return self._compared(span, self._simulated(reduced, span, state)[0])
+
+    def _simulated(
+        self, reduced: Structure, span: tuple[int, int], state: State, channels: Channels = RECORDED
+    ) -> tuple[Array, State]:
+        """Return what the sensors show of a segment from a state, shape (sensors, n), and the motion about it."""
+        first, stop = span
+        drive = self.drive[(first - REACH) * OVERSAMPLING : (stop + REACH - 1) * OVERSAMPLING + 1]
+        motion = self._motion(reduced, channels.pulse * drive, state)
+        inside = slice(REACH, REACH + stop - first)
+        rows = [(sensor, reduced.point(sensor.point)) for sensor in self.test.sensors]
+        shown = np.array([recorded(each, motion[0] @ row, motion[1] @ row, self.rate) for each, row in rows])
+        if channels.delay:
+            shown = np.array([delayed(each, channels.delay * self.rate) for each in shown])
+        return channels.gain * shown[:, inside], motion
+
+    def _compared(self, span: tuple[int, int], shown: Array) -> Array:
+        """Return what the sensors show less measured in their noise, up to the frequency that is compared, (rows,)."""
         from scipy.fft import dct
 
         first, stop = span
-        drive = self.drive[(first - REACH) * OVERSAMPLING : (stop + REACH - 1) * OVERSAMPLING + 1]
-        q, v, _ = self._motion(reduced, drive, state)
-        inside = slice(REACH, REACH + stop - first)
-        rows = [(sensor, reduced.point(sensor.point)) for sensor in self.test.sensors]
-        shown = np.array([recorded(sensor, q @ row, v @ row, self.rate)[inside] for sensor, row in rows])
         weighed = (shown - self.measured[:, first:stop]) / self.sigma[:, None]
         return np.asarray(dct(weighed, norm="ortho", axis=1)[:, : _kept(stop - first)].ravel())
 
