@@ -61,8 +61,12 @@ def discover(
         ),
     ] = default_of(DISCOVER, "correct"),
     refine: Annotated[
-        bool, typer.Option("--refine", help="Refine the coefficients on the simulated response of the runs.")
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--refine/--no-refine",
+            help="Refine the coefficients on the simulated response of the runs. Default: of a rig whose runs do not repeat.",
+        ),
+    ] = None,
     model: Annotated[
         Path | None,
         typer.Option(
@@ -128,7 +132,7 @@ def discover(
     raise typer.Exit(0 if result.found else 1)
 
 
-def _require_refine(refine: bool, option: str) -> None:
+def _require_refine(refine: bool | None, option: str) -> None:
     if not refine:
         raise typer.BadParameter("belongs to --refine; add --refine, or leave it out", param_hint=option)
 

@@ -176,7 +176,7 @@ class DiagnosisPolicy:
         0.003, "least relative standard error in the prior of a model in a structure"
     )
     segments: int = judgement(
-        16,
+        9,
         "segments in all of a structure's runs that do not repeat, those in which its joints move most, that are simulated "
         "for every candidate",
     )

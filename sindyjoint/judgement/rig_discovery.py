@@ -122,7 +122,8 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
 def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
     """Return a discovery in a structure with refined laws, and the structure's numbers as the refinement has them."""
     if not result.refined:
-        return replace(found, refinement=result)
+        unsure = found if any(each.spectra.repeats for each in found.recoveries) else with_narrow_intervals(found)
+        return replace(unsure, refinement=result)
     test, recoveries = found.test, found.recoveries
     if result.update is not None:
         test = with_numbers(described(found), result.update.change)
@@ -131,6 +132,17 @@ def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
     return replace(
         found, test=test, recoveries=recoveries, laws=laws, update=result.update, refinement=result
     )
+
+
+NARROW = (
+    "no run repeats: intervals by regression hold the noise of the sensors, and not what the ends of the records and the "
+    "band of the sensors do to the states; refine on the simulated response"
+)
+
+
+def with_narrow_intervals(found: RigDiscovery) -> RigDiscovery:
+    """Return a discovery of runs that do not repeat with a warning that the intervals of a regression are too narrow."""
+    return replace(found, warnings=(*found.warnings, NARROW))
 
 
 def described(found: RigDiscovery) -> RigTest:

@@ -129,7 +129,7 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
         weight = 1 / np.sqrt(spectra.variance.T)
         ends = find_ends(columns, solved.design, solved.estimator, weight, spectra.amplitudes)
         freed = replace(spectra, amplitudes=spectra.amplitudes - ends.channels)
-        solved = solve_channels(test, freed, spectra.angular)
+        solved = solve_channels(test, freed, spectra.angular, solved.transfer)
     transfer = solved.transfer
     of_moments = np.eye(1 + joints)[None, 1:].repeat(len(solved.left), axis=0)
     states = np.concatenate([transfer.angles, of_moments], axis=1) @ solved.estimator
@@ -185,7 +185,9 @@ class Solved(NamedTuple):
     left: Complex
 
 
-def solve_channels(test: RigTest, spectra: Spectra, angular: Array) -> Solved:
+def solve_channels(
+    test: RigTest, spectra: Spectra, angular: Array, transfer: Transfer | None = None
+) -> Solved:
     """Solve drive and joint moments of the channels at the harmonics of some spectra.
 
     Parameters
@@ -195,8 +197,10 @@ def solve_channels(test: RigTest, spectra: Spectra, angular: Array) -> Solved:
         Whose amplitudes and variances are used.
     angular : ndarray, shape (h,)
         Their angular frequencies, rad/s.
+    transfer : Transfer, optional
+        Of the structure at these, where it is known already.
     """
-    transfer = open_joints(test.structure, test.at, test.sensors, angular)
+    transfer = transfer or open_joints(test.structure, test.at, test.sensors, angular)
     design = np.zeros((angular.size, 1 + len(test.sensors), 1 + test.structure.n_joints), dtype=complex)
     design[:, 0, 0] = 1.0
     design[:, 1:] = transfer.sensors

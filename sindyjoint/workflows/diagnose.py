@@ -244,7 +244,7 @@ def _law_in_pulse(rig: str | Path, random_state: Any, say: Callable[[str], None]
     sought = any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(opened))
     if opened.measured is None or not sought:
         return None
-    laws = discover_rig(rig, random_state=random_state, progress=say).laws
+    laws = discover_rig(rig, refine=False, random_state=random_state, progress=say).laws
     if len(laws) > 1 or not laws[0].found or laws[0].discovery is None:
         words = f"{len(laws)} kinds of joints" if len(laws) > 1 else laws[0].reason or "no law was found"
         raise InputError(f"{rig}: {words}; give the model that stands for the joint (--model)")
@@ -305,7 +305,9 @@ def diagnose_rig(
     own, others = divide_runs(test)
     if models is None:
         # Laws that have seen the runs kept out would be judged by what they know.
-        found = discover_rig(replace(test, runs=tuple(own)), random_state=random_state, progress=say)
+        found = discover_rig(
+            replace(test, runs=tuple(own)), refine=False, random_state=random_state, progress=say
+        )
         lacking = [law for law in found.laws if not law.found]
         if lacking:
             raise InputError(

@@ -265,7 +265,7 @@ def discover_rig(
     rig: RigTest | str | Path,
     library: Any = "extended",
     *,
-    refine: bool = False,
+    refine: bool | None = None,
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> RigDiscovery:
@@ -279,7 +279,8 @@ def discover_rig(
         Candidate terms, as for :func:`~sindyjoint.discover`.
     refine : bool
         Fit the laws' numbers, and the structure's uncertain ones, to the simulated response of the runs in the end;
-        their intervals are then those of that fit.
+        their intervals are then those of that fit. Default: where no run repeats, as then those of the regression are
+        too narrow; from one start instead of three.
     progress : callable, optional
     **options
         Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, random_state, ...
@@ -295,7 +296,7 @@ def discover_rig(
     """
     from sindyjoint.discovery.foreign_library import catalogue_of
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
-    from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings
+    from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
     from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rig_test_file import load_rig_test
     from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
@@ -325,13 +326,17 @@ def discover_rig(
     differ = [law.alike for law in laws if "differ" in law.alike]
     warnings = (*misfit_warnings(recoveries), *held_warnings(test, held), *words, *differ)
     found = RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
-    if not (refine and found.found):
-        return found
+    passing = not any(each.spectra.repeats for each in recoveries)
+    if not found.found or not (passing if refine is None else refine):
+        return with_narrow_intervals(found) if passing and found.found else found
     from sindyjoint.judgement.rig_discovery import described, with_refinement
     from sindyjoint.judgement.rig_refinement import refine_rig
 
     models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
     state = options.get("random_state")
     return with_refinement(
-        found, refine_rig(described(found), recoveries, models, random_state=state, progress=say)
+        found,
+        refine_rig(
+            described(found), recoveries, models, starts=3 if refine else 1, random_state=state, progress=say
+        ),
     )

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
@@ -16,9 +17,10 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
+from sindyjoint.states.record import ForceStates
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segments import DRAWS, Channels, SegmentedRun
-from sindyjoint.substructure.states import joint_states
+from sindyjoint.substructure.states import joint_states, kept_of
 
 # Step of the differences, in the scaled numbers of the fit: a simulation has events, and a smaller one would see them.
 STEP = 0.05
@@ -180,8 +182,9 @@ def runs_problem(
 ) -> RunsProblem:
     """Return the problem of runs that repeat and runs that do not; parameters as of :meth:`RunsProblem.of`.
 
-    ``most``: segments of runs that do not repeat in all, those in which joints move most; their residuals are then
-    weighed with the noise of the drive, too. Default: all segments, and the noise of the sensors alone.
+    Of runs that do not repeat those segments are simulated in which joints move: the others tell of the structure's
+    uncertain numbers alone, and are there where it has some. ``most``: as many in all, in which they move most, whose
+    residuals are then weighed with the noise of the drive, too.
     """
     passing = [each for each in recoveries if not each.spectra.repeats]
     if not passing:
@@ -194,13 +197,29 @@ def runs_problem(
     if most is not None:
         count = max(1, most // len(records))
         records = [r.liveliest(_joint_motion(each), count) for r, each in zip(records, passing, strict=True)]
+    elif not test.uncertain:
+        moving = [r.where(_moving(each)) for r, each in zip(records, passing, strict=True)]
+        records = [record for record in moving if record.spans] or records
     own = {each.name: getattr(steady, each.name) for each in fields(steady) if each.name != "_kept"}
     problem = RecordsProblem(**own, records=tuple(records), floored=most is not None)
     return problem.whitened(problem.start()) if fitted else problem
 
 
+def _states(recovery: Recovery) -> list[ForceStates]:
+    """Return the states of all joints that move in a run."""
+    joints = range(recovery.transfer.angles.shape[1])
+    return [
+        joint_states(recovery, joint, "") for joint in joints if all(k.any() for k in kept_of(recovery, joint))
+    ]
+
+
 def _joint_motion(recovery: Recovery) -> Array:
     """Return the size of the joints' rates over a run, each in its own RMS, shape (n,)."""
-    joints = recovery.transfer.angles.shape[1]
-    rates = [joint_states(recovery, joint, "").rate for joint in range(joints)]
-    return np.sqrt(sum((rate / max(float(np.std(rate)), 1e-300)) ** 2 for rate in rates))
+    rates = [state.rate / np.std(state.rate) for state in _states(recovery)]
+    return np.asarray(np.linalg.norm(rates or recovery.run.responses, axis=0))
+
+
+def _moving(recovery: Recovery) -> NDArray[np.bool_]:
+    """Return in which samples of a run any joint moves, shape (n,)."""
+    states = [state.moving for state in _states(recovery)]
+    return np.any(states, axis=0) if states else np.zeros(recovery.run.drive.size, dtype=np.bool_)

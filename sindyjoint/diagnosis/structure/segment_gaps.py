@@ -29,21 +29,31 @@ def segment_gaps(given: RecordsProblem, repaired: RecordsProblem, x: Array) -> l
     """
     found = []
     for record in given.records:
-        pair = shown_segments(given, record, given.start()), shown_segments(repaired, record, x)
-        found += [_gap(record, sensor, pair) for sensor in range(len(record.sigma))]
+        before, _ = _simulate(given, record, given.start())
+        after, shares = _simulate(repaired, record, x)
+        found += [_gap(record, sensor, (before, after), shares) for sensor in range(len(record.sigma))]
     return found
 
 
-def shown_segments(problem: RecordsProblem, record: SegmentedRun, x: Array) -> list[Array] | None:
-    """Return what the sensors show of each segment, shape (sensors, n), from where it fits best; None without a motion."""
+def _simulate(
+    problem: RecordsProblem, record: SegmentedRun, x: Array
+) -> tuple[list[Array] | None, tuple[float, ...]]:
+    """Return what the sensors show of each segment, shape (sensors, n), from where it fits best; None without a motion.
+
+    And the noise of the sensors in that of sensors and drive together.
+    """
     try:
         reduced = problem.simulated(record, x)
-        return [s for s, _ in record.settled(reduced).motions(reduced, channels_of(problem.setup(x)))]
+        settled = record.settled(reduced)
+        shown = [each for each, _ in settled.motions(reduced, channels_of(problem.setup(x)))]
+        return shown, settled.with_noise_of_drive(reduced).shares
     except (SimulationError, InputError, np.linalg.LinAlgError):
-        return None
+        return None, (1.0,) * len(record.spans)
 
 
-def _gap(record: SegmentedRun, sensor: int, pair: tuple[list[Array] | None, ...]) -> RecordGap:
+def _gap(
+    record: SegmentedRun, sensor: int, pair: tuple[list[Array] | None, ...], shares: tuple[float, ...]
+) -> RecordGap:
     parts = [record.measured[sensor, a:b] for a, b in record.spans]
     size = float(np.sqrt(sum(float(np.sum(part**2)) for part in parts)))
     shown = int(np.argmax([np.mean(part**2) for part in parts]))
@@ -56,10 +66,11 @@ def _gap(record: SegmentedRun, sensor: int, pair: tuple[list[Array] | None, ...]
 
     before, after = (None if each is None else each[shown][sensor] for each in pair)
     channel, sigma = record.test.sensors[sensor], float(record.sigma[sensor])
+    noise = sigma * float(np.sqrt(sum(part.size / s**2 for part, s in zip(parts, shares, strict=True))))
     time = np.arange(record.spans[shown][0], record.spans[shown][1]) / record.rate
     return RecordGap(
         f"{channel.name}, {record.name}", time, parts[shown], before, after, sigma, float(time[0]),
-        gap(pair[0]), gap(pair[1]), sigma * np.sqrt(sum(part.size for part in parts)) / size,
+        gap(pair[0]), gap(pair[1]), noise / size,
         channel.quantity, UNITS[channel.quantity],
     )  # fmt: skip
 

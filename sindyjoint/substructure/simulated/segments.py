@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
@@ -160,6 +161,10 @@ class SegmentedRun:
         """Return the run with the segments, at most so many, in which a signal of as many samples is largest."""
         sizes = [-rms(motion[a:b]) for a, b in self.spans]
         return replace(self, spans=tuple(self.spans[i] for i in sorted(np.argsort(sizes)[:count])))
+
+    def where(self, moving: NDArray[np.bool_]) -> SegmentedRun:
+        """Return the run with the segments in which joints move, of as many samples."""
+        return replace(self, spans=tuple((a, b) for a, b in self.spans if moving[a:b].any()))
 
     def residual(self, reduced: Structure, channels: Channels = RECORDED) -> list[Array]:
         """Return simulated less measured of each segment, without what its state explains.
