@@ -62,7 +62,7 @@ def campaign(name, seed):
 
     generator = np.random.default_rng(90_000 + seed)
     rig, laws = discovery.with_random_laws(load_rig(RIG), generator)
-    (kind, law), = laws.items()
+    ((kind, law),) = laws.items()
     other, stiffer = hidden(name, law, generator)
     stations = discovery.STATIONS[RIG]
     described = assemble(rig.items, rig.clamp_stiffness, stations)
@@ -91,7 +91,9 @@ def one(name, seed, given):
     try:
         test, law = campaign(name, seed)
         begun = time.process_time()
-        result = diagnose_rig(test, model_of_law(law, 1e-3, 0.05, 0.003) if given else None, random_state=seed)
+        result = diagnose_rig(
+            test, model_of_law(law, 1e-3, 0.05, 0.003) if given else None, random_state=seed
+        )
     except Exception as error:  # a benchmark goes on, and says what failed
         return {**record, "error": f"{type(error).__name__}: {error}"}
     steps = [dict(effect=step.effect, parameters=step.parameters) for step in result.steps]

@@ -64,7 +64,8 @@ def discover(
         bool | None,
         typer.Option(
             "--refine/--no-refine",
-            help="Refine the coefficients on the simulated response of the runs. Default: of a rig whose runs do not repeat.",
+            help="Refine the coefficients on the simulated response of the runs. Default: of a rig without a run that "
+            "repeats.",
         ),
     ] = None,
     model: Annotated[

@@ -177,8 +177,8 @@ class DiagnosisPolicy:
     )
     segments: int = judgement(
         9,
-        "segments in all of a structure's runs that do not repeat, those in which its joints move most, that are simulated "
-        "for every candidate",
+        "segments in all of a structure's runs that do not repeat, those in which its joints move most, that are "
+        "simulated for every candidate",
     )
     behind: float = calibrated(40.0, "distance at which candidates of a structure are given up", unit="nat")
     linear: float = calibrated(4.0, "mean square, in units of noise, below which a response is linear")

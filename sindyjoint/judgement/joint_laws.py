@@ -12,6 +12,7 @@ import numpy as np
 from sindyjoint.bias.correction import corrected_model
 from sindyjoint.bias.replicates import Replicate
 from sindyjoint.discovery.estimator import JointRegressor
+from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frequency import heterogeneity
 from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.equation.calibration import widened
@@ -168,7 +169,8 @@ def _find_law(
 
     A term that stands out of the known noise of the sensors is in the law, however little of the moment it carries.
     """
-    options = {**options, "forbidden": (*options.get("forbidden", ()), UNSEEN)}
+    if UNSEEN in catalogue_of(options.get("library", "extended")):
+        options = {**options, "forbidden": (*options.get("forbidden", ()), UNSEEN)}
     states = tuple(each.states for each in recovered)
     slow = [slow_part(each.recovery, each.joint) for each in recovered]
     weights = run_weights(states)

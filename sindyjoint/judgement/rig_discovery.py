@@ -122,7 +122,9 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
 def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
     """Return a discovery in a structure with refined laws, and the structure's numbers as the refinement has them."""
     if not result.refined:
-        unsure = found if any(each.spectra.repeats for each in found.recoveries) else with_narrow_intervals(found)
+        unsure = (
+            found if any(each.spectra.repeats for each in found.recoveries) else with_narrow_intervals(found)
+        )
         return replace(unsure, refinement=result)
     test, recoveries = found.test, found.recoveries
     if result.update is not None:
@@ -135,13 +137,13 @@ def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
 
 
 NARROW = (
-    "no run repeats: intervals by regression hold the noise of the sensors, and not what the ends of the records and the "
-    "band of the sensors do to the states; refine on the simulated response"
+    "no run repeats: intervals by regression hold the noise of the sensors, and not what the ends of the records and "
+    "the band of the sensors do to the states; refine on the simulated response"
 )
 
 
 def with_narrow_intervals(found: RigDiscovery) -> RigDiscovery:
-    """Return a discovery of runs that do not repeat with a warning that the intervals of a regression are too narrow."""
+    """Return a discovery of runs that do not repeat with a warning that intervals by regression are too narrow."""
     return replace(found, warnings=(*found.warnings, NARROW))
 
 

@@ -13,7 +13,7 @@ from sindyjoint.reporting.records.diagnosis import DiagnosisRecord
 from sindyjoint.workflows.diagnose import diagnose_rig
 
 from .test_refine_rig import K3, C, K, few_harmonics, model  # noqa: F401
-from .two_masses import integrated_run, rig_test
+from .two_masses import integrated_run, rig_test, swept_run
 
 DRIVES = [(1.5, 5.0), (2.5, 6.0), (2.5, 3.0), (4.0, 12.0)]
 FIFTH = 3e9
@@ -86,6 +86,31 @@ def test_a_late_sensor_is_no_fault_of_the_joint(known):
     found = diagnose_rig(replace(test, runs=tuple(late)), known, effects=EFFECTS)
     assert [step.effect for step in found.steps] == ["sensor_delay"]
     assert found.steps[0].parameters == {"tau": pytest.approx(2e-3, rel=0.05)}
+
+
+def swept(law, forces, seconds=5.0):
+    return rig_test([swept_run(f"{a:g} N", a, law, seconds, noise=0.005, seed=int(a)) for a in forces])
+
+
+def test_nothing_is_missing_in_runs_that_do_not_repeat(known):
+    runs = swept(lambda d, v: K * d + K3 * d**3 + C * v, (5.0,), seconds=3.0)
+    found = diagnose_rig(runs, known, effects=EFFECTS[:1])
+    assert found.verdict == "nothing_missing" and not found.steps
+    # The floor holds the noise of the drive: without it the gap would be a fifth above.
+    assert found.final.response == pytest.approx(found.noise_floor.response, rel=0.12)
+    assert any("segments are compared" in line for line in found.warnings)
+
+
+@pytest.mark.slow
+def test_runs_that_do_not_repeat_name_what_the_joint_lacks(known):
+    truth = 60.0
+    runs = swept(lambda d, v: K * d + K3 * d**3 + C * v + truth * v * abs(v), (3.0, 5.0, 4.0, 4.5))
+    found = diagnose_rig(runs, known, effects=EFFECTS, max_effects=2)
+    (step,) = found.steps
+    assert step.effect == "quadratic_damping" and found.verdict == "named"
+    assert step.parameters["c2"] == pytest.approx(truth, rel=0.05)
+    assert found.initial.response > 20 * found.final.response
+    assert {record.name.split(", ")[1] for record in found.records} == {"5 N"}
 
 
 def test_solutions_on_threads_share_no_pivots(monkeypatch):

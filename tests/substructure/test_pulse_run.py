@@ -64,7 +64,9 @@ def test_the_pulse_is_a_run_whose_joint_is_recovered(path, motion):
 
 
 def test_a_pulse_gives_stiffness_and_friction(path):
-    (law,) = discover_rig(path, refine=False, random_state=0, forced=["linear_stiffness", "coulomb_friction"]).laws
+    (law,) = discover_rig(
+        path, refine=False, random_state=0, forced=["linear_stiffness", "coulomb_friction"]
+    ).laws
     true = load_rig("pulse-rig").items[1].law
     assert law.kind == "joint" and "one run of the structure refutes no term" in law.discovery.verdict.reason
     assert law.discovery.model["linear_stiffness"].coefficient == pytest.approx(true.k1, rel=0.1)

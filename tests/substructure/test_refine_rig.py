@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
-from sindyjoint.judgement.rig_refinement import refine_rig
+from sindyjoint.judgement.rig_refinement import RigRefinement, refine_rig
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.rig_test import RigRun, UncertainNumber
 from sindyjoint.record import Joint
 from sindyjoint.substructure.recovery import recover
+from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.simulated.steady import coefficients, complex_amplitudes, steady
+from sindyjoint.workflows.discover import discover_rig
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test, structure, swept_run
 
@@ -121,6 +124,38 @@ def test_runs_that_do_not_repeat_are_refined_in_segments(sweeps):
     for term, true in zip(result.models["joint"].terms, (K, K3, C), strict=True):
         assert abs(term.coefficient - true) < 4 * term.standard_error
         assert term.standard_error < 0.005 * true
+
+
+@pytest.mark.parametrize(("refine", "starts"), [(None, 1), (False, 0), (True, 3)])
+def test_only_runs_that_do_not_repeat_are_refined_unasked(monkeypatch, runs, sweeps, refine, starts):
+    asked = []
+
+    def spy(test, recoveries, models, starts, **options):
+        asked.append(starts)
+        return RigRefinement(False, "no start could be simulated", models, None, np.nan, np.nan)
+
+    monkeypatch.setattr("sindyjoint.judgement.rig_refinement.refine_rig", spy)
+    options = {"library": "paper", "random_state": 0}
+    found = discover_rig(rig_test(sweeps), refine=refine, **options)
+    assert asked == [starts] * (starts > 0)
+    assert any("intervals by regression hold the noise" in line for line in found.warnings)
+    if refine is None:
+        assert not any("intervals" in line for line in discover_rig(rig_test(runs[:2]), **options).warnings)
+        assert len(asked) == 1
+
+
+def test_segments_are_those_in_which_joints_move(sweeps):
+    test = rig_test(sweeps[:1])
+    (record,) = runs_problem(
+        test, [recover(test, sweeps[0])], {"joint": model(K, K3, C)}, fitted=False
+    ).records
+    whole = SegmentedRun.of(test, recover(test, sweeps[0]))
+    assert record.spans == whole.spans and len(whole.spans) > 1
+    moving = np.zeros(sweeps[0].drive.size, dtype=bool)
+    moving[whole.spans[1][0]] = True
+    assert whole.where(moving).spans == whole.spans[1:2]
+    last = np.arange(moving.size)
+    assert whole.liveliest(last, 1).spans == whole.spans[-1:]
 
 
 def test_a_number_of_the_structure_is_fitted_to_segments(sweeps):

@@ -188,7 +188,9 @@ class RunsDiagnosis(StructureProblem):
         notes = [SIMULATED] if problem.test.simulated else []
         if isinstance(problem, RecordsProblem):
             count = sum(len(record.spans) for record in problem.records)
-            notes.append(f"of runs that do not repeat {count} segments are compared, in which the joints move most")
+            notes.append(
+                f"of runs that do not repeat {count} segments are compared, in which the joints move most"
+            )
         if not self.kept:
             notes.append(
                 "no run was kept out of the fit: the gaps are those of the fitted runs; mark one use = 'validate'"
@@ -271,4 +273,3 @@ def _record(run: SteadyRun, sensor: int, pair: Sequence[Complex | None]) -> Reco
         f"{channel.name}, {run.name}", time, measured, signal(pair[0]), signal(pair[1]), noise / np.sqrt(2), 0.0,
         gap(pair[0]), gap(pair[1]), noise / size, channel.quantity, UNITS[channel.quantity],
     )  # fmt: skip
-

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.runs import RunsProblem
+from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.states.record import ForceStates
+from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segments import DRAWS, Channels, SegmentedRun
 from sindyjoint.substructure.states import joint_states, kept_of
@@ -120,7 +122,9 @@ class RecordsProblem(RunsProblem):
             try:
                 reduced = self.simulated(record, x, self.setup(x, extra))
                 settled = record.settled(reduced)
-                records.append(settled.with_noise_of_drive(reduced) if self.floored else settled)
+                if self.floored:
+                    settled = settled.with_measured_noise(reduced).with_noise_of_drive(reduced)
+                records.append(settled)
             except SimulationError as error:
                 raise InputError(
                     f"run {record.name!r} cannot be simulated with the model: {error}"
@@ -152,6 +156,14 @@ class RecordsProblem(RunsProblem):
         noise = degrees if self.floored else degrees + power
         excess = max(1.0, float(residual @ residual) / noise)
         return np.asarray(inverse @ (normal + scatter) @ inverse * excess)
+
+    def models(self, x: Array, covariance: Array) -> dict[str, JointModel]:
+        """Return the model of each kind, whose terms are no surer than a simulation in segments is exact."""
+        found = super().models(x, covariance)
+        return {
+            kind: widened(model, np.diag((LIMITS.simulated * model.coefficients) ** 2))
+            for kind, model in found.items()
+        }
 
     def _with_drive_noise(self, x: Array, draw: int) -> list[Array]:
         """Return the residuals of all segments with other noise on the drive, as far as that can be simulated."""
@@ -209,7 +221,9 @@ def _states(recovery: Recovery) -> list[ForceStates]:
     """Return the states of all joints that move in a run."""
     joints = range(recovery.transfer.angles.shape[1])
     return [
-        joint_states(recovery, joint, "") for joint in joints if all(k.any() for k in kept_of(recovery, joint))
+        joint_states(recovery, joint, "")
+        for joint in joints
+        if all(k.any() for k in kept_of(recovery, joint))
     ]
 
 

@@ -30,30 +30,29 @@ def segment_gaps(given: RecordsProblem, repaired: RecordsProblem, x: Array) -> l
     found = []
     for record in given.records:
         before, _ = _simulate(given, record, given.start())
-        after, shares = _simulate(repaired, record, x)
-        found += [_gap(record, sensor, (before, after), shares) for sensor in range(len(record.sigma))]
+        after, weighed = _simulate(repaired, record, x)
+        found += [_gap(weighed, sensor, (before, after)) for sensor in range(len(record.sigma))]
     return found
 
 
 def _simulate(
     problem: RecordsProblem, record: SegmentedRun, x: Array
-) -> tuple[list[Array] | None, tuple[float, ...]]:
+) -> tuple[list[Array] | None, SegmentedRun]:
     """Return what the sensors show of each segment, shape (sensors, n), from where it fits best; None without a motion.
 
-    And the noise of the sensors in that of sensors and drive together.
+    And the run with its noise as it was measured there.
     """
     try:
         reduced = problem.simulated(record, x)
-        settled = record.settled(reduced)
+        settled = record.settled(reduced).with_measured_noise(reduced)
         shown = [each for each, _ in settled.motions(reduced, channels_of(problem.setup(x)))]
-        return shown, settled.with_noise_of_drive(reduced).shares
+        return shown, settled.with_noise_of_drive(reduced)
     except (SimulationError, InputError, np.linalg.LinAlgError):
-        return None, (1.0,) * len(record.spans)
+        return None, record
 
 
-def _gap(
-    record: SegmentedRun, sensor: int, pair: tuple[list[Array] | None, ...], shares: tuple[float, ...]
-) -> RecordGap:
+def _gap(record: SegmentedRun, sensor: int, pair: tuple[list[Array] | None, ...]) -> RecordGap:
+    shares = record.shares or (1.0,) * len(record.spans)
     parts = [record.measured[sensor, a:b] for a, b in record.spans]
     size = float(np.sqrt(sum(float(np.sum(part**2)) for part in parts)))
     shown = int(np.argmax([np.mean(part**2) for part in parts]))
@@ -102,7 +101,11 @@ def locate_segments(problem: RecordsProblem) -> tuple[Place, ...]:
     if not excess.any():
         return ()
     regions = Regions(excess.ravel(), "segments", problem.policy)
-    axes = (("run", "in run", 0, runs), ("time", "in", 0, times), ("sensor", "at sensor", 1, [s.name for s in sensors]))
+    axes = (
+        ("run", "in run", 0, runs),
+        ("time", "in", 0, times),
+        ("sensor", "at sensor", 1, [s.name for s in sensors]),
+    )
     for name, words, axis, labels in axes:
         for label in dict.fromkeys(labels):
             mask = np.zeros(excess.shape, dtype=bool)
