@@ -183,7 +183,7 @@ def campaign(name, seed, kind="sine", wrong=False):
     return replace(test, structure=described, uncertain=uncertain), laws, factors
 
 
-def one(name, seed, kind, wrong, refine=False):
+def one(name, seed, kind, wrong, refine=None):
     """Return what was found of one campaign."""
     from sindyjoint.workflows.discover import discover_rig
 
@@ -215,7 +215,7 @@ def one(name, seed, kind, wrong, refine=False):
     return record
 
 
-def run(name, seeds, kind, wrong, out, refine=False):
+def run(name, seeds, kind, wrong, out, refine=None):
     """Write what was found of each campaign as it is found; a file that is there already is gone on with."""
     path = Path(out)
     records = json.loads(path.read_text())["campaigns"] if path.is_file() else []
@@ -271,7 +271,7 @@ def main():
     runs.add_argument("rig", choices=[*STATIONS])
     runs.add_argument("--drive", choices=["sine", "multisine", "sweep", "impact"], default="sine")
     runs.add_argument("--wrong", action="store_true")
-    runs.add_argument("--refine", action="store_true")
+    runs.add_argument("--refine", action=argparse.BooleanOptionalAction)
     runs.add_argument("--seeds", nargs=2, type=int, default=[1, 10])
     runs.add_argument("--out", required=True)
     verbs.add_parser("show").add_argument("file")

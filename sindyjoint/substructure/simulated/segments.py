@@ -186,7 +186,7 @@ class SegmentedRun:
     def motions(
         self, reduced: Structure, channels: Channels = RECORDED
     ) -> Iterator[tuple[Array, tuple[Array, Array]]]:
-        """Yield what the sensors show of each segment, shape (sensors, n), and the joints' angles and rates, (n, joints).
+        """Yield what the sensors show of each segment, shape (sensors, n), and angle and rate of joints, (n, joints).
 
         Internal states that the law did not have when the states were found go on from one segment to the next.
 
@@ -204,10 +204,10 @@ class SegmentedRun:
             yield shown, (angle, rate)
 
     def with_measured_noise(self, reduced: Structure) -> SegmentedRun:
-        """Return the run with the noise of sensors for which none was declared, of the residual in the upper half of the band.
+        """Return the run with the noise of the sensors, where none was declared, as the upper half of the band shows it.
 
-        A record that does not repeat shows its noise badly, and what a model lacks lies below: the median of the squares
-        there is that of white noise, 0.4549 of its variance.
+        A record that does not repeat shows its noise badly, and what a model lacks lies below: the median of the
+        squares there is that of white noise, 0.4549 of its variance.
 
         Raises
         ------
