@@ -204,7 +204,7 @@ class SegmentedRun:
             yield shown, (angle, rate)
 
     def with_measured_noise(self, reduced: Structure) -> SegmentedRun:
-        """Return the run with the noise of the sensors, where none was declared, as the upper half of the band shows it.
+        """Return the run with noise of sensors for which none was declared as the upper half of the band shows it.
 
         A record that does not repeat shows its noise badly, and what a model lacks lies below: the median of the
         squares there is that of white noise, 0.4549 of its variance.
