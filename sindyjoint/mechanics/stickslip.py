@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import CompiledLaw, Law, as_compiled, softening_limit
@@ -225,11 +226,13 @@ class _Batch:
         else:
             with ThreadPoolExecutor(workers) as pool:
                 ends = list(pool.map(self._integrate, numbers, drives))
+        taken = sum(int(steps) for _, _, steps in ends)
+        spend(STEP_SAMPLES * taken)
         for r, (status, reached, _) in enumerate(ends):
             if status:
                 where = f"run {r}: " if len(drives) > 1 else ""
                 raise _describe_failure(status, reached, self.bounds[r], where)
-        return sum(int(steps) for _, _, steps in ends)
+        return taken
 
     def _integrate(self, r: int, e: Excitation) -> tuple[int, float, int]:
         from sindyjoint.mechanics import stickslip_kernel as kernel
@@ -381,6 +384,7 @@ def internal_states(
         if decay > STIFF * steps and steps < MOST_SUBSTEPS:
             steps = int(min(np.ceil(decay), MOST_SUBSTEPS))
             integrate_states(compiled.address, theta, omega, compiled.numbers, step, steps, state)
+        spend(float(theta.size * steps))
         bad = np.flatnonzero(~np.isfinite(state).all(axis=0))
         if bad.size:
             time = bad[0] / sample_rate

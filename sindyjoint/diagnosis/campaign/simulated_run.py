@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
@@ -34,6 +35,7 @@ def simulated(
     With ``spurious`` a motion whose few harmonics may be noise was the drive, too. None also where the drive is
     another than it has to be.
     """
+    spend(STEP_SAMPLES * states.n_samples)
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
     motion = prescribed(states, spurious, inertia=model.inertia)
