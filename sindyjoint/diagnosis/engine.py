@@ -244,10 +244,12 @@ def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) ->
             reason = f"{reason}; {progress.doubt.words}"
         return Explained(straight, progress, residual, gaps, verdict, reason, start.words)
 
+    found = stages.verdict.do(judged, None, "the verdict")
+    if found is not None:
+        return found
     gaps = Gaps(first.initial_gap, final, problem.noise_floor)
     reason = "what a verdict rests on was not computed to its end"
-    otherwise = Explained(straight, progress, Residual(1.0, 0.0), gaps, UNDECIDED, reason, start.words)
-    return stages.verdict.do(judged, otherwise, "the verdict")
+    return Explained(straight, progress, Residual(1.0, 0.0), gaps, UNDECIDED, reason, start.words)
 
 
 def _compare_starts(best: Explained[P], ends: Sequence[Explained[P]]) -> str:

@@ -246,6 +246,7 @@ STRUCTURE = replace(
     found_error=0.01,
     price_inflated=False,
     most_effects=3,
+    search_work=5e9,
     search_seconds=300.0,
     unexplained=0.25,
     unexplained_rms=True,
