@@ -244,6 +244,7 @@ def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) ->
             reason = f"{reason}; {progress.doubt.words}"
         return Explained(straight, progress, residual, gaps, verdict, reason, start.words)
 
+    stages.say("the verdict")
     found = stages.verdict.do(judged, None, "the verdict")
     if found is not None:
         return found
