@@ -1,14 +1,23 @@
-"""Processor time, wherever it is spent: what was asked of a machine, not how busy it is."""
+"""Processor time and work, wherever they are spent: what was asked of a machine, not how busy it is.
+
+A stage that may take long is given a :class:`Portion`. What it does in many small pieces, trials of a regression or
+simulations, is counted as it is done (:func:`spend`), and ends where the portion is used up. Nobody in between has to
+know.
+"""
 
 from __future__ import annotations
 
+import math
 import os
+import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextvars import ContextVar
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, Generic, Self, TypeVar
 
 R = TypeVar("R")
+Other = TypeVar("Other")
 
 
 class ProcessorTime:
@@ -20,15 +29,23 @@ class ProcessorTime:
 
     def __init__(self) -> None:
         self.elsewhere = 0.0
+        self.work = 0.0
         self._start = time.process_time()
+        self._counting = threading.Lock()
 
     @property
     def seconds(self) -> float:
         """Spent so far."""
         return time.process_time() - self._start + self.elsewhere
 
-    def __enter__(self) -> ProcessorTime:
-        self.elsewhere, self._start = 0.0, time.process_time()
+    def count(self, work: float, elsewhere: float = 0.0) -> None:
+        """Count work that was done, and processor time that others took for it."""
+        with self._counting:
+            self.work += work
+            self.elsewhere += elsewhere
+
+    def __enter__(self) -> Self:
+        self.elsewhere, self.work, self._start = 0.0, 0.0, time.process_time()
         self._token = _clocks.set((*_clocks.get(), self))
         return self
 
@@ -36,15 +53,164 @@ class ProcessorTime:
         _clocks.reset(self._token)
 
 
+class Spent(Exception):
+    """What a stage may cost is used up.
+
+    It is no error of the package: the stage that has the portion ends with what it has.
+    """
+
+    def __init__(self, portion: Portion) -> None:
+        super().__init__(portion.stopped)
+        self.portion = portion
+
+
+class Portion(ProcessorTime):
+    """What a stage may cost: work that is counted alike on every machine, and processor time as a last resort.
+
+    A task whose work is more than what remains ends without a result, whatever it was about when that came out: who did
+    which part of it first, and on how many processors, makes no difference.
+
+    Parameters
+    ----------
+    work : float
+        What may be done, in samples that a trial goes along; see :func:`spend`.
+    seconds : float
+        Processor time after which nothing more is begun.
+
+    Attributes
+    ----------
+    stopped : str
+        Why it ended, in words; empty while it has not.
+    left_out : list of str
+        What was not finished or not begun.
+    """
+
+    def __init__(self, work: float, seconds: float) -> None:
+        super().__init__()
+        self.most_work, self.most_seconds = work, seconds
+        self.stopped = ""
+        self.left_out: list[str] = []
+        self._running, self._before = False, 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Spent so far, in all its tasks."""
+        return self._before + (super().seconds if self._running else 0.0)
+
+    def count(self, work: float, elsewhere: float = 0.0) -> None:
+        """Count work that was done; Spent where that was all that may be."""
+        super().count(work, elsewhere)
+        if self.work >= self.most_work:
+            self.stopped = "after as much work as is allowed on any machine"
+        elif not self.stopped and self.seconds >= self.most_seconds:
+            self.stopped = f"after {self.seconds:.0f} s of processor time"
+        if self.stopped:
+            raise Spent(self)
+
+    def do(self, task: Callable[[], R], otherwise: Other, what: str) -> R | Other:
+        """Return the result of a task, or something else where the portion is used up before that ends.
+
+        Parameters
+        ----------
+        task : callable
+        otherwise : object
+        what : str
+            What is then left out; empty where that need not be said.
+        """
+        try:
+            with self:
+                self.count(0.0)
+                return task()
+        except Spent as spent:
+            if spent.portion is not self:
+                raise
+        if what and what not in self.left_out:
+            self.left_out.append(what)
+        return otherwise
+
+    def __enter__(self) -> Self:
+        work, self._before = self.work, self.seconds
+        super().__enter__()
+        self.work, self._running = work, True
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._before, self._running = self.seconds, False
+        super().__exit__(*error)
+
+
 _clocks: ContextVar[tuple[ProcessorTime, ...]] = ContextVar("clocks", default=())
 
 
-def run_timed(function: Callable[..., R], *given: Any) -> tuple[R, float, int]:
-    """Return a result, the processor time that its thread took for it, and the process that did it."""
+def spend(samples: float) -> None:
+    """Count a piece of work of the stage that is running; Spent where its portion is used up.
+
+    A piece is a trial of numbers along recorded samples, or a simulation, of which each step counts
+    :data:`STEP_SAMPLES` samples.
+    """
+    for clock in _clocks.get():
+        clock.count(samples)
+
+
+#: Samples of a trial that take as long as one step of a simulation, about.
+STEP_SAMPLES = 5.0
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """What a task in another process may cost.
+
+    Parameters
+    ----------
+    work, seconds : float
+        That remain of the least portion.
+    process : int
+        The process that gives it, which counts for itself.
+    """
+
+    work: float
+    seconds: float
+    process: int
+
+    @classmethod
+    def of(cls, clocks: Sequence[ProcessorTime]) -> Allowance:
+        """Return what remains of the portions among some clocks."""
+        portions = [clock for clock in clocks if isinstance(clock, Portion)]
+        return cls(
+            min((p.most_work - p.work for p in portions), default=math.inf),
+            min((p.most_seconds - p.seconds for p in portions), default=math.inf),
+            os.getpid(),
+        )
+
+
+@dataclass(frozen=True)
+class Timed(Generic[R]):
+    """The result of a task, None where its allowance was used up, and what it took in another process."""
+
+    result: R | None
+    seconds: float = 0.0
+    work: float = 0.0
+
+
+def run_timed(function: Callable[..., R], allowance: Allowance, *given: Any) -> Timed[R]:
+    """Return a result, and what it took where another process than the one that gave the allowance did it."""
+    if os.getpid() == allowance.process:
+        return Timed(function(*given))
     start = time.thread_time()
-    return function(*given), time.thread_time() - start, os.getpid()
+    portion = Portion(allowance.work, allowance.seconds)
+    result = portion.do(lambda: function(*given), None, "")
+    return Timed(result, time.thread_time() - start, portion.work)
 
 
 def clocks_running() -> tuple[ProcessorTime, ...]:
     """Return the clocks that are entered here."""
     return _clocks.get()
+
+
+def run_on_clocks(clocks: tuple[ProcessorTime, ...], function: Callable[..., R], *given: Any) -> R:
+    """Return a result, its work counted on some clocks: a thread does not know those of the one that began it."""
+    token = _clocks.set(clocks)
+    try:
+        return function(*given)
+    finally:
+        _clocks.reset(token)

@@ -18,9 +18,9 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, cast
 
-from sindyjoint.clock import clocks_running, run_timed
+from sindyjoint.clock import Allowance, clocks_running, run_on_clocks, run_timed
 from sindyjoint.errors import InputError, MissingExtraError, WorkerError
 from sindyjoint.threads import interruption_held, single_threaded
 
@@ -120,10 +120,12 @@ def side_by_side(
     clocks = clocks_running()
     if not clocks:
         return ordered_map(there, function, tasks, shared)
-    timed = ordered_map(there, run_timed, tasks, (function, *shared))
+    timed = ordered_map(there, run_timed, tasks, (function, Allowance.of(clocks), *shared))
+    seconds, work = sum(each.seconds for each in timed), sum(each.work for each in timed)
     for clock in clocks:
-        clock.elsewhere += sum(seconds for _, seconds, process in timed if process != os.getpid())
-    return [result for result, _, _ in timed]
+        clock.count(work, seconds)
+    # One whose allowance was used up has used up the portion too, which has said so.
+    return [cast(R, each.result) for each in timed]
 
 
 @contextmanager
@@ -212,10 +214,11 @@ class _Threads:
     ) -> Iterator[tuple[int, R | Lost]]:
         from joblib import Parallel, delayed
 
-        # The limit holds for the whole process: set once, not by each task.
+        # The limit holds for the whole process: set once, not by each task. Clocks run on in every thread.
+        clocks = clocks_running()
         with single_threaded():
             results = Parallel(n_jobs=-1, prefer="threads")(
-                delayed(function)(*shared, task) for task in tasks
+                delayed(run_on_clocks)(clocks, function, *shared, task) for task in tasks
             )
         yield from enumerate(results)
 

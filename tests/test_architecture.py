@@ -54,7 +54,7 @@ ALLOWED = {
     "files": BASE | {"rig"},
     "states": BASE,
     "equation": BASE,
-    "mechanics": DOOR | {"equation"},  # rigs are read from files; a formula is a list of operations
+    "mechanics": DOOR | {"equation", "clock"},  # rigs are read from files; a formula is a list of operations
     "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
     "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
     "bias": RESPONDS,

@@ -41,6 +41,10 @@ class Budget:
         return self.state + self.history + self.run + self.processing + self.noise
 
 
+#: Of a gap that was not divided.
+NOT_DIVIDED = Budget(*[float("nan")] * 5)
+
+
 def divide_gap(
     total: float,
     noise: float,

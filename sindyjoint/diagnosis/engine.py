@@ -8,8 +8,9 @@ from typing import Generic
 
 import numpy as np
 
-from sindyjoint.clock import ProcessorTime
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.advice import advise
+from sindyjoint.diagnosis.budget import NOT_DIVIDED
 from sindyjoint.diagnosis.falling import grows, with_falling_gaps
 from sindyjoint.diagnosis.loop import (
     Progress,
@@ -21,8 +22,9 @@ from sindyjoint.diagnosis.loop import (
 )
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import P, Say, Start
-from sindyjoint.diagnosis.result import Diagnosis, Step
-from sindyjoint.diagnosis.verdict import UNKNOWN, Gaps, Residual, discount, judge
+from sindyjoint.diagnosis.result import Diagnosis, Gap, Step
+from sindyjoint.diagnosis.stages import Stages
+from sindyjoint.diagnosis.verdict import UNDECIDED, UNKNOWN, Gaps, Residual, discount, judge
 from sindyjoint.text import percent, spelled
 
 
@@ -76,36 +78,35 @@ def explain_gap(
     ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
     before that begins. ``refined`` may give the last problem other numbers, and notes on that.
     """
+    stages = Stages.of(first.policy, say)
     say("the gap")
     straight, steps = first.corrected()
-    clock = ProcessorTime()
-    with clock:
-        best, note = _best_search(first, straight, steps, most, say, clock)
-    last = best.progress.problem.finished()
-    last, notes = refined(best.progress.problem if grows(best.gaps.initial, last.gap) else last)
-    steps = discount(best.progress.steps, best.verdict, best.residual, best.gaps, first.policy)
-    final = best.gaps.final
+    best, note = _best_search(first, straight, steps, most, stages)
+    verdict, reason = _of_search(best, stages.search)
+    steps = discount(best.progress.steps, verdict, best.residual, best.gaps, first.policy)
+    last, final, notes = _with_last_numbers(best, refined, stages)
     if last is not best.progress.problem:
         # Figures and numbers belong to the model that is handed on.
-        final = last.gap
         numbers = {each.name: dict(each.parameters) for each in last.found}
         steps = tuple(replace(s, parameters=numbers.get(s.effect, s.parameters)) for s in steps)
         steps = (*steps[:-1], *(replace(step, gap_after=final) for step in steps[-1:]))
     steps = with_falling_gaps(steps, best.gaps.initial)
+    say("the parts of the gap")
+    parts = stages.parts
     found = {
-        "verdict": best.verdict,
-        "reason": best.reason,
+        "verdict": verdict,
+        "reason": reason,
         "initial": best.gaps.initial,
         "final": final,
         "noise_floor": best.gaps.floor,
         "uncertainty": best.gaps.uncertainty,
-        "budget": best.straight.budget(first, last),
-        "where": first.places() if best.verdict != "nothing_missing" else (),
+        "budget": parts.do(lambda: best.straight.budget(first, last), NOT_DIVIDED, "the parts of the gap"),
+        "where": () if verdict == "nothing_missing" else parts.do(first.places, (), "where the gap lies"),
         "steps": steps,
         "advice": (),
     }
     result = last.diagnosis(first, found)
-    result = replace(result, warnings=(*filter(None, note), *result.warnings, *notes))
+    result = replace(result, warnings=(*stages.notes, *filter(None, (note,)), *result.warnings, *notes))
     if not advised:
         return result
     if any(len(step.members) > 1 for step in steps):
@@ -116,28 +117,57 @@ def explain_gap(
     return replace(result, advice=advice, search=search, warnings=warned)
 
 
+def _with_last_numbers(
+    best: Explained[P], refined: Callable[[P], tuple[P, tuple[str, ...]]], stages: Stages
+) -> tuple[P, Gap, tuple[str, ...]]:
+    """Return the last problem with the numbers that are handed on, its gap, and notes on them."""
+    found, known = best.progress.problem, best.gaps.final
+
+    def finished() -> tuple[P, Gap]:
+        last = found.finished()
+        if last is found or grows(best.gaps.initial, last.gap):
+            return found, known
+        return last, last.gap
+
+    def fitted() -> tuple[P, Gap, tuple[str, ...]]:
+        later, notes = refined(last)
+        return (later, gap, notes) if later is last else (later, later.gap, notes)
+
+    stages.say("the numbers")
+    last, gap = stages.numbers.do(finished, (found, known), "what the processing does to them")
+    return stages.refinement.do(fitted, (last, gap, ()), "all of it")
+
+
+def _of_search(best: Explained[P], search: Portion) -> tuple[str, str]:
+    """Return verdict and reason: a search that did not end cannot know that no effect explains what remains."""
+    if not search.stopped or best.verdict not in ("unknown", "partly_named"):
+        return best.verdict, best.reason
+    verdict = UNDECIDED if best.verdict == "unknown" else best.verdict
+    return verdict, f"{best.reason}; the search ended {search.stopped}, before everything was tried"
+
+
 def _best_search(
-    first: P, straight: P, steps: tuple[Step, ...], most: int, say: Say, clock: ProcessorTime
-) -> tuple[Explained[P], tuple[str, str]]:
-    """Return the search that ended best, and what to say of other starts and of time."""
-    most_seconds = first.policy.search_seconds
+    first: P, straight: P, steps: tuple[Step, ...], most: int, stages: Stages
+) -> tuple[Explained[P], str]:
+    """Return the search that ended best, and what to say of other starts."""
+    search, say = stages.search, stages.say
     begin = Start(straight, steps)
-    given = _led(first, begin, _explain(first, begin, most, say, clock))
+    given = _led(first, begin, _explain(first, begin, most, stages), stages)
     best, ends = given, [given]
-    if clock.seconds < most_seconds:
-        zero = first.zero_start(straight, given.progress.problem, say)
-        if zero is not None:
-            best = _with_end(first, zero, _explain(first, zero, most, say, clock), best, ends)
-    if clock.seconds < most_seconds:
-        last = best if best.whole else given
-        starts = first.other_starts(straight, last.progress.problem, say, best.whole)
-        start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
-        if start is not None:
-            end = _explain(first, start, most, say, clock)
-            best = _with_end(first, start, end, best, ends, _lead(start, best))
-    late = clock.seconds >= most_seconds and not best.whole
-    note = f"the search ended after {most_seconds:g} s of processor time" if late else ""
-    return best, (_compare_starts(best, ends), note)
+    zero = search.do(
+        lambda: first.zero_start(straight, given.progress.problem, say), None, "the joint's own zero"
+    )
+    if zero is not None:
+        best = _with_end(first, zero, _explain(first, zero, most, stages), best, ends, stages)
+    last = best if best.whole else given
+    starts = search.do(
+        lambda: list(first.other_starts(straight, last.progress.problem, say, best.whole)), (), "other starts"
+    )
+    start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
+    if start is not None:
+        end = _explain(first, start, most, stages)
+        best = _with_end(first, start, end, best, ends, stages, _lead(start, best))
+    return best, _compare_starts(best, ends)
 
 
 def _lead(start: Start[P], best: Explained[P]) -> float:
@@ -157,6 +187,7 @@ def _with_end(
     end: Explained[P],
     best: Explained[P],
     ends: list[Explained[P]],
+    stages: Stages,
     lead: float = 0.0,
 ) -> Explained[P]:
     """Add the end of the search from another start; return the best so far, or that one where it is better.
@@ -168,19 +199,21 @@ def _with_end(
         worse = grows(first.initial_gap, each.gaps.final)
         return not worse and each.cost(first.policy) < best.cost(first.policy) + lead
 
-    ends.append(_led(first, start, end) if lead > 0 or better(end) else end)
+    ends.append(_led(first, start, end, stages) if lead > 0 or better(end) else end)
     return ends[-1] if better(ends[-1]) else best
 
 
-def _explain(first: P, start: Start[P], most: int, say: Say, clock: ProcessorTime) -> Explained[P]:
+def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[P]:
     """Return what the search from one start comes to."""
     initial, straight = first.initial_gap, start.problem
     before = start.steps[-1].gap_after if start.steps else initial
-    progress = add_effects(Progress(straight, before, start.steps), most + start.free, say, clock)
-    return _judged(first, start, without_needless_delay(progress))
+    begun = Progress(straight, before, start.steps)
+    progress = add_effects(begun, most + start.free, stages.say, stages.search)
+    progress = stages.search.do(lambda: without_needless_delay(progress), progress, "")
+    return _judged(first, start, progress, stages)
 
 
-def _led(first: P, start: Start[P], end: Explained[P]) -> Explained[P]:
+def _led(first: P, start: Start[P], end: Explained[P], stages: Stages) -> Explained[P]:
     """Return the end of a search with the members of its classes that the data, which hardly differ, leave least of."""
     if end.verdict != "partly_named":
         return end
@@ -189,20 +222,35 @@ def _led(first: P, start: Start[P], end: Explained[P]) -> Explained[P]:
     def cost(problem: P) -> float:
         return cost_of(problem.gap, problem, first.policy)
 
-    best = min(other_members(progress), key=lambda each: cost(each[2]), default=None)
-    if best is None or cost(best[2]) >= cost(progress.problem):
-        return end
-    return _judged(first, start, led_by(progress, *best))
+    def led() -> Progress[P] | None:
+        best = min(other_members(progress), key=lambda each: cost(each[2]), default=None)
+        better = best is not None and cost(best[2]) < cost(progress.problem)
+        return led_by(progress, *best) if best is not None and better else None
+
+    later = stages.search.do(led, None, "other members of the classes")
+    return end if later is None else _judged(first, start, later, stages)
 
 
-def _judged(first: P, start: Start[P], progress: Progress[P]) -> Explained[P]:
+def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) -> Explained[P]:
+    """Return what a search has come to; *undecided* where the verdict is not reached."""
     final = progress.steps[-1].gap_after if progress.steps else start.problem.gap
-    gaps = Gaps(first.initial_gap, final, progress.problem.floor(), progress.problem.uncertainty())
-    residual = progress.problem.residual(start.before or start.problem)
-    verdict, reason = judge(progress.steps, residual, gaps, first.policy)
-    if progress.doubt is not None and verdict in ("unknown", "partly_named", "undecided"):
-        reason = f"{reason}; {progress.doubt.words}"
-    return Explained(start.before or start.problem, progress, residual, gaps, verdict, reason, start.words)
+    straight, problem = start.before or start.problem, progress.problem
+
+    def judged() -> Explained[P]:
+        gaps = Gaps(first.initial_gap, final, problem.floor(), problem.uncertainty())
+        residual = problem.residual(straight)
+        verdict, reason = judge(progress.steps, residual, gaps, first.policy)
+        if progress.doubt is not None and verdict in ("unknown", "partly_named", "undecided"):
+            reason = f"{reason}; {progress.doubt.words}"
+        return Explained(straight, progress, residual, gaps, verdict, reason, start.words)
+
+    stages.say("the verdict")
+    found = stages.verdict.do(judged, None, "the verdict")
+    if found is not None:
+        return found
+    gaps = Gaps(first.initial_gap, final, problem.noise_floor)
+    reason = "what a verdict rests on was not computed to its end"
+    return Explained(straight, progress, Residual(1.0, 0.0), gaps, UNDECIDED, reason, start.words)
 
 
 def _compare_starts(best: Explained[P], ends: Sequence[Explained[P]]) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import partial
 from typing import Any, Generic
 
 import numpy as np
 
-from sindyjoint.clock import ProcessorTime
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.falling import grows
 from sindyjoint.diagnosis.inadmissible import Inadmissible, before_doubt
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -79,17 +80,21 @@ class Round(Generic[P]):
     doubts: tuple[Inadmissible, ...] = ()
 
 
-def add_effects(start: Progress[P], most: int, say: Say, clock: ProcessorTime | None = None) -> Progress[P]:
-    """Add effects until the gap is noise, nothing explains it, or the count is reached, or the time on the clock."""
+def add_effects(start: Progress[P], most: int, say: Say, search: Portion | None = None) -> Progress[P]:
+    """Add effects until the gap is noise, nothing explains it, the count is reached, or the portion is used up.
+
+    A round that does not end adds nothing: its best candidate may be one of those that it has not tried.
+    """
     here, refused, been = start, frozenset[str](), [start]
     # Where a pair was begun: the first of it may win nothing until the second is there.
     begun: Progress[P] | None = None
     doubts: list[tuple[int, Inadmissible]] = []
     while True:
-        if clock is not None and clock.seconds >= here.problem.policy.search_seconds:
-            say("stopping: the time of the search is used up")
+        one_round = partial(try_effect, here, refused, most, say)
+        tried = one_round() if search is None else search.do(one_round, None, "further effects")
+        if tried is None:
+            say("stopping: what the search may cost is used up")
             break
-        tried = try_effect(here, refused, most, say)
         doubts += ((len(been) - 1, each) for each in tried.doubts)
         if tried.outcome is Outcome.REFUSE:
             say(f"refusing {tried.effect.replace('_', ' ')}: {tried.reason}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sindyjoint.diagnosis.budget import Budget
+from sindyjoint.diagnosis.budget import NOT_DIVIDED
 from sindyjoint.diagnosis.result import Diagnosis, Gap
 from sindyjoint.diagnosis.verdict import UNDECIDED
 from sindyjoint.discovery.delay import ChannelDelay
@@ -105,7 +105,7 @@ def stopped(checked: Check, model: JointModel | None) -> Diagnosis:
         initial=gap,
         final=gap,
         noise_floor=gap,
-        budget=Budget(unknown, unknown, unknown, unknown, unknown),
+        budget=NOT_DIVIDED,
         where=(),
         steps=(),
         advice=(),

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import CompiledLaw, Law, as_compiled, softening_limit
@@ -22,6 +23,8 @@ from sindyjoint.numeric import Array
 
 # Runge-Kutta of order 4 is stable up to 2.8 of a step times the rate at which a state settles.
 STIFF, MOST_SUBSTEPS = 2.0, 512
+# Most steps of a simulation: usual are fewer than ten a sample; a law that takes hundreds is not that of the samples.
+STEPS_PER_SAMPLE, LEAST_STEPS = 400, 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +82,7 @@ def _describe_failure(status: int, time: float, limits: Array, where: str) -> Si
             "(the moment there is larger for slip towards −1 than towards +1); Coulomb friction must not be negative"
         )
     else:
-        text = (
-            f"{kernel.STEPS_PER_SAMPLE} steps a sample did not suffice; the simulation stopped at t = {time:.6g} s; "
-            "the law is too stiff"
-        )
+        text = f"hundreds of steps a sample did not suffice; it stopped at t = {time:.6g} s; the law is too stiff"
     return SimulationError(where + text, time=float(time))
 
 
@@ -124,6 +124,7 @@ def simulate_many(
     limits: tuple[float, float] | str | None = "softening",
     rtol: float = 1e-7,
     max_step: float = np.inf,
+    most_steps: int | None = None,
     threads: int | None = None,
 ) -> Motion:
     """Simulate many runs of one law on threads.
@@ -150,6 +151,8 @@ def simulate_many(
         Tolerance of a step relative to the largest value of each variable so far.
     max_step : float
         s.
+    most_steps : int, optional
+        After which a run ends with an error. Default: :data:`STEPS_PER_SAMPLE` a sample, at least two million.
     threads : int, optional
         Default: one per core.
 
@@ -193,13 +196,15 @@ def simulate_many(
         y[:, 2:] = initial_state
     bounds = np.ascontiguousarray(np.broadcast_to(_find_limits(law, limits), (runs, 2)))
     drives = excitations * runs if len(excitations) < runs else excitations
-    batch = _Batch(address, sets, total, y, bounds, n_samples, sample_rate, float(rtol), float(max_step))
-    steps = batch.run(drives, min(threads or os.cpu_count() or 1, runs))
+    most = max(STEPS_PER_SAMPLE * n_samples, LEAST_STEPS) if most_steps is None else int(most_steps)
+    steps = 1.0 / sample_rate, float(rtol), float(max_step), most
+    batch = _Batch(address, sets, total, y, bounds, n_samples, steps)
+    taken = batch.run(drives, min(threads or os.cpu_count() or 1, runs))
     time = np.arange(n_samples) / sample_rate
     driven = np.broadcast_to(np.stack([e(time) for e in excitations]), (runs, n_samples))
     moment = driven - beam[:, None] * batch.acceleration if beam.any() else driven
     return Motion(
-        time, batch.angle, batch.rate, batch.acceleration, moment, batch.stuck.view(np.bool_), batch.states, steps
+        time, batch.angle, batch.rate, batch.acceleration, moment, batch.stuck.view(np.bool_), batch.states, taken
     )  # fmt: skip
 
 
@@ -207,12 +212,12 @@ class _Batch:
     """Runs of one compiled law side by side: what each begins with, and the samples that it fills."""
 
     def __init__(self, address: int, parameters: Array, inertia: Array, start: Array, bounds: Array, n_samples: int,
-                 sample_rate: float, rtol: float, max_step: float):  # fmt: skip
+                 steps: tuple[float, float, float, int]):  # fmt: skip
         runs, self.n_states = len(start), start.shape[1] - 2
         self.address, self.parameters, self.inertia, self.start, self.bounds = (
             address, parameters, inertia, start, bounds,
         )  # fmt: skip
-        self.steps = 1.0 / sample_rate, rtol, max_step
+        self.steps = steps
         self.angle, self.rate, self.acceleration = (np.empty((runs, n_samples)) for _ in range(3))
         self.states = np.empty((runs, self.n_states, n_samples))
         self.stuck = np.zeros((runs, n_samples), dtype=np.int8)
@@ -225,11 +230,13 @@ class _Batch:
         else:
             with ThreadPoolExecutor(workers) as pool:
                 ends = list(pool.map(self._integrate, numbers, drives))
+        taken = sum(int(steps) for _, _, steps in ends)
+        spend(STEP_SAMPLES * taken)
         for r, (status, reached, _) in enumerate(ends):
             if status:
                 where = f"run {r}: " if len(drives) > 1 else ""
                 raise _describe_failure(status, reached, self.bounds[r], where)
-        return sum(int(steps) for _, _, steps in ends)
+        return taken
 
     def _integrate(self, r: int, e: Excitation) -> tuple[int, float, int]:
         from sindyjoint.mechanics import stickslip_kernel as kernel
@@ -381,6 +388,7 @@ def internal_states(
         if decay > STIFF * steps and steps < MOST_SUBSTEPS:
             steps = int(min(np.ceil(decay), MOST_SUBSTEPS))
             integrate_states(compiled.address, theta, omega, compiled.numbers, step, steps, state)
+        spend(float(theta.size * steps))
         bad = np.flatnonzero(~np.isfinite(state).all(axis=0))
         if bad.size:
             time = bad[0] / sample_rate

@@ -19,8 +19,6 @@ from sindyjoint.equation.pointers import pointer, shifted
 from sindyjoint.mechanics.kernels import call_law
 
 DONE, LIMIT, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, ACTIVE_FRICTION = range(6)
-# Most steps of a simulation: usual are fewer than ten a sample; a law that takes hundreds is not that of the samples.
-STEPS_PER_SAMPLE, LEAST_STEPS = 400, 2_000_000
 
 # Only `integrate` is called from Python: wrappers of the others would cost a tenth of the compilation.
 _options = {
@@ -283,7 +281,9 @@ def _stick(t, sample, step_sizes, theta, states, law, drive, motion):
 
 
 @njit(**_options)
-def integrate(address, p, inertia, pieces, tone, y, sizes, room, sample_step, rtol, max_step, limits, arrays):
+def integrate(
+    address, p, inertia, pieces, tone, y, sizes, room, sample_step, rtol, max_step, most_steps, limits, arrays
+):
     """Integrate one run and fill its samples.
 
     Parameters
@@ -336,7 +336,7 @@ def integrate(address, p, inertia, pieces, tone, y, sizes, room, sample_step, rt
             continue
 
         steps += 1
-        if steps > LEAST_STEPS and steps > STEPS_PER_SAMPLE * n_samples:
+        if steps > most_steps:
             return TOO_MANY_STEPS, t, steps
         h = min(h_next, max_step)
         if not smooth:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics import transient_kernel as kernel
 from sindyjoint.mechanics.crossing import Crossing, Stepper, not_converged, side_of
@@ -237,6 +238,7 @@ def _advance(stepper: Stepper, excitation: Excitation, record: _Record, bounds: 
     record.moments[0, still, 0] = np.clip(start[still, 0], start[still, 1], start[still, 2])
     record.stuck[0] = direction == 0
     reached, events = 0, 0
+    spend(STEP_SAMPLES * last * q.shape[1])
     while reached < last:
         reached, reason, j = stepper.march(
             reached,

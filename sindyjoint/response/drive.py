@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -43,8 +44,18 @@ def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0
     harmonics one or two of noise alone are kept now and then: with ``spurious`` a run that has no others counts, too.
     They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone. A motion
     that does not repeat was the drive where a joint of that ``inertia`` shows no answer to what the moment holds beyond
-    the band of the angle.
+    the band of the angle. What was found of states is kept: every simulation of a run asks.
     """
+    known = _known.setdefault(states, {})
+    if (spurious, inertia) not in known:
+        known[spurious, inertia] = _find_prescribed(states, spurious, inertia)
+    return known[spurious, inertia]
+
+
+_known: WeakKeyDictionary[ForceStates, dict[tuple[bool, float], bool]] = WeakKeyDictionary()
+
+
+def _find_prescribed(states: ForceStates, spurious: bool, inertia: float) -> bool:
     if states.method == "path":
         return True
     if states.method == "broadband" and not states.repeated:

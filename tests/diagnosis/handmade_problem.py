@@ -5,9 +5,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sindyjoint.diagnosis.policy import CAMPAIGN
-from sindyjoint.diagnosis.problem import Added, Proposal
+from sindyjoint.diagnosis.problem import Added, Proposal, Start
 from sindyjoint.diagnosis.ranking import EvidenceScale, rank
 from sindyjoint.diagnosis.result import Gap
+from sindyjoint.diagnosis.verdict import Residual
 
 
 @dataclass(frozen=True)
@@ -78,3 +79,48 @@ class Made:
 
     def units(self, fitted):
         return {}
+
+
+@dataclass(frozen=True)
+class Told:
+    verdict: str
+    final: Gap
+    steps: tuple
+    warnings: tuple = ()
+    found: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Based(Made):
+    """A problem that can be started from another base."""
+
+    other: Made | None = None
+    numbers: int = 0
+    initial_gap = Gap(1.0, 1.0, 1.0)
+
+    def corrected(self):
+        return self, ()
+
+    def zero_start(self, straight, last, say):
+        return None
+
+    def other_starts(self, straight, last, say, whole=False):
+        return iter([Start(self.other, (), "another base", self)] if self.other and not whole else [])
+
+    def residual(self, straight):
+        return Residual(0.0, 1.0, 0.0)
+
+    def uncertainty(self):
+        return Gap(0.0, 0.0)
+
+    def finished(self):
+        return self
+
+    def budget(self, first, last):
+        return None
+
+    def places(self):
+        return ()
+
+    def diagnosis(self, first, found):
+        return Told(found["verdict"], found["final"], found["steps"], found=found)

@@ -1,58 +1,10 @@
 """From which base a diagnosis starts, on problems made by hand."""
 
-from dataclasses import dataclass
-
 import pytest
 
 from sindyjoint.diagnosis.engine import explain_gap
-from sindyjoint.diagnosis.problem import Start
 from sindyjoint.diagnosis.result import Gap
-from sindyjoint.diagnosis.verdict import Residual
-from tests.diagnosis.handmade_problem import Effect, Made
-
-
-@dataclass(frozen=True)
-class Told:
-    verdict: str
-    final: Gap
-    steps: tuple
-    warnings: tuple = ()
-
-
-@dataclass(frozen=True)
-class Based(Made):
-    """A problem that can be started from another base."""
-
-    other: Made | None = None
-    numbers: int = 0
-    initial_gap = Gap(1.0, 1.0, 1.0)
-
-    def corrected(self):
-        return self, ()
-
-    def zero_start(self, straight, last, say):
-        return None
-
-    def other_starts(self, straight, last, say, whole=False):
-        return iter([Start(self.other, (), "another base", self)] if self.other and not whole else [])
-
-    def residual(self, straight):
-        return Residual(0.0, 1.0, 0.0)
-
-    def uncertainty(self):
-        return Gap(0.0, 0.0)
-
-    def finished(self):
-        return self
-
-    def budget(self, first, last):
-        return None
-
-    def places(self):
-        return ()
-
-    def diagnosis(self, first, found):
-        return Told(found["verdict"], found["final"], found["steps"])
+from tests.diagnosis.handmade_problem import Based, Effect
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
-from sindyjoint.clock import ProcessorTime
-from sindyjoint.diagnosis import advice, engine
+from sindyjoint.clock import Portion, ProcessorTime
+from sindyjoint.diagnosis import engine
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import designs
 from sindyjoint.diagnosis.effects.catalogue import load_effects
@@ -16,7 +16,7 @@ from sindyjoint.files import write_campaign
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
-from tests.light_tasks import square_sum
+from tests.light_tasks import spending, square_sum
 
 
 class Clock:
@@ -56,12 +56,22 @@ def test_the_estimate_is_of_the_work_ahead_and_never_beyond_the_limit():
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_processor_time_holds_what_other_processes_did(jobs):
-    with spread(jobs), ProcessorTime() as clock:
-        found = side_by_side(square_sum, [2_000_000] * 3)
+def test_processor_time_and_work_hold_what_other_processes_did(jobs):
+    portion = Portion(1000.0, 1e9)
+
+    def spend_on_three(work):
+        return portion.do(lambda: side_by_side(spending, [work] * 3), None, f"three of {work:.0f}")
+
+    with spread(jobs):
+        with ProcessorTime() as clock:
+            found = side_by_side(square_sum, [2_000_000] * 3)
+        done = [spend_on_three(work) for work in (100.0, 150.0, 90.0, 10.0)]
     assert found == [square_sum(2_000_000)] * 3
     # The parent waits, unless the tasks stay with it.
     assert clock.seconds > clock.elsewhere and (clock.elsewhere > 0.0) == (jobs == 2)
+    # 300 and 450 are 750; with 270 more it is used up, whoever does them, and nothing is begun after that.
+    assert done == [[100.0] * 3, [150.0] * 3, None, None]
+    assert portion.stopped and portion.left_out == ["three of 90", "three of 10"]
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -134,10 +144,3 @@ def test_an_interruption_of_advice_leaves_the_diagnosis(
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "Runs that would tell rivals apart have not been sought." in page
     assert (tmp_path / "out" / "model.json").exists()
-
-
-def test_a_search_for_effects_ends_with_its_time(ambiguous):
-    campaign, effects = ambiguous
-    result = diagnose(campaign, effects=effects, advise=False, policy=replace(CAMPAIGN, search_seconds=0.0))
-    assert result.steps == () and "the search ended after 0 s of processor time" in result.warnings
-    assert advice.NOT_NEEDED == "not_needed"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
+from sindyjoint.diagnosis.campaign.regression import PER_TRIAL, GapRegression, wrong_signs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -22,7 +22,6 @@ STARTS = {1: 1, 2: 3}
 LEAST_RISE, SHARE_OF_RISE = 0.02, 1e-5
 MOST_TRIALS = 80  # of nonlinear parameters, per parameter; a ridge is followed slowly
 USUAL_TRIALS = 30
-PER_TRIAL = 5_000.0  # samples that a trial costs beside those that it goes along
 FOLLOWED = 4  # samples in one step of a rough motion, about
 # Nonlinear parameters are refined where the search came within this share of the best gain, and searched where the grid
 # did; a search raises the gain of a grid threefold at most, and nothing is left out that noise could make the best.

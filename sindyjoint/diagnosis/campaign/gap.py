@@ -46,6 +46,14 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     return Gap(moment, of_response(work, model, effects), weighted)
 
 
+def moment_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
+    """Return the gap of the moment alone, for which nothing is simulated unless runs are kept for validation."""
+    if work.campaign.validation_runs:
+        return gap_of(work, model, effects).moment
+    adding = [e for e in effects if not e.shifts]
+    return held_out_gap(work.rows, model, adding, work.noise, work.policy)[0]
+
+
 def moment_gap_beside(work: Work, repaired: Repaired, other: FittedEffect, now: Gap) -> Gap:
     """Return the gap of the moment alone with one effect more, of any sign; its nonlinear parameters stay as they are.
 

@@ -7,12 +7,13 @@ seen while the search goes on; it can be seen at its end, by what remains of the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.gap import gap_of
+from sindyjoint.diagnosis.campaign.gap import gap_of, moment_gap
 from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.start import first_model, is_free
@@ -45,11 +46,11 @@ def other_starts(
     if whole and all(effect.name in (CONSTANT, ZERO) for effect in last.found):
         worth = np.inf  # it begins without these, and finds them again
     delayed = None if is_free(straight.work.campaign) else with_delay(straight)
-    if delayed is not None and delayed[0].gap.moment <= worth:
-        yield *delayed, "the channels aligned"
+    if delayed is not None and delayed.moment_gap <= worth:
+        yield delayed.problem, (delayed.step,), "the channels aligned"
     if whole:
         return
-    for begun, words in ((straight, ""), (delayed and delayed[0], " and the channels aligned")):
+    for begun, words in ((straight, ""), (delayed and delayed.problem, " and the channels aligned")):
         if begun is None:
             continue
         say(f"discovering the terms{words.replace(' and', ' with')}")
@@ -57,13 +58,45 @@ def other_starts(
         if found is None:
             continue
         problem, steps = found
-        before = () if begun is straight or delayed is None else delayed[1]
+        before = () if begun is straight or delayed is None else (delayed.step,)
         if problem.gap.moment <= worth:
             yield problem, (*before, *steps), f"the terms that discovery finds{words}"
 
 
-def with_delay(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
-    """Return the problem with the delay between its channels removed, and that step; None if there is no delay."""
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """A problem whose channels were aligned first.
+
+    Parameters
+    ----------
+    problem : Problem
+    before : Problem
+        The same with its delay.
+    delay : FittedEffect
+    belief : float
+        Probability that there is one.
+    """
+
+    problem: Problem
+    before: Problem
+    delay: FittedEffect
+    belief: float
+
+    @property
+    def moment_gap(self) -> float:
+        """Of the moment alone, which tells whether a search from here is worth a simulation."""
+        return moment_gap(self.problem.work, self.problem.repaired.model, self.problem.found)
+
+    @cached_property
+    def step(self) -> Step:
+        """The removal of the delay as a step; its gaps are simulated where somebody asks for them."""
+        delay, gaps = self.delay, (self.before.gap, self.problem.gap)
+        step = _step(delay.name, delay.family, delay.parameters, self.before.units(delay), *gaps)
+        return replace(step, probability=self.belief)
+
+
+def with_delay(problem: Problem) -> Aligned | None:
+    """Return the problem with the delay between its channels removed; None if there is no delay."""
     effect = next((e for e in problem.candidates if e.enters == "time shift"), None)
     work = problem.work
     lag = (
@@ -75,9 +108,7 @@ def with_delay(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     aligned = work.again(work.model, (), tuple(shifted(s, lag.time) for s in work.states))
     model = refit(aligned.rows, work.model, (), problem.policy).model
     later = replace(problem, work=replace(aligned, model=model), repaired=Repaired(model, (delay,)))
-    belief = _belief(lag.time / lag.standard_error, problem.policy)
-    step = _step(delay.name, delay.family, delay.parameters, problem.units(delay), problem.gap, later.gap)
-    return later, (replace(step, probability=belief),)
+    return Aligned(later, problem, delay, _belief(lag.time / lag.standard_error, problem.policy))
 
 
 def _belief(ratio: float, policy: DiagnosisPolicy) -> float:

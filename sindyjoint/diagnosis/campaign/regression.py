@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
+from sindyjoint.clock import spend
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.excerpt import excerpt
 from sindyjoint.diagnosis.campaign.rows.half_cycles import correlation
@@ -30,6 +31,7 @@ from sindyjoint.numeric import Array
 MEASUREMENT = "measurement"  # the family of what is wrong with a channel
 # Steps of integration over all runs for one trial of nonlinear parameters.
 ROUGH_STEPS = 30_000
+PER_TRIAL = 5_000.0  # samples that a trial costs beside those that it goes along
 # Columns of a state that grew beyond this have no square.
 FARTHEST = 1e150
 
@@ -163,12 +165,18 @@ class GapRegression:
         )
         return replace(shorter, any_sign=self.any_sign)
 
+    @cached_property
+    def samples(self) -> float:
+        """Samples that a trial of nonlinear parameters goes along."""
+        return float(sum(run.motion.angle.size / run.motion.follow for run in self.runs) + self.target.size)
+
     def projected(self, columns: Array) -> Array:
         """Return whitened columns projected onto the orthogonal complement of those that are there already."""
         return columns - self._basis @ (self._basis.T @ columns)
 
     def gain(self, variant: Variant, values: Array) -> tuple[float, Array]:
         """Return by how much χ² falls with a variant's columns, and their coefficients."""
+        spend(self.samples + PER_TRIAL)
         columns = variant.along(self._motions, values)
         # A state that no step of the search can follow has no column.
         if not np.all(np.abs(columns) < FARTHEST):

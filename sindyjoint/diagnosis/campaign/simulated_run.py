@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
+from sindyjoint.mechanics.stickslip import STEPS_PER_SAMPLE
 from sindyjoint.numeric import Array, delayed
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive, prescribed
@@ -34,6 +36,7 @@ def simulated(
     With ``spurious`` a motion whose few harmonics may be noise was the drive, too. None also where the drive is
     another than it has to be.
     """
+    spend(STEP_SAMPLES * states.n_samples)
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
     motion = prescribed(states, spurious, inertia=model.inertia)
@@ -52,7 +55,10 @@ def simulated(
         drive: Drive = "motion" if motion else choose_drive(law, states)
         if by not in (None, drive):
             return None
-        return simulate_run(law, run, states, drive=drive, substeps=substeps, response_only=response_only)
+        most = STEPS_PER_SAMPLE * states.n_samples
+        return simulate_run(
+            law, run, states, drive=drive, substeps=substeps, response_only=response_only, most_steps=most
+        )
     except SindyJointError:
         # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
         return None

@@ -39,6 +39,8 @@ from sindyjoint.states import (
     regression_rows,
     transfer_noise,
 )
+from sindyjoint.states.harmonics import HarmonicBasis
+from sindyjoint.states.periodic import kept_harmonics
 from sindyjoint.states.rows import group_labels
 
 
@@ -102,6 +104,11 @@ class Work:
         kept = self.campaign.validation_runs
         states = [force_states(run, rate_share=self.policy.rate_share) for run in kept]
         return one_after_another(self.campaign, states)
+
+    @cached_property
+    def harmonics(self) -> tuple[HarmonicBasis, ...]:
+        """What the angles of runs that repeat are reduced to."""
+        return tuple(map(kept_harmonics, self.states))
 
     @property
     def noise(self) -> dict[str, float]:

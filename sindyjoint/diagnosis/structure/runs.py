@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.clock import spend
 from sindyjoint.diagnosis.effects.structure import Change, Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
@@ -36,6 +37,8 @@ STEP = 1e-3
 # Laws' numbers without a prior may move by so many of their standard errors.
 FREE = 300.0
 KEPT = 200
+# Samples of a trial that take as long as a harmonic balance, by joint, about.
+BALANCE_SAMPLES = 2e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +198,7 @@ class RunsProblem:
 
     def balance(self, run: SteadyRun, x: Array, extra: Change | None = None) -> tuple[Steady, Setup]:
         """Return the balance of a run, and the setup that it is of."""
+        spend(BALANCE_SAMPLES * self.test.structure.n_joints)
         setup = self.setup(x, extra)
         if not all(np.isfinite(value) for own in setup.kinds.values() for value in own.numbers.values()):
             raise InputError("a number of the law is not finite")

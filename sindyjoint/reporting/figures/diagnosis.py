@@ -162,7 +162,7 @@ KINDS = by_name(
         "Budget of the gap",
         "What the first gap is made of: a function of the state, hysteresis, differences between runs, processing, "
         "noise.",
-        fixed(budget_parts),
+        lambda result: [budget_parts] if result.budget.total == result.budget.total else [],
         wide=True,
     ),
     Kind(

@@ -190,7 +190,7 @@ KINDS = DIAGNOSIS | by_name(
         "hysteresis in "
         "the joint (history), what lies outside the joint or is not explained (run), the time step (processing), "
         "noise.",
-        fixed(budget_parts),
+        lambda result: [budget_parts] if result.budget.total == result.budget.total else [],
         wide=True,
     ),
 )

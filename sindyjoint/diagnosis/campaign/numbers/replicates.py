@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.rows.build import along_replicate
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -61,10 +62,10 @@ class Replicates:
     def of(cls, work: Work, repaired: Repaired) -> Replicates | None:
         """Return the replicates of a repaired model; None where a simulation does not follow its run."""
         made, moving, driven = [], [], []
-        for run, state in zip(work.runs, work.states, strict=True):
+        for run, state, basis in zip(work.runs, work.states, work.harmonics, strict=True):
             driven.append(not prescribed(state, spurious=True))
             # Of a motion that drives, its harmonics beyond the first are noise.
-            moving.append(kept_harmonics(state, None if driven[-1] else 1))
+            moving.append(basis if driven[-1] else kept_harmonics(state, 1))
             if not driven[-1]:
                 state = replicate_states(state, moving[-1], state.angle, state.moment)
             result = simulated(
@@ -79,8 +80,7 @@ class Replicates:
             if result is None or result.simulated_response is None:
                 return None
             made.append(_as_measured(run, state, result, repaired.effects))
-        bases = tuple(map(kept_harmonics, work.states))
-        return cls(work, repaired, tuple(made), bases, tuple(moving), tuple(driven))
+        return cls(work, repaired, tuple(made), work.harmonics, tuple(moving), tuple(driven))
 
     def rows(self, noise: Sequence[tuple[Array, Array]] | None = None) -> tuple[GapRun, ...]:
         """Return their rows, noise of moment and angle added; phases and weights are the measurement's."""
@@ -91,6 +91,7 @@ class Replicates:
     def row(self, place: int, moment: Array | float = 0.0, angle: Array | float = 0.0) -> GapRun:
         """Return the rows of one of them."""
         run, state = self.runs[place], self.work.states[place]
+        spend(STEP_SAMPLES * state.n_samples)
         there = replicate_states(state, self.bases[place], run.angle + angle, run.moment + moment)
         return along_replicate(self.work.rows[place], state, there, self.repaired.model)
 
