@@ -21,13 +21,14 @@ from sindyjoint.diagnosis.campaign.drift import (
     without_drift,
 )
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
-from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, zero_start
+from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_errors, response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
+from sindyjoint.diagnosis.campaign.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
@@ -85,8 +86,8 @@ class CampaignProblem(Problem):
         Of a channel; put right by :meth:`corrected`.
     may_start_anew : bool
         Whether the terms to start from were left to the program.
-    zero : float
-        From where displacements are counted, in that of the channel, rad (m).
+    zero, zero_error : float
+        From where displacements are counted, in that of the channel, rad (m), and its standard error.
     refined : JointModel, optional
         The whole model with numbers from elsewhere, which those of ``repaired`` are parts of.
     notes : tuple of str
@@ -102,6 +103,7 @@ class CampaignProblem(Problem):
     drift: ChannelDrift | None = None
     may_start_anew: bool = True
     zero: float = 0.0
+    zero_error: float = 0.0
     refined: JointModel | None = None
     notes: tuple[str, ...] = ()
     actuator: Actuator | None = None
@@ -142,6 +144,11 @@ class CampaignProblem(Problem):
     def found(self) -> tuple[FittedEffect, ...]:
         """The effects added."""
         return self.repaired.effects
+
+    @property
+    def parameters(self) -> dict[str, dict[str, float]]:
+        """Numbers of the effects added, and of the joint's own zero."""
+        return {**super().parameters, **({ZERO: {"theta_0": self.zero}} if self.zero else {})}
 
     @property
     def dropped(self) -> tuple[str, ...]:
@@ -262,7 +269,11 @@ class CampaignProblem(Problem):
         """Return the problem with an effect more, everything fitted together."""
         begun = without_term(self.work, best.name)
         work, repaired, again = add_effect(begun, self.found, best, self.candidates)
-        return Added(replace(self, work=work, repaired=repaired), again)
+        later = replace(self, work=work, repaired=repaired)
+        if not self.zero:
+            return Added(later, again)
+        later, needless = with_zero_fitted(later)
+        return Added(later, {**again, CONSTANT: None} if needless else again)
 
     def replaced(self, name: str, other: FittedEffect) -> Self | None:
         """Return the problem with one of its effects replaced by another one, everything fitted together."""
@@ -308,7 +319,7 @@ class CampaignProblem(Problem):
     def test(self) -> TestNuisances:
         """What the effects are of the test, without the hash of its campaign."""
         motion = self.work.campaign.joint.motion
-        return nuisances_of(self.repaired, self.work.rows, self.drift, motion, self.zero)
+        return nuisances_of(self.repaired, self.work.rows, self.drift, motion, (self.zero, self.zero_error))
 
     def with_whole(self, whole: JointModel) -> Self:
         """Return the problem with the numbers of another whole model, of the same terms and effects."""
