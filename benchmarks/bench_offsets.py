@@ -1,4 +1,4 @@
-"""A constant added to the displacement: do names, verdict and gap stay, and do coefficients follow the Taylor shift?
+"""A constant added to the displacement: whether names, verdict and gap stay, and coefficients follow the Taylor shift.
 
 python benchmarks/bench_offsets.py run --out offsets.jsonl --seeds 4100 4101
 python benchmarks/bench_offsets.py run --out discovered.jsonl --seeds 4100 4101 --discover
@@ -111,9 +111,7 @@ def taylor(before: dict, after: dict) -> dict[str, float]:
     e = (after["shift"] - after["offset"]) - (before["shift"] - before["offset"])
     numbers = before["numbers"]
     # The coefficients of powers of θ about another zero are linear in the old ones: Taylor.
-    matrix = np.array(
-        [[1, -e, e**2, -(e**3)], [0, 1, -2 * e, 3 * e**2], [0, 0, 1, -3 * e], [0, 0, 0, 1]]
-    )
+    matrix = np.array([[1, -e, e**2, -(e**3)], [0, 1, -2 * e, 3 * e**2], [0, 0, 1, -3 * e], [0, 0, 0, 1]])
     values, errors = np.array([numbers.get(name, (0.0, 0.0)) for name in POWERS]).T
     expected = {name: tuple(number) for name, number in numbers.items()}
     expected |= zip(POWERS, zip(matrix @ values, np.sqrt(matrix**2 @ errors**2), strict=True), strict=True)
@@ -172,9 +170,13 @@ def show(args: argparse.Namespace) -> None:
             lost = ", ".join(what for what in kept if not each[what])
             name, z = each["worst"]
             gaps = ", ".join(f"{ratio:.3f}" for ratio in each["ratios"].values())
-            print(f"{_case(r)} not: {lost}; gaps {gaps}; {name} {z:+.1f}; {'+'.join(r['steps'])} ({r['verdict']})")
+            print(
+                f"{_case(r)} not: {lost}; gaps {gaps}; {name} {z:+.1f}; {'+'.join(r['steps'])} ({r['verdict']})"
+            )
             print(f"{'':35s} at 0: {'+'.join(before['steps'])} ({before['verdict']})")
-    print(f"\n{'hidden':22s} cases  names  verdict  gap  coefficients  one zero error at most  worst |z|, median")
+    print(
+        f"\n{'hidden':22s} cases  names  verdict  gap  coefficients  one zero error at most  worst |z|, median"
+    )
     for name, rows in [*counts.items(), ("all", [row for each in counts.values() for row in each])]:
         same = [sum(row[what] for row in rows) for what in kept]
         worst = [abs(row["worst"][1]) for row in rows]

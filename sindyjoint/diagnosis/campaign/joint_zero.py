@@ -45,6 +45,8 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
     centres = [e for e in last.found if e.name in {each.id for each in centred}]
     if not (zeros or len(centres) > 1) or constant is None or offset is None or not centred:
         return None
+    if last.noise_measured and not centres and _is_noise(last):
+        return None  # what a shift of the displacement leaves as it is knows no zero
     if not others and last.gap.moment <= straight.policy.within_floors * last.noise_floor.moment:
         return None
     middle, gain = _best_zero(straight, last.work.rows, constant, centred)
@@ -65,6 +67,12 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
         straight.units(fitted),
     )
     return later, (step,)
+
+
+def _is_noise(problem: Problem) -> bool:
+    regression = problem.regression
+    most: float = problem.policy.significant_excess * regression.degrees
+    return regression.chi_square <= most
 
 
 def has_middle(effect: Effect) -> bool:
@@ -106,6 +114,7 @@ def _best_zero(
 
 
 def shifted_run(run: GapRun, zero: float) -> GapRun:
+    """Return a run with its displacement counted from another zero."""
     motion = run.motion
     return replace(run, motion=replace(motion, angle=motion.angle - zero, centre=motion.centre - zero))
 

@@ -13,13 +13,7 @@ from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign import admissible, final_checks
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect, without_term
 from sindyjoint.diagnosis.campaign.candidates import fit_effects, fit_with_any_sign
-from sindyjoint.diagnosis.campaign.drift import (
-    ChannelDrift,
-    drift_step,
-    find_drift,
-    with_kept_runs,
-    without_drift,
-)
+from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
 from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
@@ -32,10 +26,9 @@ from sindyjoint.diagnosis.campaign.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, refit
+from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
-from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import (
     Work,
     applicable,
@@ -49,7 +42,6 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.inputs import input_effects
 from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.falling import grows
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
@@ -209,23 +201,7 @@ class CampaignProblem(Problem):
         moment = np.hypot(left_out_error(self.work, model, effects), self._motion_errors[1])
         return Gap(float(moment), response)
 
-    def corrected(self) -> tuple[Self, tuple[Step, ...]]:
-        """Return the problem with a drifting channel put right, and the step that this is."""
-        work = self.work
-        if self.drift is None:
-            return self, ()
-        kept = work.campaign.validation_runs
-        drift = with_kept_runs(self.drift, kept, work.kept_states)
-        runs = tuple(without_drift(run, drift) for run in work.runs)
-        campaign = work.campaign.with_runs(tuple(without_drift(run, drift) for run in work.campaign.runs))
-        states = campaign_states(campaign, rate_share=self.policy.rate_share)
-        own = gap_runs(states, work.model, work.groups, self.policy)
-        repaired = refit(own, work.model, self.found, self.policy)
-        later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, self.policy)
-        straight = replace(self, work=later, repaired=repaired, drift=drift)
-        if grows(self.gap, straight.gap):
-            return self, ()
-        return straight, (drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
+    corrected = without_drift_found
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
         """Return the candidates in order of probability, a clearly better pair before the best single effect.

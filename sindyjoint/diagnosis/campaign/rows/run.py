@@ -155,7 +155,7 @@ def row_groups(runs: Sequence[GapRun], white: bool = False) -> NDArray[np.object
 
 
 def reference_scales(runs: Sequence[GapRun]) -> Reference:
-    """Return the largest angle and rate over the kept samples of all runs."""
-    return Reference(
-        float(max(np.abs(r.angle).max() for r in runs)), float(max(np.abs(r.rate).max() for r in runs)), None
-    )
+    """Return the largest angle and rate, and half of the range of the angle, over the kept samples of all runs."""
+    angle = np.concatenate([run.angle for run in runs])
+    rate = max(float(np.abs(run.rate).max()) for run in runs)
+    return Reference(float(np.abs(angle).max()), rate, swing=float(np.ptp(angle)) / 2)
