@@ -11,8 +11,8 @@ counted from there and its Taylor shift is that of e = d − θ_0, less that of 
 
 k1' = k1 − 2 k2 e + 3 k3 e², k2' = k2 − 3 k3 e, k3, c1 and M_F as they were, M_0' = M_0 − k1 e + k2 e² − k3 e³.
 
-z is the difference of a coefficient over both standard errors; numbers of elements stay as they were. A term that is
-absent is zero without an error.
+z is the difference of a coefficient over its standard errors, with that of θ_0; numbers of elements stay as they were.
+A term that is absent is zero without an error.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def _discovered(result: Discovery) -> dict:
         numbers=numbers,
         verdict=result.verdict.verdict,
         steps=[name for name in numbers if name not in POWERS],
-        offset=0.0,
+        offset=[0.0, 0.0],
         gaps=dict(moment=model.fitted.residual_rms, response=float("nan")),
     )
 
@@ -98,7 +98,15 @@ def _diagnosed(result: Diagnosis) -> dict:
         verdict=result.verdict,
         steps=[step.effect for step in result.steps],
         parameters=[dict(step.parameters) for step in result.steps],
-        offset=result.test.total("angle zero"),
+        offset=[
+            result.test.total("angle zero"),
+            float(
+                np.hypot.reduce(
+                    [n.number.standard_error for n in result.test.nuisances if n.enters == "angle zero"],
+                    initial=0.0,
+                )
+            ),
+        ],
         gaps=dict(moment=result.final.moment, response=result.final.response),
         floor=result.noise_floor.moment,
         reason=result.reason,
@@ -108,13 +116,18 @@ def _diagnosed(result: Diagnosis) -> dict:
 
 def taylor(before: dict, after: dict) -> dict[str, float]:
     """Return z of each number of a diagnosis against the Taylor shift of that without a constant added."""
-    e = (after["shift"] - after["offset"]) - (before["shift"] - before["offset"])
+    zeros, errors = zip(*(np.broadcast_to(each["offset"], 2) for each in (before, after)), strict=True)
+    e, unsure = (after["shift"] - zeros[1]) - (before["shift"] - zeros[0]), np.hypot(*errors)
     numbers = before["numbers"]
     # The coefficients of powers of θ about another zero are linear in the old ones: Taylor.
     matrix = np.array([[1, -e, e**2, -(e**3)], [0, 1, -2 * e, 3 * e**2], [0, 0, 1, -3 * e], [0, 0, 0, 1]])
+    slopes = np.array([[0, -1, 2 * e, -3 * e**2], [0, 0, -2, 6 * e], [0, 0, 0, -3], [0, 0, 0, 0]])
     values, errors = np.array([numbers.get(name, (0.0, 0.0)) for name in POWERS]).T
     expected = {name: tuple(number) for name, number in numbers.items()}
-    expected |= zip(POWERS, zip(matrix @ values, np.sqrt(matrix**2 @ errors**2), strict=True), strict=True)
+    errors = np.sqrt(matrix**2 @ errors**2 + (slopes @ values * unsure) ** 2)
+    expected |= zip(POWERS, zip(matrix @ values, errors, strict=True), strict=True)
+    if zeros[1] and not unsure and CONSTANT not in after["numbers"]:
+        del expected[CONSTANT]  # θ_0 stands in its place, and has no error to compare with
     found = {}
     for name, (value, error) in expected.items():
         later, its = after["numbers"].get(name, (0.0, 0.0))

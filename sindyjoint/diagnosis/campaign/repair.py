@@ -14,9 +14,8 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales, row
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.verdict import ZERO_ERRORS
-from sindyjoint.equation.formula import VARIABLES, compile_terms
+from sindyjoint.equation.formula import VARIABLES, compile_terms, made_by_shift
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.shift import made_by_shift
 from sindyjoint.numeric import Array, rising_zero
 from sindyjoint.response.model_law import with_coefficients
 
