@@ -19,10 +19,10 @@ from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
+from sindyjoint.diagnosis.campaign.numbers.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_errors, response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
-from sindyjoint.diagnosis.campaign.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
