@@ -32,7 +32,7 @@ class Reference:
     inputs : tuple of (str, float)
         Reference value of each declared input, SI.
     swing : float, optional
-        Half of the range of the angle, which is the same from wherever it is counted.
+        Half of the range of an angle that is counted from far off its middle.
     """
 
     angle: float | None = None
