@@ -248,7 +248,7 @@ class CampaignProblem(Problem):
         later = replace(self, work=work, repaired=repaired)
         if not self.zero:
             return Added(later, again)
-        later, needless = with_zero_fitted(later)
+        later, needless = with_zero_fitted(later, best.name)
         return Added(later, {**again, CONSTANT: None} if needless else again)
 
     def replaced(self, name: str, other: FittedEffect) -> Self | None:

@@ -37,21 +37,22 @@ Problem = Any
 ROUNDS, SMALL_STEP, DIFFERENCE = 6, 0.1, 1e-4
 
 
-def with_zero_fitted(problem: Problem) -> tuple[Problem, bool]:
+def with_zero_fitted(problem: Problem, added: str) -> tuple[Problem, bool]:
     """Return the problem with its zero fitted beside the law, and whether a constant moment went by it.
 
-    The constant stays where it is believed beside the zero that is best without it; the zero is then fitted beside
-    both, if the law has effects that know where its middle is.
+    A constant found before the effect that was ``added`` stays where it is believed beside the zero that is best
+    without it; the zero is then fitted beside both, if the law has effects that know where its middle is.
     """
     constant = next((e for e in problem.found if e.name == CONSTANT), None)
     others = tuple(e for e in problem.found if e is not constant)
     if constant is None:
         return _fitted(problem, others), False
-    without = _fitted(problem, others)
-    regression = replace(without.regression, inherited=0.0)
-    ranking = rank_effects(regression, [fit_effect(regression, constant.effect)])
-    if 1 - ranking.nothing < problem.policy.belief:
-        return without, True
+    if added != CONSTANT:
+        without = _fitted(problem, others)
+        regression = replace(without.regression, inherited=0.0)
+        ranking = rank_effects(regression, [fit_effect(regression, constant.effect)])
+        if 1 - ranking.nothing < problem.policy.belief:
+            return without, True
     return (_fitted(problem, problem.found) if any(has_middle(e.effect) for e in others) else problem), False
 
 
