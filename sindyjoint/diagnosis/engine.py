@@ -87,7 +87,7 @@ def explain_gap(
     last, final, notes = _with_last_numbers(best, refined, stages)
     if last is not best.progress.problem:
         # Figures and numbers belong to the model that is handed on.
-        numbers = {each.name: dict(each.parameters) for each in last.found}
+        numbers = last.parameters
         steps = tuple(replace(s, parameters=numbers.get(s.effect, s.parameters)) for s in steps)
         steps = (*steps[:-1], *(replace(step, gap_after=final) for step in steps[-1:]))
     steps = with_falling_gaps(steps, best.gaps.initial)

@@ -260,7 +260,7 @@ def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P], after: 
             rankings[steps[-1].effect] = again
     steps.append(_step(problem, ranking, here.gap, after))
     rankings[steps[-1].effect] = ranking
-    now = {f.name: f.parameters for f in problem.found}
+    now = problem.parameters
     ends = [here.steps[0].gap_before if here.steps else here.gap, *(s.gap_after for s in steps)]
     renewed = tuple(
         replace(s, parameters=now.get(s.effect, s.parameters), gap_before=before)
@@ -335,7 +335,7 @@ def cost_of(gap: Gap, problem: P, policy: DiagnosisPolicy) -> float:
 
 def _with_gaps_renewed(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:
     """Return the last steps of a problem with the gaps that it has without those after each."""
-    now, later = {f.name: f.parameters for f in problem.found}, list[Step]()
+    now, later = problem.parameters, list[Step]()
     for place, step in enumerate(steps, 1):
         after = problem.gap_without([s.effect for s in steps[place:]])
         numbers = now.get(step.effect, step.parameters)

@@ -93,6 +93,11 @@ class Problem(Protocol):
         """The effects added, with the numbers of the last fit."""
 
     @property
+    def parameters(self) -> dict[str, dict[str, float]]:
+        """Numbers of the effects added, by the effects' names."""
+        return {each.name: dict(each.parameters) for each in self.found}
+
+    @property
     def dropped(self) -> tuple[str, ...]:
         """Terms of the model that the last effect made needless."""
         return ()

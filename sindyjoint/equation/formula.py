@@ -8,6 +8,7 @@ evaluated. From the one expression come the NumPy function (:func:`compile_terms
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import TYPE_CHECKING
 
 from sindyjoint.equation.dimensions import formula_unit
@@ -27,6 +28,7 @@ __all__ = [
     "formula_pretty",
     "formula_text",
     "formula_unit",
+    "made_by_shift",
     "parameter_symbol",
     "parse_formula",
     "state_symbol",
@@ -114,3 +116,21 @@ def formula_latex(expression: sympy.Expr, motion: str = "rotation") -> str:
     from sindyjoint.equation.rendering import latex_line
 
     return latex_line(expression, motion)
+
+
+def made_by_shift(expressions: Sequence[sympy.Expr]) -> tuple[bool, ...]:
+    """Return of each term whether another one, its angle counted from another zero, contains it.
+
+    To first order in the shift d: f(θ − d) = f(θ) − d·f'(θ), so θ² stands in θ³ and θ in θ², and a model with θ³ and
+    without θ² belongs to one zero only.
+    """
+    return tuple(
+        any(_is_slope(term, other) for other in expressions if other is not term) for term in expressions
+    )
+
+
+@cache
+def _is_slope(term: sympy.Expr, other: sympy.Expr) -> bool:
+    """Return whether a term is proportional to the slope of another over the angle."""
+    ratio = other.diff(variable_symbols()[0]) / term
+    return bool(ratio.is_number and ratio != 0)

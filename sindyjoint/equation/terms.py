@@ -31,12 +31,15 @@ class Reference:
         Largest absolute angle (rad), rate (rad/s) and moment (N·m); m, m/s and N for translation.
     inputs : tuple of (str, float)
         Reference value of each declared input, SI.
+    swing : float, optional
+        Half of the range of an angle that is counted from far off its middle.
     """
 
     angle: float | None = None
     rate: float | None = None
     moment: float | None = None
     inputs: tuple[tuple[str, float], ...] = field(default=(), kw_only=True)
+    swing: float | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(

@@ -38,6 +38,10 @@ class Made:
     noise: float = 0.0001
     swallowed: tuple = ()
 
+    @property
+    def parameters(self):
+        return {each.name: each.parameters for each in self.found}
+
     def floor(self):
         return Gap(self.noise, self.noise)
 

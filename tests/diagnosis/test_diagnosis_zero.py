@@ -5,12 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis.campaign import joint_zero, repair
 from sindyjoint.diagnosis.campaign.add import counted_from_zero
+from sindyjoint.diagnosis.campaign.candidates import fit_effect
+from sindyjoint.diagnosis.campaign.joint_zero import counted_from, zero_start
+from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.mechanics.laws import FunctionLaw
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.record import Run
@@ -119,6 +124,79 @@ def test_a_run_that_does_not_repeat_brings_its_sliders_from_rest():
 def _spring_and_slider(theta, omega, direction, state, p, out):
     out[0] = p[0] * theta + p[1] * state[0]
     out[1] = 0.0 if abs(state[0]) >= 1.0 and state[0] * omega > 0 else omega / p[2]
+
+
+def test_beside_a_zero_error_no_term_goes_that_a_shift_makes_of_another(monkeypatch):
+    """k2 is zero at one zero of the sensor only: there it must stay, as k1 and k3 say nothing of another one."""
+    hidden = hide("nothing", 4, duration=2.0)
+    law = hidden.plan.law
+    campaign = moved(hidden.campaign, law.k2 / (3 * law.k3))
+    states = campaign_states(campaign)
+    model = first_model(campaign, states, None, "paper").model
+    rows = Work.build(campaign, campaign.identification_runs, states, group_labels(states), model).rows
+    effect = select_effects(load_effects(), ["constant_moment"])[0]
+    constant = FittedEffect(effect, effect.variants[0], np.empty(0), np.ones(1), 0.0)
+    assert refit(rows, model, [constant]).dropped == ()
+    monkeypatch.setattr(repair, "ZERO_ERRORS", ())
+    assert refit(rows, model, [constant]).dropped == ("quadratic_stiffness",)
+
+
+def test_the_joints_own_zero_is_a_number_of_the_law_and_a_constant_that_undoes_its_error_goes():
+    """From a zero that is wrong by 2 % of the shift: M_0 = k1·Δθ_0 stood beside the law, which was that much off."""
+    hidden = hide("dead_zone", 4, duration=2.0)
+    shift = shift_of(hidden.campaign, 0.4)
+    known = {e.id: e for e in select_effects(load_effects(), ["constant_moment", "dead_zone"])}
+    plain, there = (
+        CampaignProblem.build(campaign, None, None, tuple(known.values()), CAMPAIGN)
+        for campaign in (hidden.campaign, moved(hidden.campaign, shift))
+    )
+    start = counted_from(there, 1.02 * shift)
+    begun = start.add(fit_effect(start.regression, known["constant_moment"])).problem
+    assert [each.name for each in begun.found] == ["constant_moment"]  # nothing else is there to say it
+    added = begun.add(fit_effect(begun.regression, known["dead_zone"]))
+    found = added.problem
+    assert added.again["constant_moment"] is None
+    assert [each.name for each in found.found] == ["dead_zone"]
+    assert abs(found.zero - shift) < 3 * found.zero_error < 0.002 * shift
+    assert found.parameters["angle_offset"] == {"theta_0": found.zero}
+    (zero,) = found.test.nuisances
+    assert zero.number.standard_error == found.zero_error
+    alone = plain.add(fit_effect(plain.regression, known["dead_zone"])).problem
+    assert found.gap.moment == pytest.approx(alone.gap.moment, rel=0.01)
+    before, after = ({term.id: term for term in each.whole.terms} for each in (alone, found))
+    held = follows_the_taylor_shift(before, after, 0.0)
+    assert "dead_zone" in held and all(held.values()), held
+
+
+def test_a_constant_moment_beside_a_zero_error_stays():
+    """A preload is no error of the zero: where the kinks of the law are says which is which."""
+    hidden = hide("dead_zone", 4, duration=2.0)
+    shift, preload = shift_of(hidden.campaign, 0.4), 0.2 * hidden.plan.law.M_F
+    campaign = moved(hidden.campaign, shift)
+    loaded = tuple(replace(r, moment=r.moment + preload, source=None) for r in campaign.runs)
+    known = {e.id: e for e in select_effects(load_effects(), ["constant_moment", "dead_zone"])}
+    problem = CampaignProblem.build(campaign.with_runs(loaded), None, None, tuple(known.values()), CAMPAIGN)
+    found = counted_from(problem, 1.02 * shift)
+    for name in ("dead_zone", "constant_moment"):
+        found = found.add(fit_effect(found.regression, known[name])).problem
+    assert [each.name for each in found.found] == ["dead_zone", "constant_moment"]
+    assert abs(found.zero - shift) < 3 * found.zero_error < 0.02 * shift
+    (constant,) = found.found[1].coefficients
+    assert abs(constant - preload) < 3 * hidden.plan.law.k1 * found.zero_error < 0.5 * preload
+
+
+def test_no_zero_is_sought_beside_a_law_that_knows_none(monkeypatch):
+    """Where the terms, a constant and a slider leave noise, another zero says the same in other numbers."""
+    campaign = moved(hide("jenkins_element", 4, duration=2.0).campaign, 1e-4)
+    known = {e.id: e for e in select_effects(load_effects(), [*ZERO, "jenkins_element", "dead_zone"])}
+    straight = CampaignProblem.build(campaign, None, None, tuple(known.values()), CAMPAIGN)
+    last = straight.add(fit_effect(straight.regression, known["constant_moment"])).problem
+    sought = []
+    monkeypatch.setattr(joint_zero, "_best_zero", lambda *given: sought.append(given) or (0.0, 0.0))
+    zero_start(straight, last)
+    assert len(sought) == 1  # the slider is not found yet
+    zero_start(straight, last.add(fit_effect(last.regression, known["jenkins_element"])).problem)
+    assert len(sought) == 1
 
 
 @pytest.mark.slow

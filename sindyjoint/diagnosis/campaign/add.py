@@ -45,6 +45,8 @@ def add_effect(
         shifts = [*(f for f in shifts if f.effect.id != best.effect.id), best]
         others, again = _retested(work, others, others, candidates)
     else:
+        # A search ends as soon as it knows what an effect is; what has states was refined to know that.
+        best = best if best.variant.states else refine_effect(work.regression(others), best)
         others, again = _retested(work, [*others, best], others, candidates)
         others, again = _ranked_again(work, others, best, candidates, again)
     work, shifts, others = _settled(work, shifts, others)

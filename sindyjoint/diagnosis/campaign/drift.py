@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from sindyjoint.diagnosis.campaign.repair import refit
+from sindyjoint.diagnosis.campaign.rows.build import gap_runs
+from sindyjoint.diagnosis.campaign.start import Work
+from sindyjoint.diagnosis.falling import grows
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.record import Run
-from sindyjoint.states import ForceStates
+from sindyjoint.states import ForceStates, campaign_states
+
+# The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
+Problem = Any
 
 
 @dataclass(frozen=True)
@@ -54,7 +62,25 @@ def find_drift(
     return next(iter(found.values())) if len(found) == 1 else None
 
 
-def with_kept_runs(drift: ChannelDrift, runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDrift:
+def without_drift_found(problem: Problem) -> tuple[Problem, tuple[Step, ...]]:
+    """Return the problem with a drifting channel put right, and the step that this is."""
+    work, policy = problem.work, problem.policy
+    if problem.drift is None:
+        return problem, ()
+    drift = _with_kept_runs(problem.drift, work.campaign.validation_runs, work.kept_states)
+    runs = tuple(_without_drift(run, drift) for run in work.runs)
+    campaign = work.campaign.with_runs(tuple(_without_drift(run, drift) for run in work.campaign.runs))
+    states = campaign_states(campaign, rate_share=policy.rate_share)
+    own = gap_runs(states, work.model, work.groups, policy)
+    repaired = refit(own, work.model, problem.found, policy)
+    later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, policy)
+    straight = replace(problem, work=later, repaired=repaired, drift=drift)
+    if grows(problem.gap, straight.gap):
+        return problem, ()
+    return straight, (_drift_step(drift, problem.gap, straight.gap, campaign.joint.motion, policy),)
+
+
+def _with_kept_runs(drift: ChannelDrift, runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDrift:
     """Return a drift with the slopes of runs kept out of the fit, too: their means give them, and no model."""
     signal = drift.effect.removesuffix("_drift")
     own = {
@@ -87,7 +113,7 @@ def _slope(signal: np.ndarray, sample_rate: float, states: ForceStates) -> tuple
     return slope / rms, error / rms, part.size / sample_rate, slope
 
 
-def without_drift(run: Run, drift: ChannelDrift) -> Run:
+def _without_drift(run: Run, drift: ChannelDrift) -> Run:
     """Return the run with its drifting channel put right; the drift is zero at the first sample."""
     ramp = drift.slopes.get(run.name, 0.0) * run.time
     if drift.effect == "moment_drift":
@@ -95,7 +121,7 @@ def without_drift(run: Run, drift: ChannelDrift) -> Run:
     return replace(run, angle=run.angle - ramp)
 
 
-def drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
+def _drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
     """Return the step that a drifting channel put right is."""
     slope = float(np.median(list(drift.slopes.values())))
     # A slope of so many standard errors, tempered as likelihoods of effects are.

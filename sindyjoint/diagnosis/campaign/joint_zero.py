@@ -15,7 +15,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.candidates import fit_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.repair import Repaired, rest_angle
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, rest_angle
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.diagnosis.effects.catalogue import Effect
@@ -40,17 +40,19 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
     others = [e for e in last.found if e.family != "measurement"]
     constant = next((e for e in straight.candidates if e.id == CONSTANT), None)
     offset = next((e for e in straight.candidates if e.id == ZERO), None)
-    centred = [e for e in straight.candidates if _has_middle(e)]
+    centred = [e for e in straight.candidates if has_middle(e)]
     # An odd and an even law beside each other may be one law about another middle.
     centres = [e for e in last.found if e.name in {each.id for each in centred}]
     if not (zeros or len(centres) > 1) or constant is None or offset is None or not centred:
         return None
+    if last.noise_measured and not centres and _is_noise(last):
+        return None  # what a shift of the displacement leaves as it is knows no zero
     if not others and last.gap.moment <= straight.policy.within_floors * last.noise_floor.moment:
         return None
     middle, gain = _best_zero(straight, last.work.rows, constant, centred)
     if not middle or gain < straight.policy.needless_gain * straight.policy.temper:
         return None
-    later = _counted_from(straight, middle)
+    later = counted_from(straight, middle)
     fitted = FittedEffect(offset, offset.variants[0], np.empty(0), np.array([middle]), gain)
     step = Step(
         ZERO,
@@ -67,7 +69,13 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
     return later, (step,)
 
 
-def _has_middle(effect: Effect) -> bool:
+def _is_noise(problem: Problem) -> bool:
+    regression = problem.regression
+    most: float = problem.policy.significant_excess * regression.degrees
+    return regression.chi_square <= most
+
+
+def has_middle(effect: Effect) -> bool:
     """Return whether an effect is a function of angle and rate that a shift of the angle changes."""
     return effect.enters == "moment" and all(
         not v.states and "theta" in v.uses and v.uses <= {"theta", "omega", *v.names} for v in effect.variants
@@ -86,7 +94,7 @@ def _best_zero(
     largest = max(float(np.abs(run.angle).max()) for run in rows)
 
     def gain(zero: float, effects: Sequence[Effect]) -> float:
-        shifted = [_shifted(run, zero) for run in rows]
+        shifted = [shifted_run(run, zero) for run in rows]
         problem = GapRegression.build(shifted, work.model, [always], work.policy)
         return max(fit_effect(problem, effect).gain for effect in effects)
 
@@ -105,25 +113,34 @@ def _best_zero(
     return best, known[best] - gain(0.0, candidates)
 
 
-def _shifted(run: GapRun, zero: float) -> GapRun:
+def shifted_run(run: GapRun, zero: float) -> GapRun:
+    """Return a run with its displacement counted from another zero."""
     motion = run.motion
     return replace(run, motion=replace(motion, angle=motion.angle - zero, centre=motion.centre - zero))
 
 
-def _counted_from(straight: Problem, zero: float) -> Problem:
-    """Return the problem of the same runs with every displacement counted from another zero."""
+def counted_from(straight: Problem, zero: float, repaired: Repaired | None = None) -> Problem:
+    """Return the problem of the same runs with every displacement counted from another zero.
+
+    With a law ``repaired`` about that zero; default: its model, fitted anew, without effects.
+    """
     work, policy = straight.work, straight.policy
     campaign = work.campaign.with_runs(
         tuple(replace(r, angle=r.angle - zero, source=None) for r in work.campaign.runs)
     )
     runs = [replace(r, angle=r.angle - zero, source=None) for r in work.runs]
     states = [_counted(s, zero) for s in work.states]
-    model = first_model(campaign, states, work.model, None, policy).model
-    later = Work.build(campaign, runs, states, work.groups, model, (), policy)
+    if repaired is None:
+        repaired = Repaired(first_model(campaign, states, work.model, None, policy).model, ())
+    later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, policy)
+    if repaired.effects:
+        # Rows have their weights by the law that they are about.
+        again = refit(later.rows, repaired.model, repaired.effects, keeping(policy))
+        repaired = replace(again, dropped=straight.dropped)
     return replace(
         straight,
-        work=later,
-        repaired=Repaired(model, ()),
+        work=replace(later, model=repaired.model),
+        repaired=repaired,
         zero=straight.zero + zero,
         candidates=tuple(each for each in straight.candidates if each.id != ZERO),
         states=tuple(_counted(s, zero) for s in straight.states),

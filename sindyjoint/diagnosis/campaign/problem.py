@@ -13,28 +13,22 @@ from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign import admissible, final_checks
 from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect, without_term
 from sindyjoint.diagnosis.campaign.candidates import fit_effects, fit_with_any_sign
-from sindyjoint.diagnosis.campaign.drift import (
-    ChannelDrift,
-    drift_step,
-    find_drift,
-    with_kept_runs,
-    without_drift,
-)
+from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
-from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, zero_start
+from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
+from sindyjoint.diagnosis.campaign.numbers.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_errors, response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
-from sindyjoint.diagnosis.campaign.repair import Repaired, refit
+from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
-from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import (
     Work,
     applicable,
@@ -48,7 +42,6 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.inputs import input_effects
 from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.falling import grows
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
@@ -85,8 +78,8 @@ class CampaignProblem(Problem):
         Of a channel; put right by :meth:`corrected`.
     may_start_anew : bool
         Whether the terms to start from were left to the program.
-    zero : float
-        From where displacements are counted, in that of the channel, rad (m).
+    zero, zero_error : float
+        From where displacements are counted, in that of the channel, rad (m), and its standard error.
     refined : JointModel, optional
         The whole model with numbers from elsewhere, which those of ``repaired`` are parts of.
     notes : tuple of str
@@ -102,6 +95,7 @@ class CampaignProblem(Problem):
     drift: ChannelDrift | None = None
     may_start_anew: bool = True
     zero: float = 0.0
+    zero_error: float = 0.0
     refined: JointModel | None = None
     notes: tuple[str, ...] = ()
     actuator: Actuator | None = None
@@ -142,6 +136,11 @@ class CampaignProblem(Problem):
     def found(self) -> tuple[FittedEffect, ...]:
         """The effects added."""
         return self.repaired.effects
+
+    @property
+    def parameters(self) -> dict[str, dict[str, float]]:
+        """Numbers of the effects added, and of the joint's own zero."""
+        return {**super().parameters, **({ZERO: {"theta_0": self.zero}} if self.zero else {})}
 
     @property
     def dropped(self) -> tuple[str, ...]:
@@ -202,23 +201,7 @@ class CampaignProblem(Problem):
         moment = np.hypot(left_out_error(self.work, model, effects), self._motion_errors[1])
         return Gap(float(moment), response)
 
-    def corrected(self) -> tuple[Self, tuple[Step, ...]]:
-        """Return the problem with a drifting channel put right, and the step that this is."""
-        work = self.work
-        if self.drift is None:
-            return self, ()
-        kept = work.campaign.validation_runs
-        drift = with_kept_runs(self.drift, kept, work.kept_states)
-        runs = tuple(without_drift(run, drift) for run in work.runs)
-        campaign = work.campaign.with_runs(tuple(without_drift(run, drift) for run in work.campaign.runs))
-        states = campaign_states(campaign, rate_share=self.policy.rate_share)
-        own = gap_runs(states, work.model, work.groups, self.policy)
-        repaired = refit(own, work.model, self.found, self.policy)
-        later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, self.policy)
-        straight = replace(self, work=later, repaired=repaired, drift=drift)
-        if grows(self.gap, straight.gap):
-            return self, ()
-        return straight, (drift_step(drift, self.gap, straight.gap, campaign.joint.motion, self.policy),)
+    corrected = without_drift_found
 
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
         """Return the candidates in order of probability, a clearly better pair before the best single effect.
@@ -262,7 +245,11 @@ class CampaignProblem(Problem):
         """Return the problem with an effect more, everything fitted together."""
         begun = without_term(self.work, best.name)
         work, repaired, again = add_effect(begun, self.found, best, self.candidates)
-        return Added(replace(self, work=work, repaired=repaired), again)
+        later = replace(self, work=work, repaired=repaired)
+        if not self.zero:
+            return Added(later, again)
+        later, needless = with_zero_fitted(later, best.name)
+        return Added(later, {**again, CONSTANT: None} if needless else again)
 
     def replaced(self, name: str, other: FittedEffect) -> Self | None:
         """Return the problem with one of its effects replaced by another one, everything fitted together."""
@@ -308,7 +295,7 @@ class CampaignProblem(Problem):
     def test(self) -> TestNuisances:
         """What the effects are of the test, without the hash of its campaign."""
         motion = self.work.campaign.joint.motion
-        return nuisances_of(self.repaired, self.work.rows, self.drift, motion, self.zero)
+        return nuisances_of(self.repaired, self.work.rows, self.drift, motion, (self.zero, self.zero_error))
 
     def with_whole(self, whole: JointModel) -> Self:
         """Return the problem with the numbers of another whole model, of the same terms and effects."""

@@ -13,7 +13,8 @@ from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales, row_groups
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
-from sindyjoint.equation.formula import VARIABLES, compile_terms
+from sindyjoint.diagnosis.verdict import ZERO_ERRORS
+from sindyjoint.equation.formula import VARIABLES, compile_terms, made_by_shift
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, rising_zero
 from sindyjoint.response.model_law import with_coefficients
@@ -52,9 +53,11 @@ def refit(
     """Estimate terms and effects together; drop terms that the effects made needless, the least first.
 
     A term is needless that carries no share of the moment beside them, and does not stand out of its error or is
-    friction that pushes.
+    friction that pushes. Beside a zero error no term is that a shift of the displacement makes of another one: it may
+    be small by where the zero is.
     """
     dropped: list[str] = []
+    shifted = any(each.name in ZERO_ERRORS for each in effects)
     while True:
         coefficients, covariance = _solve(runs, model, effects)
         size = model.coefficients.size
@@ -62,6 +65,8 @@ def refit(
         share = np.abs(coefficients[:size]) * _own_rms(runs, model) / model.fitted.moment_rms
         pushing = coefficients[:size] < [0.0 if t.family == FRICTION else -np.inf for t in model.terms]
         weak = np.flatnonzero((pushing | (ratio < policy.needless_ratio)) & (share < policy.needless_share))
+        if shifted:
+            weak = weak[~np.array(made_by_shift([term.expression for term in model.terms]))[weak]]
         if not effects or not weak.size or size <= 1:
             break
         least = int(min(weak, key=lambda i: ratio[i]))

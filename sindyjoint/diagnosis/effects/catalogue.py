@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -105,7 +105,12 @@ class Variant(Form):
         return {name: dimensions.unit_for(unit, motion) for name, unit in own.items()}
 
     def bounds(self, reference: Reference) -> Array:
-        """Return lower and upper bounds of the nonlinear parameters in SI units, shape (n_parameters, 2)."""
+        """Return lower and upper bounds of the nonlinear parameters in SI units, shape (n_parameters, 2).
+
+        An internal state follows the motion from wherever its angle is counted: its angles are relative to the swing.
+        """
+        if self.states and reference.swing is not None:
+            reference = replace(reference, angle=reference.swing)
         scales = [
             1.0 if p.relative_to is None else getattr(reference, p.relative_to) for p in self.parameters
         ]

@@ -243,17 +243,18 @@ def nuisances_of(
     runs: Sequence[GapRun],
     drift: ChannelDrift | None,
     motion: str,
-    zero: float = 0.0,
+    zero: tuple[float, float] = (0.0, 0.0),
 ) -> TestNuisances:
     """Return what belongs to the test among the effects, without the hash of its campaign.
 
-    Displacements are counted from ``zero`` already: that is a zero error of the channel, too.
+    Displacements are counted from ``zero``, given with its standard error, already: that is a zero error of the
+    channel, too.
     """
     numbers = numbers_of(repaired, runs)
     found, moments = [], []
-    if zero:
-        unit = "rad" if motion == "rotation" else "m"
-        found.append(Nuisance("angle_offset", "angle zero", Value("theta_0", zero, 0.0, (zero, zero), unit)))
+    if zero[0]:
+        blank = Value("theta_0", 0.0, 0.0, (0.0, 0.0), "rad" if motion == "rotation" else "m")
+        found.append(Nuisance("angle_offset", "angle zero", blank.renewed(*zero)))
     for each in repaired.effects:
         enters = "inertia" if each.name == "inertia_error" else each.effect.enters
         if enters != "moment":

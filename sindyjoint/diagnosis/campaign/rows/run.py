@@ -17,6 +17,8 @@ from sindyjoint.numeric import Array
 STRETCHES = 20
 FOLDS = 5
 GOLDEN = 0.6180339887
+# Middle of the motion, in amplitudes, from which the largest angle says little of how far the joint moves.
+SHIFTED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +157,8 @@ def row_groups(runs: Sequence[GapRun], white: bool = False) -> NDArray[np.object
 
 
 def reference_scales(runs: Sequence[GapRun]) -> Reference:
-    """Return the largest angle and rate over the kept samples of all runs."""
-    return Reference(
-        float(max(np.abs(r.angle).max() for r in runs)), float(max(np.abs(r.rate).max() for r in runs)), None
-    )
+    """Return the largest angle and rate over the kept samples of all runs; and half of the range of a shifted angle."""
+    angle = np.concatenate([run.angle for run in runs])
+    rate = max(float(np.abs(run.rate).max()) for run in runs)
+    largest, swing = float(np.abs(angle).max()), float(np.ptp(angle)) / 2
+    return Reference(largest, rate, swing=swing if largest > (1 + SHIFTED) * swing else None)
