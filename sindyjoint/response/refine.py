@@ -17,7 +17,7 @@ from sindyjoint.response.output_error import OutputError, without_negative_frict
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.refine_starts import spread_starts
-from sindyjoint.response.run import rest_of
+from sindyjoint.response.run import followed_motion, rest_of
 from sindyjoint.states import ForceStates, campaign_states
 
 MOST_EVALUATIONS = 40
@@ -264,12 +264,12 @@ def _update_residual(
     for state in states:
         keep = state.moving
         rest = rest_of(state)
-        modelled = widely.moment(state.angle, state.rate, 1 / state.sample_rate, state.inputs, rest)
+        # Samples that move are as measured; internal states follow what the joint does while it sticks.
+        angle, rate = followed_motion(state)
+        modelled = widely.moment(angle, rate, 1 / state.sample_rate, state.inputs, rest)
         added = None if test is None else test.added(state)
         if added is not None:
-            modelled = (
-                modelled + transfer_moment(added, state.angle, state.rate, state.sample_rate, rest=rest)[0]
-            )
+            modelled = modelled + transfer_moment(added, angle, rate, state.sample_rate, rest=rest)[0]
         residual = (state.transfer_moment(inertia) - modelled)[keep]
         squares, count = squares + float(residual @ residual), count + residual.size
     return replace(model, fitted=replace(model.fitted, residual_rms=float(np.sqrt(squares / max(count, 1)))))
