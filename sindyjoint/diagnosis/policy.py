@@ -90,6 +90,11 @@ class DiagnosisPolicy:
     inner_margin: float = convention(
         0.15, "share of that range, at either end, off which a number is moved where the data allow it"
     )
+    special_margin: float = convention(
+        0.5,
+        "share of that range by which a rival stands off the end where it is a special case: its usual form, in the "
+        "middle",
+    )
     admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
     pushing_share: float = convention(
         0.05, "share of the time in which dry friction may push before that is refused"
