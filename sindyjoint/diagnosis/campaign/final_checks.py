@@ -32,6 +32,28 @@ def zero_errors(problem: Problem, refused: Collection[str]) -> Ranking[FittedEff
     return ranking if 1 - ranking.nothing >= problem.policy.belief else None
 
 
+def channel_error(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking[FittedEffect] | None:
+    """Return an error of the channels beside the laws found, without the errors of their columns; None without one.
+
+    Those are of laws, and hide what a channel does. Of a displacement counted from the joint's own zero the moment may
+    have a zero error, too. A delay hardly shows in samples that move where hysteresis takes its place, but at every
+    reversal of a prescribed motion: it is believed where the simulated response, far off without it, falls with it.
+    """
+    plain, policy = replace(problem.regression, inherited=0.0), problem.policy
+    constant = [each for each in fitted if each.name == CONSTANT and problem.zero]
+    if constant:
+        return rank_effects(plain, constant)
+    delay = [each for each in fitted if each.shifts]
+    most = policy.response_floors * problem.noise_floor.response
+    if not delay or not problem.found or not problem.gap.response > most:
+        return None
+    ranking = rank_effects(plain, delay)
+    if 1 - ranking.nothing < policy.belief:
+        return None
+    beside = problem.add(delay[0]).problem.gap.response
+    return ranking if beside <= policy.little_help * problem.gap.response else None
+
+
 def without_delay(work: Work, repaired: Repaired) -> tuple[Work, Repaired, str] | None:
     """Return work and law with the channels in their own time, and what the delay is called; None without one."""
     delay = next((f for f in repaired.effects if f.shifts), None)
