@@ -114,8 +114,8 @@ class DiagnosisPolicy:
     )
     response_floors: float = limit(
         4.0,
-        "simulated response over its floor and what the uncertainty of numbers and drive explains, above which "
-        "something is called missing",
+        "simulated response over its floor, beside what the uncertainty of numbers and drive explains (as for gaps), "
+        "above which something is called missing",
         source="laws named rightly on campaigns of other integrators, whose friction creeps, end at up to 3.8",
     )
     least_help: float = convention(
