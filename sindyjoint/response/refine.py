@@ -12,6 +12,7 @@ from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
+from sindyjoint.response.kept_out import predicts_worse
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
@@ -86,7 +87,8 @@ def refine(
     noise. Initial angle and rate of each run that does not repeat are estimated, too, and where a joint without
     restoring moment is simulated by multiple shooting, those of every segment. Where the motion was prescribed it is
     the drive, and the moment the response. A model with elements is fitted from two more starts, see
-    :func:`~sindyjoint.response.refine_starts.spread_starts`; the best end is used.
+    :func:`~sindyjoint.response.refine_starts.spread_starts`; the best end is used. Where it predicts the runs kept for
+    validation worse than the model as it was, that is kept.
 
     Parameters
     ----------
@@ -139,6 +141,11 @@ def refine(
     others = [problem.start_of(other) for other in spread_starts(problem.model, states)]
     found = _best_end(problem, start, others)
     refined = _summarise_refinement(model, problem, found, before, left_out)
+    # An error of a channel is of all runs: where one is estimated, those kept out are not comparable without it.
+    worse = "" if kinds else predicts_worse(problem.model, refined.model, campaign, test or TestNuisances(""))
+    if worse:
+        reason = f"not refined: {worse}; the model lacks something that its numbers cannot stand in for"
+        return Refinement(model, False, reason, before, {}, {}, ())
     return replace(refined, model=_update_residual(_without_stale(model, refined.model), states, test))
 
 
