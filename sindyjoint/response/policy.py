@@ -92,7 +92,8 @@ class ResponsePolicy:
     )
     kept_out_growth: float = limit(
         0.1,
-        "share by which a refined model may miss the runs kept for validation by more than it did before, to be used",
+        "share by which a refined model may miss the runs kept for validation by more than it did before, beside their "
+        "noise, to be used",
         source="chosen by judgement: the pendulum's, which lacks a law, triples",
     )
     gain_range: float = limit(0.25, "widest error of gain that is searched")
