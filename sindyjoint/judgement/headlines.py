@@ -126,7 +126,7 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Headline:
 
 
 def _gap(name: str, before: float, after: float, floor: float, unsure: float, changed: bool) -> Light:
-    """Return what a gap came to, as a light; beyond its floor the uncertainty of the law may explain it, which is said."""
+    """Return what a gap came to, as a light; where only the uncertainty of the law explains it, it says so."""
     what = f"gap {percent(before)} → {percent(after)}" if changed else f"gap {percent(after)}"
     if not math.isfinite(after):
         return Light(name, "poor", f"{what}: could not be simulated")
