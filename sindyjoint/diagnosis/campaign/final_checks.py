@@ -17,6 +17,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
+from sindyjoint.errors import SindyJointError
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
@@ -50,7 +51,10 @@ def channel_error(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking[F
     ranking = rank_effects(plain, delay)
     if 1 - ranking.nothing < policy.belief:
         return None
-    beside = problem.add(delay[0]).problem.gap.response
+    try:
+        beside = problem.add(delay[0]).problem.gap.response
+    except SindyJointError:  # an inertia that is a term may become negative beside it: no law to simulate
+        return None
     return ranking if beside <= policy.little_help * problem.gap.response else None
 
 
