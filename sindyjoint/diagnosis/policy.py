@@ -90,6 +90,11 @@ class DiagnosisPolicy:
     inner_margin: float = convention(
         0.15, "share of that range, at either end, off which a number is moved where the data allow it"
     )
+    special_margin: float = convention(
+        0.5,
+        "share of that range by which a rival stands off the end where it is a special case: its usual form, in the "
+        "middle",
+    )
     admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
     pushing_share: float = convention(
         0.05, "share of the time in which dry friction may push before that is refused"
@@ -109,8 +114,8 @@ class DiagnosisPolicy:
     )
     response_floors: float = limit(
         4.0,
-        "simulated response over its floor and what the uncertainty of numbers and drive explains, above which "
-        "something is called missing",
+        "simulated response over its floor, beside what the uncertainty of numbers and drive explains (as for gaps), "
+        "above which something is called missing",
         source="laws named rightly on campaigns of other integrators, whose friction creeps, end at up to 3.8",
     )
     least_help: float = convention(

@@ -109,19 +109,39 @@ class Gaps:
         return not final > (1 - policy.least_help) * initial
 
     def response_complaint(self, policy: DiagnosisPolicy) -> str:
-        """Return what is wrong with the simulated response of the model with its effects; empty if nothing is."""
-        before, after, floor = self.initial.response, self.final.response, self.floor.response
+        """Return what is wrong with the simulated response of the model with its effects; empty if nothing is.
+
+        It may not grow beyond its noise, whatever explains that, and may stand above it by what the uncertainty of the
+        law's numbers and of its drive explains.
+        """
+        before, after, unsure = self.initial.response, self.final.response, self.uncertainty.response
         if np.isnan(after):
             return "the response could not be simulated: it diverges or snaps through"
-        beyond = _in_floors(self, "response", policy)
-        if after > before and beyond > policy.within_floors:
+        if after > before and self.beyond_response_noise(policy):
             return f"the response gap grows from {_percent(before)} to {_percent(after)}"
-        if beyond > policy.response_floors:
+        noise = np.hypot(self.floor.response, policy.processing_error)
+        if after > np.hypot(policy.response_floors * noise, policy.within_floors * unsure):
             return (
-                f"the simulated response misses by {_percent(after)}, where its noise floor is {_percent(floor)} and "
-                f"the uncertainty of numbers and drive explains {_percent(self.uncertainty.response)}"
+                f"the simulated response misses by {_percent(after)}, where its noise floor is "
+                f"{_percent(self.floor.response)} and the uncertainty of numbers and drive explains {_percent(unsure)}"
             )
         return ""
+
+    def beyond_response_noise(self, policy: DiagnosisPolicy) -> bool:
+        """Return whether the simulated response stands above its own noise, whatever may explain that."""
+        noise = np.hypot(self.floor.response, policy.processing_error)
+        return bool(self.final.response > policy.within_floors * noise)
+
+    def response_reservation(self, policy: DiagnosisPolicy) -> str:
+        """Return what a name rests on where the uncertainty of the law is what explains its response; else nothing."""
+        unsure = self.uncertainty.response
+        if not self.beyond_response_noise(policy) or unsure <= self.floor.response:
+            return ""
+        return (
+            f"; its simulated response misses by {_percent(self.final.response)}, which the uncertainty of numbers and "
+            f"drive explains ({_percent(unsure)}, noise floor {_percent(self.floor.response)}): these runs do not "
+            "predict it better"
+        )
 
 
 def _in_floors(gaps: Gaps, name: str, policy: DiagnosisPolicy) -> float:
@@ -133,8 +153,8 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
     """Return the verdict and its reason: first whether the model explains the data, then what the effects are called.
 
     Without a noise floor nothing is decided. A gap of more than ``within_floors`` floors is never called noise, and no
-    name is given as the whole answer while one remains; nor while the simulated response stands ``response_floors``
-    above what its own noise and the uncertainty of the law explain.
+    name is given as the whole answer while one remains; nor while the simulated response grows, or stands
+    ``response_floors`` above its own noise and what the uncertainty of the law explains.
     """
     _, final, floor = gaps.figures()
     if np.isnan(floor):
@@ -173,14 +193,15 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
             "partly_named",
             f"{names} explains the {'motion' if gaps.of_response else 'moment'}, yet {complaint}",
         )
+    reservation = gaps.response_reservation(policy)
     apart = [
         " or ".join(map(spelled, s.members))
         for s in steps
         if len(s.members) > 1 and not ZERO_ERRORS.issuperset(s.members)
     ]
     if apart:
-        return "ambiguous", f"{residual.data} cannot tell apart: {'; '.join(apart)}"
-    return "named", "found: " + ", then ".join(spelled(s.effect) for s in steps)
+        return "ambiguous", f"{residual.data} cannot tell apart: {'; '.join(apart)}{reservation}"
+    return "named", "found: " + ", then ".join(spelled(s.effect) for s in steps) + reservation
 
 
 def _percent(share: float) -> str:

@@ -43,11 +43,14 @@ class ChannelDelay:
         s.
     residual_rms : float
         What the law leaves of the moment with the delay removed, N·m.
+    disagreement : float
+        By how many of their errors the delays of single runs differ, at least 1; the standard error is widened by it.
     """
 
     time: float
     standard_error: float
     residual_rms: float = float("nan")
+    disagreement: float = 1.0
 
     @property
     def at_limit(self) -> bool:
@@ -62,6 +65,11 @@ class ChannelDelay:
     def significant(self) -> bool:
         """Whether it stands five standard errors out, and by more than 0.02 ms, the error of the method."""
         return abs(self.time) > max(POLICY.delay_significance * self.standard_error, POLICY.least_delay)
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether it would, were the delays of all runs one: what a law lacks may look like that."""
+        return replace(self, standard_error=self.standard_error / self.disagreement).significant
 
 
 def shifted(states: ForceStates, time: float) -> ForceStates:
@@ -168,6 +176,7 @@ def estimate_delay(
     states = [replace(s, replicate=None) for s in states]
     stride = max(1, sum(s.n_samples for s in states) // ROWS)
     time, error, residual = 0.0, float("inf"), float("nan")
+    evidence: Evidence | None = None
     for _ in range(STEPS):
         evidence = _linearise_law([shifted(s, time) for s in states], terms, inertia, stride)
         fit = fit_columns(evidence, range(len(terms) + 1))
@@ -175,7 +184,32 @@ def estimate_delay(
         time = float(np.clip(time + step, -POLICY.longest_delay, POLICY.longest_delay))
         if abs(step) < 0.05 * error:
             break
-    return ChannelDelay(time, error, residual)
+    apart = 1.0 if evidence is None else _disagreement(evidence, residual)
+    return ChannelDelay(time, apart * error, residual, apart)
+
+
+def _disagreement(evidence: Evidence, residual_rms: float) -> float:
+    """Return by how many of their errors the delays of the runs differ, at least 1 (Birge, Phys. Rev. 40, 1932).
+
+    Channels have one delay. An effect that the law lacks, as hysteresis, is taken for another in every run: the fall of
+    the sum of squares with a delay for each, by the number of further delays, over what remains of a degree of freedom.
+    """
+    rows, count = evidence.pooled.rows, len(evidence.runs)
+    free = rows - count - len(evidence.ids)
+    if count < 2 or free <= 0:
+        return 1.0
+    parts = []
+    for run in evidence.runs:
+        triangle = run.pooled.triangle
+        delay = triangle[:, -2]
+        others = np.delete(triangle, -2, axis=1)
+        parts.append(others - np.outer(delay, delay @ others) / max(float(delay @ delay), 1e-300))
+    stacked = np.vstack(parts)
+    columns, target = stacked[:, :-1], stacked[:, -1]
+    left = target - columns @ scaled_least_squares(columns, target, 1e-12)
+    alone = max(float(left @ left), 1e-300)
+    fall = max(rows * residual_rms**2 - alone, 0.0) / (count - 1)
+    return max(1.0, float(np.sqrt(fall / (alone / free))))
 
 
 def _linearise_law(

@@ -126,16 +126,20 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Headline:
 
 
 def _gap(name: str, before: float, after: float, floor: float, unsure: float, changed: bool) -> Light:
-    """Return what a gap came to, as a light; it may be as large as its floor and the uncertainty of the law."""
+    """Return what a gap came to, as a light; where only the uncertainty of the law explains it, it says so."""
     what = f"gap {percent(before)} → {percent(after)}" if changed else f"gap {percent(after)}"
     if not math.isfinite(after):
         return Light(name, "poor", f"{what}: could not be simulated")
     if not math.isfinite(floor):
         colour: Colour = "fair" if after <= POLICY.mostly_explained else "poor"
         return Light(name, colour, f"{what}; its noise is unknown")
-    return Light(
-        name, colour_of_misfit(after, math.hypot(floor, unsure)), f"{what}, noise floor {percent(floor)}"
-    )
+    sentence, noise = f"{what}, noise floor {percent(floor)}", colour_of_misfit(after, floor)
+    if noise == "good" or not unsure > floor:
+        return Light(name, colour_of_misfit(after, math.hypot(floor, unsure)), sentence)
+    # What the uncertainty of the law explains is no fault of it, and no proof either.
+    sentence += f"; the uncertainty of the law's numbers leaves {percent(unsure)}"
+    colour = colour_of_misfit(after, math.hypot(floor, unsure))
+    return Light(name, "fair" if colour == "good" else colour, sentence)
 
 
 def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step]:

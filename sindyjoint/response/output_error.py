@@ -13,7 +13,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.laws import LawWithNumbers, as_compiled
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import Motion, simulate_many, transfer_moment
+from sindyjoint.mechanics.stickslip import Motion, simulate_many
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import law_terms, with_coefficients
@@ -27,7 +27,7 @@ from sindyjoint.response.output_error_parts import (
     nuisance_parameter,
 )
 from sindyjoint.response.output_error_runs import Record, initial_parameters, record_of
-from sindyjoint.response.run import rest_of
+from sindyjoint.response.run import along_motion, rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
@@ -284,7 +284,7 @@ class OutputError:
             float(self._inertia(record, x[None])[0]),
         )
         s, rate = record.states, record.run.sample_rate
-        inner = transfer_moment(law, s.angle, s.rate, rate, rest=rest_of(s))[1] if law.n_states else None
+        inner = along_motion(law, s, rate)[1] if law.n_states else None
         starts = np.zeros((record.moment.size, 2))
         first = record.initial_indices
         starts[list(record.starts)] = x[first.start : first.stop].reshape(-1, 2)
@@ -301,7 +301,7 @@ class OutputError:
         total = total + self._inertia(record, x[None])[0] * s.acceleration
         rest = rest_of(s)
         for element in self.elements(x):
-            total = total + element.along(s.angle, s.rate, 1 / record.run.sample_rate, rest)
+            total = total + element.along(*record.followed, 1 / record.run.sample_rate, rest)
         return total if record.added is None else total + record.added
 
     @property

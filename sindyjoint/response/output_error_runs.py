@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,15 @@ from sindyjoint.response.model_law import law_terms, model_law
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import along_motion, angle_limits, measured_drive, rest_of, settling, span_of
+from sindyjoint.response.run import (
+    along_motion,
+    angle_limits,
+    followed_motion,
+    measured_drive,
+    rest_of,
+    settling,
+    span_of,
+)
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 
@@ -143,6 +152,11 @@ class Record:
     cycle: Cycle | None = None
     columns: Array | None = None
     added: Array | None = None
+
+    @cached_property
+    def followed(self) -> tuple[Array, Array]:
+        """Angle and rate that internal states follow."""
+        return followed_motion(self.states)
 
     @property
     def initial_indices(self) -> range:
@@ -280,7 +294,7 @@ def record_of(
         columns=term_columns(model, states) if drive == "motion" else None,
         added=None
         if added is None
-        else transfer_moment(added, states.angle, states.rate, run.sample_rate, rest=rest_of(states))[0],
+        else transfer_moment(added, *followed_motion(states), run.sample_rate, rest=rest_of(states))[0],
     )
 
 

@@ -90,6 +90,12 @@ class ResponsePolicy:
     least_lead: float = limit(
         0.01, "share by which another start must fit better than the given one before its end is used"
     )
+    kept_out_growth: float = limit(
+        0.1,
+        "share by which a refined model may miss the runs kept for validation by more than it did before, beside their "
+        "noise, to be used",
+        source="chosen by judgement: the pendulum's, which lacks a law, triples",
+    )
     gain_range: float = limit(0.25, "widest error of gain that is searched")
     delay_range: float = limit(0.1, "widest delay that is searched", unit="periods of the fastest motion")
     offset_range: float = limit(0.5, "widest offset that is searched, as a share of the response's RMS")

@@ -12,12 +12,13 @@ from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
+from sindyjoint.response.kept_out import predicts_worse
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.refine_starts import spread_starts
-from sindyjoint.response.run import rest_of
+from sindyjoint.response.run import followed_motion, rest_of
 from sindyjoint.states import ForceStates, campaign_states
 
 MOST_EVALUATIONS = 40
@@ -86,7 +87,8 @@ def refine(
     noise. Initial angle and rate of each run that does not repeat are estimated, too, and where a joint without
     restoring moment is simulated by multiple shooting, those of every segment. Where the motion was prescribed it is
     the drive, and the moment the response. A model with elements is fitted from two more starts, see
-    :func:`~sindyjoint.response.refine_starts.spread_starts`; the best end is used.
+    :func:`~sindyjoint.response.refine_starts.spread_starts`; the best end is used. Where it predicts the runs kept for
+    validation worse than the model as it was, that is kept.
 
     Parameters
     ----------
@@ -139,6 +141,11 @@ def refine(
     others = [problem.start_of(other) for other in spread_starts(problem.model, states)]
     found = _best_end(problem, start, others)
     refined = _summarise_refinement(model, problem, found, before, left_out)
+    # An error of a channel is of all runs: where one is estimated, those kept out are not comparable without it.
+    worse = "" if kinds else predicts_worse(problem.model, refined.model, campaign, test or TestNuisances(""))
+    if worse:
+        reason = f"not refined: {worse}; the model lacks something that its numbers cannot stand in for"
+        return Refinement(model, False, reason, before, {}, {}, ())
     return replace(refined, model=_update_residual(_without_stale(model, refined.model), states, test))
 
 
@@ -264,12 +271,12 @@ def _update_residual(
     for state in states:
         keep = state.moving
         rest = rest_of(state)
-        modelled = widely.moment(state.angle, state.rate, 1 / state.sample_rate, state.inputs, rest)
+        # Samples that move are as measured; internal states follow what the joint does while it sticks.
+        angle, rate = followed_motion(state)
+        modelled = widely.moment(angle, rate, 1 / state.sample_rate, state.inputs, rest)
         added = None if test is None else test.added(state)
         if added is not None:
-            modelled = (
-                modelled + transfer_moment(added, state.angle, state.rate, state.sample_rate, rest=rest)[0]
-            )
+            modelled = modelled + transfer_moment(added, angle, rate, state.sample_rate, rest=rest)[0]
         residual = (state.transfer_moment(inertia) - modelled)[keep]
         squares, count = squares + float(residual @ residual), count + residual.size
     return replace(model, fitted=replace(model.fitted, residual_rms=float(np.sqrt(squares / max(count, 1)))))

@@ -10,6 +10,7 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.response.policy import POLICY
+from sindyjoint.response.run import followed_motion
 from sindyjoint.states import ForceStates
 
 
@@ -53,7 +54,7 @@ def _fitted(
         moving = state.moving
         inputs = [state.inputs[name] for name in names]
         own = [] if function is None else [function(state.angle, state.rate, state.acceleration, *inputs)]
-        own += [each.columns_along(state.angle, state.rate, 1 / state.sample_rate) for each in elements]
+        own += [each.columns_along(*followed_motion(state), 1 / state.sample_rate) for each in elements]
         columns.append(np.hstack(own)[moving])
         targets.append(state.transfer_moment(declared)[moving])
     matrix, target = np.vstack(columns), np.concatenate(targets)

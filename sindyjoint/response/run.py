@@ -263,6 +263,11 @@ def along_motion(
     return moment + law.inertia * states.acceleration, inner[:, size:]
 
 
+def followed_motion(states: ForceStates) -> tuple[Array, Array]:
+    """Return the angle and rate that internal states follow: as measured, but straight while the joint sticks."""
+    return without_noise_travel(states, states.angle, states.rate, 1 / states.sample_rate)
+
+
 def rest_of(states: ForceStates) -> float:
     """Return the angle from which a run brings its sliders, rad: they are in their middle there.
 

@@ -63,6 +63,19 @@ def test_a_number_leaves_the_end_of_its_range_only_where_the_data_do_not_ask_for
     assert off_its_ends(regression, asked) is asked
 
 
+def test_a_law_at_its_special_case_is_a_rival_where_its_usual_form_costs_next_to_nothing(problem):
+    """Play with hardly a gap beside a Jenkins element: in the middle of its range, or refused where that costs much."""
+    regression = problem.regression
+    upper = regression.reference.angle
+    play = fitted("backlash_play", [0.01 * upper, 0.1 * upper])
+    inside = off_its_ends(regression, replace(play, gain=0.0), [play])
+    middle = np.sqrt(0.01 * 0.8) * upper
+    assert inside.values[0] >= middle * (1 - 1e-9)
+    assert number_complaint(inside, regression.reference, CAMPAIGN) == ""
+    costly = replace(play, gain=1e4)
+    assert off_its_ends(regression, costly, [costly]) is costly
+
+
 @pytest.fixture(scope="module")
 def problem():
     campaign = virtual_campaign(

@@ -148,7 +148,11 @@ SMALL, LARGE = Residual(0.0, 0.15), Residual(0.9, 0.15)
         (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 1.2, 0.1)), "partly_named"),
         # The response stands far above its floor: something is missing, unless the numbers are so uncertain.
         (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 0.5, 0.1)), "partly_named"),
-        (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 0.5, 0.1), (0.0, 0.2)), "named"),
+        (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 0.48, 0.1), (0.0, 0.2)), "named"),
+        # The uncertainty counts as noise does elsewhere: two and a half of it are no noise.
+        (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 0.9, 0.01), (0.0, 0.35)), "partly_named"),
+        # A gap that grows is a gap that grows, however uncertain the numbers.
+        (True, SMALL, gaps(0.5, 0.11, FLOOR, (0.05, 0.063, 0.006), (0.0, 0.078)), "partly_named"),
         (False, SMALL, gaps(0.11, 0.11, FLOOR, (0.5, 0.5, 0.1)), "unknown"),
         # A gap on runs left out that the uncertainty of the numbers explains.
         (True, SMALL, gaps(0.5, 0.3, FLOOR, unsure=(0.2, 0.0)), "named"),
@@ -160,6 +164,15 @@ SMALL, LARGE = Residual(0.0, 0.15), Residual(0.9, 0.15)
 def test_no_verdict_is_denied_by_its_figures(steps, residual, figures, verdict):
     said, reason = judge(one_step() if steps else (), residual, figures, CAMPAIGN)
     assert said == verdict and reason
+
+
+def test_a_name_says_where_only_the_uncertainty_of_its_numbers_explains_the_response():
+    """A response ten floors off that the numbers' uncertainty explains, beside one within its noise."""
+    steps, figures = one_step(), gaps(0.5, 0.11, FLOOR, (0.3, 0.063, 0.006), (0.0, 0.078))
+    verdict, reason = judge(steps, SMALL, figures, CAMPAIGN)
+    assert verdict == "named" and "misses by 6.3 %" in reason and "(7.8 %, noise floor 0.6 %)" in reason
+    quiet = gaps(0.5, 0.11, FLOOR, (0.3, 0.007, 0.006), (0.0, 0.078))
+    assert judge(steps, SMALL, quiet, CAMPAIGN)[1] == "found: one"
 
 
 def test_names_beside_a_remainder_state_it_and_are_less_sure():
@@ -197,8 +210,10 @@ def test_no_verdict_says_more_than_its_figures(initial, final, floor, unsure, sh
     ]
     if verdict in ("nothing_missing", "named", "ambiguous"):
         assert moment <= policy.within_floors * least[0]
-        assert not response > policy.response_floors * least[1]
-        assert not (response > initial[1] and response > policy.within_floors * least[1])
+        noise = np.hypot(floor[1], policy.processing_error)
+        widest = np.hypot(policy.response_floors * noise, policy.within_floors * unsure[1])
+        assert not response > widest * (1 + 1e-12)
+        assert not (response > initial[1] and response > policy.within_floors * noise * (1 + 1e-12))
         assert np.isfinite(response) or not found
     assert (verdict == "nothing_missing") <= (not found)
     named = discount(steps, verdict, residual, figures, policy)

@@ -82,6 +82,15 @@ def test_of_a_diagnosis(verdict, changes, colour, first):
     assert lights(failed)["response"] == "poor"
 
 
+def test_what_only_the_uncertainty_of_numbers_explains_is_minded():
+    figures = dict(noise_floor=Gap(0.01, 0.006), uncertainty=Gap(0.0, 0.078))
+    for response, colour in ((0.02, "fair"), (0.008, "good")):
+        headline = judge_diagnosis(replace(diagnosis(), final=Gap(0.01, response), **figures), False)
+        (light,) = (each for each in headline.lights if each.name == "response")
+        assert light.colour == colour
+        assert ("uncertainty of the law's numbers leaves 7.8 %" in light.sentence) == (colour != "good")
+
+
 def test_of_a_comparison():
     made = comparison()
     assert lights(judge_comparison(made)) == {

@@ -46,6 +46,20 @@ def test_wrong_coefficients_come_back(refined):
     assert "coefficients refined on the simulated response of 4 run(s)" in refined.reason
 
 
+def test_a_refinement_that_misses_the_runs_kept_out_by_more_is_refused():
+    """Without its cubic stiffness the law of small angles is softer at large ones, and that is no law of small ones."""
+    made = campaign(frequencies=[3], levels=[0.8, 0.2], duration=2.0)
+    kept = made.with_runs((made.runs[0], replace(made.runs[1], use="validate")))
+    given = paper_model(1e-2, tuple(TRUTH))
+    terms = tuple(each for each in given.terms if each.id != "cubic_stiffness")
+    lacking = replace(given, terms=terms, covariance=())
+    found = refine(lacking, kept)
+    assert not found.refined and found.model is lacking
+    assert "not refined: the runs kept out would be missed by" in found.reason
+    # With all runs to be fitted, and with the whole law, it is used.
+    assert refine(lacking, made).refined and refine(given, kept).refined
+
+
 def test_a_refined_model_passes_where_the_first_one_failed(refined):
     other = campaign(frequencies=[4], levels=[0.7], random_state=8)
     assert verify(refined.model, other, draws=0, tolerance=0.004).passed

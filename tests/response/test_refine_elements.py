@@ -14,6 +14,7 @@ from sindyjoint.response.drive import prescribed
 from sindyjoint.response.element_law import parts_of, sum_law
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.response.output_error import OutputError
+from sindyjoint.response.output_error_runs import term_columns
 from sindyjoint.response.refine import refine
 from sindyjoint.response.refine_starts import spread_starts
 from sindyjoint.states import campaign_states, force_states
@@ -46,6 +47,14 @@ def jenkins(stiffness=STIFFNESS, angle=YIELD):
         "jenkins_element", "jenkins_element", "k_t", "Jenkins element",
         (value("k_t", stiffness, "N*m/rad", "z"),), (value("theta_y", angle, "rad"),),
         (ElementState("z", "rad", "omega", "theta_y"),),
+    )  # fmt: skip
+
+
+def dahl(stiffness=STIFFNESS, angle=2e-5):
+    return JointElement(
+        "dahl_friction", "dahl_friction", "k_z", "Dahl friction",
+        (value("k_z", stiffness, "N*m/rad", "z"),), (value("theta_y", angle, "rad"),),
+        (ElementState("z", "rad", "omega - abs(omega)*z/theta_y"),),
     )  # fmt: skip
 
 
@@ -126,6 +135,27 @@ def test_one_steady_period_stands_for_all():
     size = np.std(record.measured) / record.sigma
     difference = problem.residual(x) - whole.residual(x)
     assert np.sqrt(np.mean(difference**2)) < 3e-4 * size
+
+
+def test_elements_keep_their_state_while_a_noisy_joint_sticks():
+    """The noise of a rate of zero goes back and forth: along it friction with a state forgets what it held."""
+    rate, noise = 1000.0, 1e-5
+    time = np.arange(4000) / rate
+    held = np.clip(time - 0.25, 0.0, 0.5)  # s of motion; the joint then stands still
+    angle = 2e-4 * np.sin(1.5 * np.pi * held)
+    noisy = angle + noise * np.random.default_rng(5).standard_normal(time.size)
+    run = Run("held", np.sin(9 * time), noisy, rate)
+    state, model = force_states(run), model_with(dahl())
+    problem = OutputError.of(model, [run], [state], (), 1.0)
+    record = replace(problem.runs[0], drive="motion", columns=term_columns(problem.model, state))
+    quiet = model.elements[0].along(angle, np.gradient(angle, 1 / rate), 1 / rate, float(angle[0]))
+    x = problem.start_of(model)
+    others = record.columns @ x[: record.columns.shape[1]] + model.inertia * state.acceleration
+    moment = problem._predict_moment(record, x) - others
+    along_noise = model.elements[0].along(state.angle, state.rate, 1 / rate, float(angle[0]))
+    first = round(rate * state.time[0])
+    last = quiet[first + state.n_samples - 1]
+    assert abs(moment[-1] - last) < 0.1 * abs(last) < 0.5 * abs(along_noise[-1] - last)
 
 
 def test_a_start_in_another_minimum_is_left_by_the_other_starts(monkeypatch):

@@ -84,8 +84,9 @@ def off_the_ends(problem: GapRegression, ranking: Ranking[FittedEffect]) -> Rank
     """Return a ranking whose members stand off the ends of their ranges where the data do not ask for these.
 
     Along a ridge a search runs to the end for next to nothing. A member is refitted well inside its range, and stays
-    there if that costs no more evidence than separates a class. At the end where it becomes a special case of its own
-    it stays refused: that has a name.
+    there if that costs no more evidence than separates a class. One at the end where it becomes a special case of its
+    own, which has a name, is refitted in the middle of that range: where its usual form costs no more either, these
+    data could not have shown it, and it stays beside its special case.
     """
     fitted = list(ranking.fitted)
     for member in ranking.members:
@@ -97,10 +98,14 @@ def off_the_ends(problem: GapRegression, ranking: Ranking[FittedEffect]) -> Rank
 def off_its_ends(
     problem: GapRegression, fitted: FittedEffect, rivals: Sequence[FittedEffect] = ()
 ) -> FittedEffect:
-    """Return an effect well inside the ranges of its numbers where that costs next to nothing, or as it is."""
+    """Return an effect well inside the ranges of its numbers where that costs next to nothing, or as it is.
+
+    At the end where it becomes a special case of its own it moves beside ``rivals`` only, as one of them.
+    """
     policy, reference = problem.policy, problem.reference
     ends = list(_ends_reached(fitted, reference, policy))
-    if not ends or any(parameter.special == end for parameter, end in ends):
+    special = any(parameter.special == end for parameter, end in ends)
+    if not ends or (special and not rivals):
         return fitted
     everyone = rivals or [fitted]
     weights = weights_of(max(f.gain for f in everyone), evidence_scale(problem, everyone), policy)
@@ -111,13 +116,11 @@ def off_its_ends(
 def _inner_bounds(fitted: FittedEffect, reference: Reference, policy: DiagnosisPolicy) -> NDArray[np.float64]:
     """Return the ranges of nonlinear parameters without a share at each end that is not open."""
     bounds = fitted.variant.bounds(reference)
-    step = policy.inner_margin * np.log(bounds[:, 1] / bounds[:, 0])
+    length = np.log(bounds[:, 1] / bounds[:, 0])
     for place, parameter in enumerate(fitted.variant.parameters):
-        low, high = np.exp([step[place], -step[place]])
-        bounds[place] *= [
-            1.0 if parameter.open == "lower" else low,
-            1.0 if parameter.open == "upper" else high,
-        ]
+        for side, (end, sign) in enumerate((("lower", 1.0), ("upper", -1.0))):
+            share = policy.special_margin if parameter.special == end else policy.inner_margin
+            bounds[place, side] *= 1.0 if parameter.open == end else np.exp(sign * share * length[place])
     return bounds
 
 

@@ -17,6 +17,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
+from sindyjoint.errors import SindyJointError
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
@@ -30,6 +31,31 @@ def zero_errors(problem: Problem, refused: Collection[str]) -> Ranking[FittedEff
         return None
     ranking = rank_effects(problem.regression, fit_effects(problem.regression, zeros))
     return ranking if 1 - ranking.nothing >= problem.policy.belief else None
+
+
+def channel_error(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking[FittedEffect] | None:
+    """Return an error of the channels beside the laws found, without the errors of their columns; None without one.
+
+    Those are of laws, and hide what a channel does. Of a displacement counted from the joint's own zero the moment may
+    have a zero error, too. A delay hardly shows in samples that move where hysteresis takes its place, but at every
+    reversal of a prescribed motion: it is believed where the simulated response, far off without it, falls with it.
+    """
+    plain, policy = replace(problem.regression, inherited=0.0), problem.policy
+    constant = [each for each in fitted if each.name == CONSTANT and problem.zero]
+    if constant:
+        return rank_effects(plain, constant)
+    delay = [each for each in fitted if each.shifts]
+    most = policy.response_floors * problem.noise_floor.response
+    if not delay or not problem.found or not problem.gap.response > most:
+        return None
+    ranking = rank_effects(plain, delay)
+    if 1 - ranking.nothing < policy.belief:
+        return None
+    try:
+        beside = problem.add(delay[0]).problem.gap.response
+    except SindyJointError:  # an inertia that is a term may become negative beside it: no law to simulate
+        return None
+    return ranking if beside <= policy.little_help * problem.gap.response else None
 
 
 def without_delay(work: Work, repaired: Repaired) -> tuple[Work, Repaired, str] | None:

@@ -102,7 +102,7 @@ def with_delay(problem: Problem) -> Aligned | None:
     lag = (
         None if effect is None else find_delay(work.states, work.campaign.joint.inertia, work.campaign.inputs)
     )
-    if effect is None or lag is None or not lag.significant or lag.at_limit:
+    if effect is None or lag is None or not lag.stands_out or lag.at_limit:
         return None
     delay = FittedEffect(effect, effect.variants[0], np.empty(0), np.array([lag.time]), 0.0)
     aligned = work.again(work.model, (), tuple(shifted(s, lag.time) for s in work.states))

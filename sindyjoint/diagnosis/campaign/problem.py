@@ -206,8 +206,7 @@ class CampaignProblem(Problem):
     def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
         """Return the candidates in order of probability, a clearly better pair before the best single effect.
 
-        Of a displacement counted from the joint's own zero the moment may have a zero error, too: where nothing else is
-        believed, that one is tried without the errors of columns found before, which are those of laws.
+        Where nothing is believed, errors of the channels beside the laws found are tried.
         """
         taken = {*refused, *(each.name for each in self.found)}
         candidates = [effect for effect in self.candidates if effect.id not in taken]
@@ -226,9 +225,8 @@ class CampaignProblem(Problem):
             if beside.fitted[0].name == first.name:
                 return Proposal(admissible.off_the_ends(both, beside), True, doubts)
         ranking = admissible.off_the_ends(problem, rank_effects(problem, fitted))
-        if 1 - ranking.nothing < self.policy.belief and self.zero:
-            constant = [each for each in fitted if each.name == CONSTANT]
-            ranking = rank_effects(replace(problem, inherited=0.0), constant) if constant else ranking
+        if 1 - ranking.nothing < self.policy.belief:
+            ranking = final_checks.channel_error(self, fitted) or ranking
         return Proposal(ranking, doubts=doubts)
 
     def complaint(self, candidate: FittedEffect | None = None) -> str:

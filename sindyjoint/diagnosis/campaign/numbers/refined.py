@@ -12,11 +12,10 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.record import Campaign
-from sindyjoint.response.drive import Drive, prescribed
+from sindyjoint.response.kept_out import simulated_gap
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.refine import refine
-from sindyjoint.response.run import pooled_nrmse, simulate_run
-from sindyjoint.states import campaign_states, force_states, one_after_another
+from sindyjoint.states import campaign_states, one_after_another
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
@@ -118,16 +117,3 @@ def _form(element: JointElement) -> tuple[str, ...]:
         *(column.formula for column in element.columns),
         *(f"{state.rate}, {state.limit}" for state in element.states),
     )
-
-
-def simulated_gap(model: JointModel, campaign: Campaign, test: TestNuisances) -> float:
-    """Return the response NRMSE over the validation runs, or all; NaN where a simulation fails."""
-    runs = {run.name: run for run in campaign.validation_runs or campaign.runs}
-    errors = []
-    for states in one_after_another(campaign, [force_states(run) for run in runs.values()]):
-        law = test.law(model, states)
-        motion = prescribed(states, inertia=law.inertia)
-        drive: Drive | None = "motion" if motion else None
-        run = simulate_run(law, runs[states.run], states, drive=drive, response_only=True)
-        errors.append(("moment" if motion else "angle", run.response_nrmse, run.response_scale))
-    return pooled_nrmse(errors)
