@@ -26,7 +26,6 @@ from sindyjoint.mechanics.rig_file import (
     StationTable,
 )
 from sindyjoint.mechanics.rig_limits import solvable_structure
-from sindyjoint.mechanics.rig_run_file import UNITS, read_run
 from sindyjoint.mechanics.rig_test import (
     BASE,
     Chain,
@@ -38,9 +37,11 @@ from sindyjoint.mechanics.rig_test import (
 )
 from sindyjoint.mechanics.rigs import (
     RIG_FOLDER,
+    UNITS,
     build_excitation,
     build_item,
     read_measured,
+    read_run,
     shipped_rigs,
 )
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble

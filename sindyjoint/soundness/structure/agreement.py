@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
+from sindyjoint.substructure.ends import jump_columns
 from sindyjoint.substructure.recovery import BLIND, Recovery
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.transfer import open_joints
@@ -51,10 +52,13 @@ class Equations:
     design : ndarray of complex, shape (l, channels, 1 + joints)
     slopes : ndarray of complex, shape (k, l, channels, 1 + joints)
         Derivatives by the structure's numbers.
-    prior : ndarray, shape (k,)
-        Standard uncertainty of the numbers, relative.
-    offset : ndarray, shape (k,)
-        Change of the numbers at which the design stands.
+    ends : ndarray of complex, shape (m, l, channels)
+        What jumps at the ends of records that do not repeat add (:mod:`sindyjoint.substructure.ends`), each of the
+        size that is expected of it.
+    prior : ndarray, shape (k + m,)
+        Standard uncertainty of the numbers, relative, and of the jumps.
+    offset : ndarray, shape (k + m,)
+        Change of the numbers at which the design stands; zero of the jumps.
     angles : ndarray of complex, shape (l, joints, 1 + joints)
         Of the joints, by the unknowns.
     """
@@ -65,6 +69,7 @@ class Equations:
     sigma: Array
     design: Complex
     slopes: Complex
+    ends: Complex
     prior: Array
     offset: Array
     angles: Complex
@@ -83,7 +88,7 @@ class Equations:
         rows = np.isin(self.run, kept)
         return replace(
             self, run=self.run[rows], angular=self.angular[rows], values=self.values[rows], sigma=self.sigma[rows],
-            design=self.design[rows], slopes=self.slopes[:, rows], angles=self.angles[rows],
+            design=self.design[rows], slopes=self.slopes[:, rows], ends=self.ends[:, rows], angles=self.angles[rows],
         )  # fmt: skip
 
 
@@ -118,8 +123,8 @@ class Fit(NamedTuple):
     chi_squared : float
     by_run : ndarray, shape (runs,)
         What each run contributes.
-    numbers : ndarray, shape (k,)
-        Change of the structure's numbers.
+    numbers : ndarray, shape (k + m,)
+        Change of the structure's numbers, and jumps at the ends.
     errors : tuple of float
         Standard errors of the fault's gain (relative) and delay (s) by the noise.
     """
@@ -134,27 +139,49 @@ class Fit(NamedTuple):
 def equations_of(test: RigTest, recoveries: Sequence[Recovery]) -> Equations:
     """Return the strongest harmonics of runs as equations; the test's uncertain numbers are the structure's."""
     each = int(np.clip(LINES // max(len(recoveries), 1), FEWEST_LINES, MOST_LINES))
-    kept = [strongest(recovery.freed, each) for recovery in recoveries]
+    kept = [strongest(recovery.spectra, each) for recovery in recoveries]
+    counts = [lines.size for _, lines in kept]
     angular = np.concatenate([lines for _, lines in kept])
-    prior = np.array([number.uncertainty for number in test.uncertain])
     design, slopes, angles = _designs(test, angular)
+    ends = _ends_of(test, recoveries, [lines for _, lines in kept])
+    prior = np.concatenate([[number.uncertainty for number in test.uncertain], np.ones(len(ends))])
     return Equations(
-        np.repeat(np.arange(len(kept)), [lines.size for _, lines in kept]),
+        np.repeat(np.arange(len(kept)), counts),
         angular,
         np.concatenate([spectra.amplitudes.T for spectra, _ in kept]),
         np.sqrt(np.concatenate([spectra.variance.T for spectra, _ in kept])),
         design,
         slopes,
+        ends,
         prior,
         np.zeros(prior.size),
         angles,
     )
 
 
+def _ends_of(test: RigTest, recoveries: Sequence[Recovery], lines: Sequence[Array]) -> Complex:
+    """Return what jumps at the ends of the records add to the lines of all runs, shape (m, l, channels)."""
+    total, first, parts = sum(each.size for each in lines), 0, []
+    for recovery, angular in zip(recoveries, lines, strict=True):
+        spectra = recovery.spectra
+        if recovery.ends is not None:
+            shown = jump_columns(
+                test.structure, test.sensors, spectra.angular, 1 / spectra.frequency, spectra.amplitudes[1:]
+            )[0]
+            own = np.zeros((shown.shape[2], total, shown.shape[1]), dtype=complex)
+            rows = np.searchsorted(spectra.angular, angular)
+            own[:, first : first + angular.size] = shown[rows].transpose(2, 0, 1)
+            parts.append(own)
+        first += angular.size
+    return np.concatenate(parts) if parts else np.zeros((0, total, 1 + len(test.sensors)), dtype=complex)
+
+
 def moved(equations: Equations, test: RigTest, numbers: Array) -> Equations:
     """Return equations whose design stands at changed numbers of the structure, on which it depends not linearly."""
+    numbers = numbers[: len(test.uncertain)]
     design, slopes, angles = _designs(with_numbers(test, numbers), equations.angular)
-    return replace(equations, design=design, slopes=slopes, angles=angles, offset=numbers)
+    offset = np.concatenate([numbers, np.zeros(len(equations.ends))])
+    return replace(equations, design=design, slopes=slopes, angles=angles, offset=offset)
 
 
 def _designs(test: RigTest, angular: Array) -> tuple[Complex, Complex, Complex]:
@@ -193,7 +220,8 @@ def _project(equations: Equations) -> _Projected:
     y = equations.values * weight
     unknowns = (inverse @ y[:, :, None])[:, :, 0] / norms[:, 0]
     left = y - (onto @ y[:, :, None])[:, :, 0]
-    moved = np.einsum("klcu,lu->klc", equations.slopes, unknowns) * weight
+    by_numbers = np.einsum("klcu,lu->klc", equations.slopes, unknowns)
+    moved = np.concatenate([by_numbers, equations.ends]) * weight
     columns = moved - np.einsum("lcd,kld->klc", onto, moved)
     return _Projected(left, -columns, unknowns, onto)
 
@@ -288,7 +316,7 @@ def left_out(equations: Equations, channel: int) -> Equations:
     keep = [c for c in range(equations.values.shape[1]) if c != channel]
     return replace(
         equations, values=equations.values[:, keep], sigma=equations.sigma[:, keep],
-        design=equations.design[:, keep], slopes=equations.slopes[:, :, keep],
+        design=equations.design[:, keep], slopes=equations.slopes[:, :, keep], ends=equations.ends[:, :, keep],
     )  # fmt: skip
 
 
