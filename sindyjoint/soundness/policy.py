@@ -331,9 +331,13 @@ class SoundnessPolicy:
         0.9,
         "noise from sample to sample of a drive, in parts of its standard deviation, beyond which nothing drives",
     )
+    fine_step: float = limit(
+        1e-3,
+        "resolution of a structure's channel in standard deviations below which equal neighbours are no chance",
+    )
     scattered: float = limit(
         0.2,
-        "scatter of a channel's main line from period to period, in parts of it, from which it has no course",
+        "change of a channel's main line from period to period, in parts of it, from which it has no course",
     )
     usual_uncertainty: float = limit(
         0.02,

@@ -36,7 +36,9 @@ def find_course(run: Recorded, words: StructureWords) -> Iterator[Finding]:
     if DRIVE not in lines or lines[DRIVE].size < 2 * FEWEST_BESIDE + 1:
         return
     # A channel in which the line is no more than noise has no course.
-    lines = {name: line for name, line in lines.items() if np.std(np.abs(line)) < POLICY.scattered}
+    lines = {
+        name: line for name, line in lines.items() if np.median(np.abs(np.diff(line))) < POLICY.scattered
+    }
     if len(lines) < 3 or DRIVE not in lines:
         return
     yield from _find_phase_steps(run, lines, words) or _find_level_steps(run, lines, words)

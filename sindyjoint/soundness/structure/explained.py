@@ -33,6 +33,8 @@ class Explained(NamedTuple):
         With it undone.
     ratio : float
         χ² with it undone over that before, each by its degrees of freedom.
+    certain : bool
+        Whether there are sensors enough to tell it from another structure.
     """
 
     kind: str
@@ -41,6 +43,7 @@ class Explained(NamedTuple):
     fit: Fit
     equations: Equations
     ratio: float
+    certain: bool = True
 
 
 class Place(NamedTuple):

@@ -77,7 +77,8 @@ def _find_saturation(run: Recorded, words: StructureWords) -> Iterator[Finding]:
 
 def _find_held(run: Recorded, words: StructureWords) -> Iterator[Finding]:
     for channel in run.alive:
-        spans = held_spans(channel)
+        resolved = channel.step < POLICY.fine_step * channel.std
+        spans = tuple(span for span in held_spans(channel, resolved) if _others_move(run, channel, span))
         if channel.name == DRIVE and all(channel.values[a] == 0.0 for a, _ in spans):
             continue  # before and after a blow nothing drives
         if not spans:
@@ -99,6 +100,13 @@ def _find_held(run: Recorded, words: StructureWords) -> Iterator[Finding]:
             spans,
             filled,
         )
+
+
+def _others_move(run: Recorded, channel: Channel, span: tuple[int, int]) -> bool:
+    """Return whether most other channels change while one is held: before a blow nothing does, nor at a standstill."""
+    start, stop = span
+    moves = [np.ptp(c.values[start:stop]) > 0 for c in run.alive if c is not channel]
+    return bool(np.mean(moves) > 0.5)
 
 
 def _severity(filled: bool, share: float) -> Literal["stops", "biases"]:
@@ -149,13 +157,15 @@ def _alone(channel: Channel, marked: dict[str, NDArray[np.bool_]]) -> Spans:
 
     A blow shows in several channels, and a joint that comes to a stop after it shows as less than the blow did.
     """
-    if channel.name == DRIVE:
-        return ()  # The blow itself is a spike of the drive, to which sensors answer more slowly.
     x, own = channel.values - np.median(channel.values), marked[channel.name]
+    far = POLICY.jump_range * float(np.abs(x[~own]).max(initial=0.0))
+    spans = tuple((a, b) for a, b in spans_of(own) if np.abs(x[a:b]).max() > far)
+    if channel.name == DRIVE:
+        # The blow itself is a spike of the drive, to which sensors answer more slowly.
+        return spans if len(spans) >= POLICY.fewest_jumps else ()
     others = np.logical_or.reduce([m for other, m in marked.items() if other != channel.name])
     near = np.convolve(others, np.ones(2 * NEAR + 1), mode="same") > 0
-    far = POLICY.jump_range * float(np.abs(x[~own]).max(initial=0.0))
-    return tuple((a, b) for a, b in spans_of(own) if not near[a:b].any() and np.abs(x[a:b]).max() > far)
+    return tuple((a, b) for a, b in spans if not near[a:b].any())
 
 
 def _find_steps(run: Recorded, words: StructureWords) -> Iterator[Finding]:

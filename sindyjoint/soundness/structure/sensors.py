@@ -121,7 +121,7 @@ def _best_explanation(
 
     def add(kind: str, which: tuple[int, ...], run: int | None, fit: Fit, clean: Equations) -> None:
         ratio = fit.chi_squared / clean.degrees / (before.chi_squared / equations.degrees)
-        known.append(Explained(kind, which, run, fit, clean, ratio))
+        known.append(Explained(kind, which, run, fit, clean, ratio, spare > 1))
 
     longest = POLICY.longest_turn / max(mains)
     for run in runs:
