@@ -13,7 +13,6 @@ from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.soundness.structure.check import check_rig_test
 from sindyjoint.workflows.check import check
 from sindyjoint.workflows.discover import discover_rig
-
 from tests.soundness.rig_faults import RIG_FAULTS, found, inject
 
 RATE, PERIODS, FREQUENCY, LINES = 200.0, 24, 2.0, 6
@@ -77,8 +76,8 @@ def test_sound_data_have_no_finding_that_stops_or_biases(factor):
 
 
 QUICK = (
-    "sensor_frozen", "sensor_constant", "sensor_noise", "sensor_gain_step", "samples_lost", "run_scaled", "sensor_reversed",
-    "drive_gain", "sensor_late", "sensors_swapped", "run_reversed",
+    "sensor_frozen", "sensor_constant", "sensor_noise", "sensor_gain_step", "samples_lost", "run_scaled",
+    "sensor_reversed", "drive_gain", "sensor_late", "sensors_swapped", "run_reversed",
 )  # fmt: skip
 # So short a record has few samples at a limit, and its drive many lines.
 UNSEEN = ("sensor_saturated", "drive_saturated", "tail_dead", "frequency_wrong", "sensor_spikes")

@@ -137,13 +137,13 @@ def _tell_fault(
         extent = (
             f"the {said} is {fault.gain:.4g} times what the others predict{_unit_of(fault.gain)}: {agree}"
         )
-        severity = "stops" if off > POLICY.sensors_unit else severity
-        return (
-            "gain_differs",
-            severity,
-            extent,
-            "compare its calibration, gain and unit; correct or leave it out",
-        )
+        remedy = "compare its calibration, gain and unit; correct or leave it out"
+        if not found.certain:
+            extent += (
+                ", or its part of the structure is another: with one sensor more than joints nothing tells"
+            )
+            return "gain_differs", "note" if severity == "note" else "biases", extent, remedy
+        return "gain_differs", "stops" if off > POLICY.sensors_unit else severity, extent, remedy
     if late >= max(POLICY.sensors_delay, sure * errors[1] * turn):
         when = "later" if fault.delay > 0 else "earlier"
         extent = (
