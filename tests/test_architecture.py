@@ -59,7 +59,7 @@ ALLOWED = {
     "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
     "bias": RESPONDS,
     "substructure": RESPONDS,
-    "soundness": RESPONDS,
+    "soundness": RESPONDS | {"substructure"},  # sensors of a structure are held against each other through it
     "diagnosis": (DIAGNOSES | {"paper", "substructure"}) - {"diagnosis"},
     "planning": DIAGNOSES | {"paper"},
     "batch": EXPLAINS,

@@ -8,16 +8,25 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sindyjoint.cli.answer import answer
-from sindyjoint.cli.options import AcceptOption, CampaignPath, Output, with_blocks
+from sindyjoint.cli.options import AcceptOption, Output, with_blocks
 from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.structure import is_rig
 
 if TYPE_CHECKING:
-    from sindyjoint.soundness.check import Check
+    from sindyjoint.soundness.checked import Checked
 
 
 @with_blocks
 def check(
-    campaign: CampaignPath = None,
+    campaign: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="CAMPAIGN|RIG",
+            help="campaign.toml or rig.toml, or the folder with it. Without it: the built-in virtual test of the "
+            "inter-panel joint.",
+            show_default=False,
+        ),
+    ] = None,
     accept: AcceptOption = None,
     out: Annotated[
         Path | None,
@@ -29,7 +38,8 @@ def check(
 ) -> None:
     """Check the data: saturation, spikes, dropouts, delay, units, coverage; with a picture of every channel.
 
-    The same check runs at the start of discover, compare, diagnose, verify and batch.
+    Of a rig.toml with sensors and runs, the sensors are held against each other through the structure, too: gain, sign,
+    delay, exchanged columns. The same check runs at the start of discover, compare, diagnose, verify and batch.
 
     Exit status 0: sound, or doubtful; 1: unsound, so that no model is made, unless all that stops is accepted; 2: the
     input is at fault.
@@ -37,10 +47,11 @@ def check(
     Example: sindyjoint check virtual --out soundness
     """
 
-    def find() -> Check:
+    def find() -> Checked:
         from sindyjoint.workflows.check import check as run
 
         return run(campaign, tuple(accept or ()), progress=progress.say)
 
-    result = answer(find, out, output, progress)
+    files = [campaign] if campaign is not None and is_rig(campaign) else []
+    result = answer(find, out, output, progress, None, files)
     raise typer.Exit(1 if result.stopping else 0)

@@ -134,8 +134,9 @@ def _diagnosed(
         raise InputError(
             f"--{elsewhere[0]} is for campaigns; {campaign} is a rig, whose candidates are tried on threads"
         )
-    if options.pop("accept"):
-        raise InputError(f"--accept is for campaigns, whose data are checked; {campaign} is a rig")
+    accept = options.pop("accept")
+    if accept and not recorded:
+        raise InputError(f"--accept is for data that are checked; {campaign} is a rig without [[run]]s")
     if options.pop("align"):
         raise InputError(f"--align is for campaigns, which have two channels; {campaign} is a rig")
     if options.pop("refine"):
@@ -154,7 +155,9 @@ def _diagnosed(
         from sindyjoint.cli.structure import models_of
         from sindyjoint.workflows.diagnose import diagnose_rig
 
-        return diagnose_rig(campaign, None if model is None else models_of(campaign, model), **options)
+        return diagnose_rig(
+            campaign, None if model is None else models_of(campaign, model), accept=accept, **options
+        )
     from sindyjoint.workflows.diagnose import diagnose_structure as of_structure
 
     return of_structure(campaign, start, **options)

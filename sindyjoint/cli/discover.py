@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 # What a search for the laws of the joints of a rig takes.
 OF_A_RIG = {
-    "campaign", "library", "out", "force", "as_json", "method", "selection", "threshold", "require", "forbid",
+    "campaign", "library", "out", "accept", "force", "as_json", "method", "selection", "threshold", "require", "forbid",
     "refine", "random_state", "quiet", "verbose",
 }  # fmt: skip
 # What a refinement of a model takes; all other options are of a search for terms.
@@ -106,7 +106,12 @@ def discover(
     if campaign is not None and is_rig(campaign):
         refuse_other_options(context, OF_A_RIG, "is not for the joints of a rig; leave it out")
         found = discover_structure(
-            campaign, out, output, progress, random_state, {**search, "refine": refine}
+            campaign,
+            out,
+            output,
+            progress,
+            random_state,
+            {**search, "refine": refine, "accept": tuple(accept or ())},
         )
         raise typer.Exit(0 if found else 1)
 

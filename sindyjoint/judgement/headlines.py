@@ -23,8 +23,9 @@ from sindyjoint.judgement.headline import (
 )
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.response.verification import Verification
-from sindyjoint.soundness.check import Check
+from sindyjoint.soundness.checked import Checked
 from sindyjoint.soundness.finding import Soundness
+from sindyjoint.soundness.structure.check import RigCheck
 from sindyjoint.text import list_some, percent, quantities, spelled
 
 Step = tuple[str, str]
@@ -36,15 +37,15 @@ MOST_STEPS = 2
 NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown": "poor"}
 
 
-def judge_check(check: Check) -> Headline:
+def judge_check(check: Checked) -> Headline:
     """Return whether a model can be made of some data, and what to do with them."""
-    campaign, soundness = check.campaign, check.soundness
-    runs = campaign.identification_runs
+    soundness, runs = check.soundness, check.excitations
     tested = Excitations(
-        tuple(run.frequency for run in runs if run.frequency is not None),
-        tuple(run.level for run in runs if run.level is not None),
+        tuple(frequency for frequency, _ in runs if frequency is not None),
+        tuple(level for _, level in runs if level is not None),
         len(runs),
     )
+    subject = "RIG" if isinstance(check, RigCheck) else "CAMPAIGN"
     stops, biases = _faults(soundness, "stops"), _faults(soundness, "biases")
     left_out = all(f.masked for f in soundness.findings if f.severity == "biases")
     accepted = "; accepted" if stops and not soundness.stopping else ""
@@ -58,11 +59,12 @@ def judge_check(check: Check) -> Headline:
         judge_coverage(tested),
     )
     steps: list[Step] = [
-        (first.remedy, f"remove {spelled(first.id, campaign.joint.motion)} of {first.run or 'all runs'}")
+        (first.remedy, f"remove {spelled(first.id, check.motion)} of {first.run or 'all runs'}")
         for first in soundness.stopping[:1]
     ]
     accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))
-    steps.append((f"sindyjoint discover CAMPAIGN{accept}", "go on all the same") if accept else DISCOVER)
+    discover = f"sindyjoint discover {subject}{accept or ' --out RESULTS'}"
+    steps.append((discover, "go on all the same" if accept else DISCOVER[1]))
     if lights[-1].colour != "good":
         steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
     return Headline(lights, tuple(steps[:MOST_STEPS]))

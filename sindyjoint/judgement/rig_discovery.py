@@ -11,9 +11,13 @@ import numpy as np
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_refinement import RigRefinement
+from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array, finite
 from sindyjoint.shown import Shown
+from sindyjoint.soundness.check import summarize
+from sindyjoint.soundness.finding import Soundness
+from sindyjoint.soundness.structure.check import RigCheck
 from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
@@ -39,6 +43,8 @@ class RigDiscovery(Shown):
     warnings : tuple of str
     refinement : RigRefinement, optional
         Of the laws on the simulated response, where it was asked for.
+    soundness : Soundness
+        Of the data.
     """
 
     test: RigTest
@@ -49,6 +55,7 @@ class RigDiscovery(Shown):
     worth: Array
     warnings: tuple[str, ...]
     refinement: RigRefinement | None = None
+    soundness: Soundness = Soundness()
 
     @property
     def found(self) -> bool:
@@ -101,6 +108,7 @@ class RigDiscovery(Shown):
             "misfit": finite(self.misfit),
             "refinement": None if self.refinement is None else self.refinement.to_dict(),
             "warnings": list(self.warnings),
+            "soundness": summarize(self.soundness),
         }  # fmt: skip
 
 
@@ -157,3 +165,23 @@ def _with_model(law: JointLaw, model: JointModel, notes: Sequence[str]) -> Joint
     warnings = (*law.discovery.warnings, *notes)
     # What was taken out of the coefficients of the regression says nothing of these.
     return replace(law, discovery=replace(law.discovery, model=model, warnings=warnings, bias=None))
+
+
+def of_data(found: RigDiscovery, checked: RigCheck) -> RigDiscovery:
+    """Return a discovery that says what was found of its data, its verdicts no surer than these allow."""
+    faults = checked.undecided_by()
+    laws = tuple(
+        law
+        if law.discovery is None
+        else replace(
+            law,
+            discovery=replace(
+                law.discovery,
+                verdict=undecided_by_data(law.discovery.verdict, faults),
+                soundness=checked.soundness,
+            ),
+        )
+        for law in found.laws
+    )
+    warnings = (*checked.warnings, *found.warnings)
+    return replace(found, laws=laws, soundness=checked.soundness, warnings=warnings)

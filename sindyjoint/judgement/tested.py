@@ -18,6 +18,7 @@ from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check
+from sindyjoint.soundness.checked import Checked
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.text import spelled
@@ -65,17 +66,11 @@ class Tested:
         elements = () if result.whole is None else result.whole.elements
         named = [spelled(each.effect, self.campaign.joint.motion) for each in elements]
         notes = (*lag_notes(self.lags), *fixed_notes(self.campaign.inputs, named))
-        warnings = (*self.checked.warned(self.delay is not None), *self.beyond, *result.warnings, *notes)
         result = replace(
-            result, test=test, model=self._fitted(result.model), whole=whole, soundness=self.checked.soundness,
-            warnings=warnings, hidden=self.hidden,
+            result, test=test, model=self._fitted(result.model), whole=whole, hidden=self.hidden,
+            warnings=(*self.beyond, *result.warnings, *notes),
         )  # fmt: skip
-        if self.checked.soundness.verdict != "unsound":
-            return result
-        faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in self.checked.undecided_by()))
-        without = f"{result.verdict.replace('_', ' ')}, {result.reason}"
-        reason = f"the data are not sound ({faults}); without that: {without}"
-        return replace(result, verdict=UNDECIDED, reason=reason)
+        return no_surer_than(result, self.checked, self.delay is not None)
 
     def nuisances(self, test: TestNuisances) -> TestNuisances:
         """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
@@ -90,6 +85,18 @@ class Tested:
 
     def _fitted(self, model: JointModel) -> JointModel:
         return with_gain_uncertainty(fitted_to(model, self.campaign), self.campaign.gain_uncertainty)
+
+
+def no_surer_than(result: Diagnosis, checked: Checked, aligned: bool = False) -> Diagnosis:
+    """Return a diagnosis that says what was found of its data, and is undecided where these are unsound."""
+    warnings = (*checked.warned(aligned), *result.warnings)
+    result = replace(result, soundness=checked.soundness, warnings=warnings)
+    if checked.soundness.verdict != "unsound":
+        return result
+    faults = ", ".join(dict.fromkeys(f.id.replace("_", " ") for f in checked.undecided_by()))
+    without = f"{result.verdict.replace('_', ' ')}, {result.reason}"
+    reason = f"the data are not sound ({faults}); without that: {without}"
+    return replace(result, verdict=UNDECIDED, reason=reason)
 
 
 def stopped(checked: Check, model: JointModel | None) -> Diagnosis:

@@ -13,6 +13,7 @@ from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.structure import Item, Structure, assemble
 from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES, Motion
+from sindyjoint.source import Source
 
 Quantity = Literal["acceleration", "velocity", "displacement"]
 RigUse = Literal["identify", "validate", "update"]
@@ -24,6 +25,8 @@ OF_BEAM = {"stiffness": ("bending_stiffness",), "mass": ("mass_per_length",), "l
 OF_MASS = {"mass": ("mass", "inertia")}
 #: The drive of a structure whose base is shaken, in the place of a point.
 BASE = "base"
+#: What the channel of the drive is called in findings.
+DRIVE = "drive"
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,7 @@ class RigRun:
     level : str or None
     use : {"identify", "validate", "update"}
         The last: its joints stick, and it tells the structure's own numbers.
+    source : Source, optional
 
     Raises
     ------
@@ -77,6 +81,7 @@ class RigRun:
     frequency: float | None = None
     level: str | None = None
     use: RigUse = "identify"
+    source: Source | None = None
 
     def __post_init__(self) -> None:
         n = self.drive.size

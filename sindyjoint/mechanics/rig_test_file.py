@@ -15,7 +15,7 @@ from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
 from sindyjoint.files.complaints import first_complaint
 from sindyjoint.files.readers import read_table
-from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.rig_file import (
     DriveTable,
@@ -37,9 +37,11 @@ from sindyjoint.mechanics.rig_test import (
 )
 from sindyjoint.mechanics.rigs import (
     RIG_FOLDER,
+    UNITS,
     build_excitation,
     build_item,
     read_measured,
+    read_run,
     shipped_rigs,
 )
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
@@ -47,13 +49,6 @@ from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.mechanics.virtual_rig import Drive, Recorder
 from sindyjoint.numeric import Array
 
-UNITS = {
-    "acceleration": "m/s**2",
-    "velocity": "m/s",
-    "displacement": "m",
-    "force": "N",
-    "base acceleration": "m/s**2",
-}
 #: In the place of a law that is sought; its numbers are never used.
 UNKNOWN = PaperLaw(k1=1.0, name="unknown")
 MOST_FREEDOMS = 2000
@@ -74,7 +69,9 @@ class RigPlan(NamedTuple):
 
 
 def is_rig_test(path: str | Path) -> bool:
-    """Return whether a file is a rig with sensors and runs, and no campaign."""
+    """Return whether a file, or that of a folder without a campaign, is a rig."""
+    if (Path(path) / "campaign.toml").is_file():
+        return False
     path = rig_path(path)
     if not path.is_file() or path.suffix != ".toml":
         return False
@@ -125,7 +122,7 @@ def load_rig_test(rig: str | Path) -> RigTest:
                 "no [[run]] has a file and no [[measured]] stands beside a [pulse]; expected a record, or a virtual "
                 "test by simulate"
             )
-        runs = tuple(_read_run(table, given, path) for table in files)
+        runs = tuple(read_run(table, given, path) for table in files)
         marked = any(SIMULATED_KEY in (path.parent / str(table.file)).name for table in files)
         return replace(test, runs=runs, simulated=test.simulated or marked)
 
@@ -374,28 +371,6 @@ def _different(names: Sequence[str]) -> list[str]:
         name if name not in names[:index] else f"{name} ({names[:index].count(name) + 1})"
         for index, name in enumerate(names)
     ]
-
-
-def _read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
-    file = path.parent / str(table.file)
-    channels: list[DriveTable | SensorTable] = [given.drive, *given.sensor]
-    factors = [conversion(c.unit, UNITS[c.quantity], f"{file}: {c.column}") for c in channels]
-    seconds = conversion(given.time.unit, "s", f"{file}: time")
-    read, _ = read_table(file)
-    stamps, *signals = read.columns([given.time.column, *(channel.column for channel in channels)])
-    steps = np.diff(stamps * seconds)
-    if not steps.size or not (
-        steps.mean() > 0 and np.all(np.abs(steps - steps.mean()) <= 0.01 * steps.mean())
-    ):
-        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the file")
-    drive, *responses = (signal * factor for signal, factor in zip(signals, factors, strict=True))
-    frequency = (
-        None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{file}: frequency")
-    )
-    return RigRun(
-        table.name or Path(str(table.file)).stem, drive, np.array(responses), 1 / float(steps.mean()), frequency,
-        table.level, table.use,
-    )  # fmt: skip
 
 
 def _drive_of(table: RunTable, number: int, drive: DriveTable) -> Drive:

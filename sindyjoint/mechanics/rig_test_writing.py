@@ -15,7 +15,8 @@ from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.writers import ENCODERS, REMARK
 from sindyjoint.mechanics.rig_file import RigFile
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import SIMULATED_KEY, UNITS, rig_path
+from sindyjoint.mechanics.rig_test_file import SIMULATED_KEY, rig_path
+from sindyjoint.mechanics.rigs import UNITS
 
 
 def write_rig_test(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
@@ -21,10 +22,13 @@ from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rig_file import (
     ColumnTable,
+    DriveTable,
     MeasuredTable,
     PartTable,
     PulseTable,
     RigFile,
+    RunTable,
+    SensorTable,
 )
 from sindyjoint.mechanics.rig_limits import (
     LARGEST,
@@ -32,16 +36,26 @@ from sindyjoint.mechanics.rig_limits import (
     check_sizes,
     solvable_structure,
 )
+from sindyjoint.mechanics.rig_test import DRIVE, RigRun
 from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.record import MINIMUM_SAMPLES
+from sindyjoint.source import ColumnUnit, Source
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
+    from sindyjoint.files.readers.table import Table
+
 RIG_FOLDER = Path(__file__).parent / "rig_files"
+UNITS = {
+    "acceleration": "m/s**2",
+    "velocity": "m/s",
+    "displacement": "m",
+    "force": "N",
+    "base acceleration": "m/s**2",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,3 +311,41 @@ def read_measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
             f"{'all zero' if not values.any() else 'too few'}; expected a response of at least {MINIMUM_SAMPLES}"
         )
     return MeasuredResponse(given.point, values, sample_rate)
+
+
+def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
+    """Read one measured run of a rig, in SI, with the units that its file states otherwise than they are declared."""
+    from sindyjoint.files.readers import read_table
+
+    file = path.parent / str(table.file)
+    channels: list[DriveTable | SensorTable] = [given.drive, *given.sensor]
+    factors = [conversion(c.unit, UNITS[c.quantity], f"{file}: {c.column}") for c in channels]
+    seconds = conversion(given.time.unit, "s", f"{file}: time")
+    read, sha256 = read_table(file)
+    stamps, *signals = read.columns([given.time.column, *(channel.column for channel in channels)])
+    steps = np.diff(stamps * seconds)
+    if not steps.size or not (
+        steps.mean() > 0 and np.all(np.abs(steps - steps.mean()) <= 0.01 * steps.mean())
+    ):
+        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the file")
+    drive, *responses = (signal * factor for signal, factor in zip(signals, factors, strict=True))
+    frequency = (
+        None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{file}: frequency")
+    )
+    return RigRun(
+        table.name or Path(str(table.file)).stem, drive, np.array(responses), 1 / float(steps.mean()), frequency,
+        table.level, table.use, Source(str(table.file), sha256, _stated_units(read, given)),
+    )  # fmt: skip
+
+
+def _stated_units(read: Table, given: RigFile) -> tuple[ColumnUnit, ...]:
+    """Return the units that a file states for its columns otherwise than they are declared."""
+    channels: list[tuple[str, ColumnTable | DriveTable | SensorTable]] = [("time", given.time)]
+    channels.append((DRIVE, given.drive))
+    channels += [(str(each.column), each) for each in given.sensor]
+    known = [(name, table.unit, read.stated_unit(table.column)) for name, table in channels]
+    return tuple(
+        ColumnUnit(name, found[0], declared, found[1], found[2])
+        for name, declared, found in known
+        if found is not None and found[1] != declared
+    )

@@ -77,7 +77,8 @@ def _hashed(path: Path) -> list[tuple[str, str, str]]:
     """Return stem, name and SHA-256 of a file; of a campaign's manifest, of its run files too."""
     if path.is_dir():
         path = next(
-            (path / name for name in ("campaign.toml", "model.json") if (path / name).is_file()), path
+            (path / name for name in ("campaign.toml", "rig.toml", "model.json") if (path / name).is_file()),
+            path,
         )
     if not path.is_file():
         return []

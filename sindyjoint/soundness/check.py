@@ -6,19 +6,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from sindyjoint.errors import UnknownNameError, UnsoundError
-from sindyjoint.record import Campaign, Motion
-from sindyjoint.shown import Shown
+from sindyjoint.record import Campaign, Motion, Run
+from sindyjoint.soundness.checked import Checked, check_accepted, list_faults, require_sound
 from sindyjoint.soundness.faults import find_faults
-from sindyjoint.soundness.finding import Finding, Soundness
-from sindyjoint.soundness.kinds import DELAY, KINDS, PHASE
+from sindyjoint.soundness.finding import Soundness
 from sindyjoint.soundness.masking import mask_campaign
-from sindyjoint.soundness.words import words_of
-from sindyjoint.text import list_some, spelled
+from sindyjoint.soundness.words import Words, words_of
+from sindyjoint.text import list_some
+
+__all__ = ["Check", "check_accepted", "check_campaign", "require_sound", "summarize"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Check(Shown):
+class Check(Checked):
     """The check of a campaign.
 
     Parameters
@@ -34,50 +34,38 @@ class Check(Shown):
 
     campaign: Campaign = field(repr=False)
     soundness: Soundness
-    usable: Campaign = field(repr=False)
+    usable: Campaign
     warnings: tuple[str, ...] = ()
 
     @property
-    def stopping(self) -> tuple[Finding, ...]:
-        """Findings under which no model is made."""
-        return self.soundness.stopping
+    def name(self) -> str:
+        """Of the joint."""
+        return self.campaign.joint.name
 
     @property
-    def reason(self) -> str:
-        """Why no model is made, in one sentence; empty where one may be."""
-        if not self.stopping:
-            return ""
-        ids = " ".join(f"--accept {name}" for name in dict.fromkeys(f.id for f in self.stopping))
-        faults = "; ".join(_describe(self.stopping, self.campaign.joint.motion))
-        return f"the data are unsound: {faults} ({ids} goes on all the same)"
+    def motion(self) -> Motion:
+        """Of the joint."""
+        return self.campaign.joint.motion
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return self.soundness.to_dict()
+    @property
+    def simulated(self) -> bool:
+        """Whether the runs come from a virtual test."""
+        return self.campaign.simulated
 
-    def undecided_by(self, aligned: bool = False) -> tuple[Finding, ...]:
-        """Return the findings under which the paper's set of terms is neither confirmed nor refuted.
+    @property
+    def words(self) -> Words:
+        """What the channels are called."""
+        return words_of(self.motion)
 
-        Those that stop, accepted or not, and what shifts one channel against the other in time, unless it is a delay
-        that was removed.
-        """
-        return tuple(
-            f
-            for f in self.soundness.findings
-            if f.severity == "stops"
-            or (f.id in PHASE and f.severity == "biases" and not (aligned and _removed_by_aligning(f)))
-        )
+    @property
+    def recorded(self) -> Sequence[Run]:
+        """The runs."""
+        return self.campaign.runs
 
-    def warned(self, aligned: bool) -> tuple[str, ...]:
-        """Return the warnings without that of a delay which was removed."""
-        delays = [f for f in self.soundness.findings if aligned and _removed_by_aligning(f)]
-        said = _describe(delays, self.campaign.joint.motion)
-        return tuple(line for line in self.warnings if line not in said)
-
-
-def _removed_by_aligning(finding: Finding) -> bool:
-    """Return whether a finding is a delay that all runs share."""
-    return finding.id == DELAY and finding.run is None
+    @property
+    def excitations(self) -> Sequence[tuple[float | None, str | None]]:
+        """Frequency and level of the runs that are used for identification."""
+        return [(run.frequency, run.level) for run in self.campaign.identification_runs]
 
 
 def check_campaign(campaign: Campaign, accept: Sequence[str] = ()) -> Check:
@@ -98,28 +86,12 @@ def check_campaign(campaign: Campaign, accept: Sequence[str] = ()) -> Check:
     check_accepted(accept)
     soundness = Soundness(find_faults(campaign), tuple(dict.fromkeys(accept)))
     usable, masked = mask_campaign(campaign, soundness.findings)
-    warnings = (*_list_faults(soundness, campaign.joint.motion), *masked, *_list_unchecked(campaign))
+    warnings = (
+        *list_faults(soundness, words_of(campaign.joint.motion), campaign.joint.motion),
+        *masked,
+        *_list_unchecked(campaign),
+    )
     return Check(campaign, soundness, usable, warnings)
-
-
-def check_accepted(accept: Sequence[str]) -> None:
-    """Raise UnknownNameError for an accepted id that no finding has."""
-    for name in accept:
-        if name not in KINDS:
-            raise UnknownNameError(f"accept is {name!r}; expected one of {', '.join(KINDS)}")
-
-
-def require_sound(check: Check) -> Check:
-    """Return a check under which the work may go on.
-
-    Raises
-    ------
-    UnsoundError
-        Where findings stop it.
-    """
-    if check.stopping:
-        raise UnsoundError(check.reason, check)
-    return check
 
 
 def summarize(soundness: Soundness) -> dict[str, Any]:
@@ -129,29 +101,6 @@ def summarize(soundness: Soundness) -> dict[str, Any]:
         "ids": list(dict.fromkeys(f.id for f in soundness.findings)),
         "accepted": list(soundness.accepted),
     }
-
-
-def _list_faults(soundness: Soundness, motion: Motion) -> Iterator[str]:
-    """Yield what was accepted, and what biases and is not left out."""
-    accepted = [f for f in soundness.findings if f.severity == "stops" and f.id in soundness.accepted]
-    yield from (f"accepted: {line}" for line in _describe(accepted, motion))
-    yield from _describe([f for f in soundness.findings if f.severity == "biases" and not f.masked], motion)
-
-
-def _describe(findings: Sequence[Finding], motion: Motion) -> list[str]:
-    """Return a sentence for each kind of finding and channel: where, how much, what it does, what to do."""
-    groups: dict[tuple[str, str | None], list[Finding]] = {}
-    for finding in findings:
-        groups.setdefault((finding.id, finding.channel), []).append(finding)
-    lines = []
-    for (kind, channel), group in groups.items():
-        first = group[0]
-        runs = list_some([f.run for f in group if f.run is not None])
-        where = (f" of the {words_of(motion).of(channel)}" if channel else "") + (
-            f" in {runs}" if runs else ""
-        )
-        lines.append(f"{spelled(kind, motion)}{where}: {first.extent}; {first.effect}; {first.remedy}")
-    return lines
 
 
 def _list_unchecked(campaign: Campaign) -> Iterator[str]:

@@ -30,12 +30,10 @@ from sindyjoint.soundness.detectors.sizes import (
     find_sizes,
 )
 from sindyjoint.soundness.detectors.spikes import find_spikes
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.finding import Finding, in_order
 from sindyjoint.soundness.profile import Profile, profile_of
 from sindyjoint.soundness.spans import bridged
 from sindyjoint.soundness.words import Words, words_of
-
-ORDER = {"stops": 0, "biases": 1, "note": 2}
 
 
 def find_faults(campaign: Campaign) -> tuple[Finding, ...]:
@@ -50,10 +48,7 @@ def find_faults(campaign: Campaign) -> tuple[Finding, ...]:
     """
     words = words_of(campaign.joint.motion)
     with np.errstate(all="ignore"):
-        findings = list(_find_all(campaign, words))
-    unique = {(f.id, f.run, f.channel): f for f in reversed(findings)}
-    ordered = [f for f in findings if unique[(f.id, f.run, f.channel)] is f]
-    return tuple(sorted(ordered, key=lambda f: ORDER[f.severity]))
+        return in_order(_find_all(campaign, words))
 
 
 def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Severity = Literal["stops", "biases", "note"]
 SoundnessVerdict = Literal["sound", "doubtful", "unsound"]
+
+
+ORDER = {"stops": 0, "biases": 1, "note": 2}
 
 
 @dataclass(frozen=True)
@@ -88,3 +91,11 @@ def verdict_of(findings: Sequence[Finding]) -> SoundnessVerdict:
     if "stops" in severities:
         return "unsound"
     return "doubtful" if "biases" in severities else "sound"
+
+
+def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return findings, the severest first, one of each kind for each run and channel: the first."""
+    unique: dict[tuple[str, str | None, str | None], Finding] = {}
+    for finding in findings:
+        unique.setdefault((finding.id, finding.run, finding.channel), finding)
+    return tuple(sorted(unique.values(), key=lambda f: ORDER[f.severity]))

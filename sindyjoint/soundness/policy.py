@@ -327,6 +327,50 @@ class SoundnessPolicy:
     same_unit: float = limit(
         1e-3, "relative difference up to which two units are the same", source="spellings of one unit"
     )
+    only_noise: float = limit(
+        0.9,
+        "noise from sample to sample of a drive, in parts of its standard deviation, beyond which nothing drives",
+    )
+    fine_step: float = limit(
+        1e-3,
+        "resolution of a structure's channel in standard deviations below which equal neighbours are no chance",
+    )
+    scattered: float = limit(
+        0.2,
+        "change of a channel's main line from period to period, in parts of it, from which it has no course",
+    )
+    usual_uncertainty: float = limit(
+        0.02,
+        "relative standard uncertainty of every stiffness and mass of a structure that is assumed where less is stated",
+        source="beams and masses are hardly known better; what it explains is no fault of a sensor",
+    )
+    agreement: float = limit(
+        1.5,
+        "mean square by which channels of a structure disagree, in their noise, from which a faulty one is sought",
+    )
+    explained_by_one: float = limit(
+        0.4, "what undoing a fault of one channel leaves of that mean square, at most, to be believed"
+    )
+    clearly_better: float = limit(
+        1.5,
+        "mean square that a fault of any other channel leaves, over that of the best, for the best to be named",
+    )
+    as_good: float = limit(
+        1.1, "the same up to which a simpler fault (no delay, all runs) is taken for the best of its channel"
+    )
+    odd_run: float = limit(
+        1.2, "disagreement of a run over the median of all runs from which it may have a fault of its own"
+    )
+    longest_turn: float = limit(
+        0.2, "longest delay of a channel that is sought, in periods of the fastest main line", unit="periods"
+    )
+    shows_nothing: float = limit(
+        0.05, "share of what the others predict below which a sensor of a structure shows nothing"
+    )
+    shift_biases: float = limit(
+        0.01, "shift of a recovered angle or moment, relative, beyond which a faulty channel biases"
+    )
+    shift_stops: float = limit(0.3, "the same beyond which no model is made")
     line_share: float = limit(
         0.3,
         "share of the strongest line that the declared frequency has at least",

@@ -154,8 +154,8 @@ def profile_of(run: Run) -> Profile:
     return Profile(run, alive, tuple(c for c in channels if c.constant))
 
 
-def cut_periods(signal: Array, per: float) -> Periods:
-    """Return mean and fundamental of every whole period of a signal.
+def cut_periods(signal: Array, per: float, order: int = 1) -> Periods:
+    """Return mean and fundamental, or another harmonic, of every whole period of a signal.
 
     The integrals over a period, ∫x dt and ∫x·exp(−iωt) dt, end between samples; their running sums are interpolated
     there, so a period need not be a whole number of samples.
@@ -165,12 +165,14 @@ def cut_periods(signal: Array, per: float) -> Periods:
     signal : ndarray, shape (n,)
     per : float
         Samples per period.
+    order : int
+        Of the harmonic.
     """
     n = signal.size
     edges = np.arange(int(n / per) + 1) * per
     centre = float(np.mean(signal))
     shifted = signal - centre
-    turn = shifted * np.exp(-2j * np.pi * np.arange(n) / per)
+    turn = shifted * np.exp(-2j * np.pi * order * np.arange(n) / per)
     grid = np.arange(n + 1)
 
     def integrals(values: Array) -> Array:

@@ -29,6 +29,10 @@ class Words:
         sensors = {MEASURED_ANGLE: f"{self.angle} sensor", MEASURED_RATE: f"{self.rate} sensor"}
         return (known | sensors).get(channel, channel)
 
+    def label(self, channel: str) -> str:
+        """Return the name of a channel as a table has it."""
+        return self.of(channel)
+
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
         angle = self.angle_unit

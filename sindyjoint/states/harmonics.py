@@ -53,15 +53,21 @@ class HarmonicBasis:
 
     def fit(self, signal: Array) -> tuple[float, Array, Array]:
         """Return mean, cosine and sine coefficients of the least-squares series of ``signal``."""
+        means, a, b = self.fit_all(signal[None])
+        return float(means[0]), a[0], b[0]
+
+    def fit_all(self, signals: Array) -> tuple[Array, Array, Array]:
+        """Return the same of several signals, shape (m, n), at once: shapes (m,), (m, h), (m, h)."""
         if self.complete:
             gram = self._complete_gram()
         else:
-            design = np.vstack([np.ones((1, signal.size)), self.cosine.T, self.sine.T])
+            design = np.vstack([np.ones((1, signals.shape[1])), self.cosine.T, self.sine.T])
             gram = design @ design.T
-        moments = np.concatenate([[signal.sum()], self.cosine.T @ signal, self.sine.T @ signal])
+        rows = signals.T
+        moments = np.vstack([signals.sum(axis=1), self.cosine.T @ rows, self.sine.T @ rows])
         coefficients = np.linalg.solve(gram, moments)
         h = self.angular.size
-        return float(coefficients[0]), coefficients[1 : h + 1], coefficients[h + 1 :]
+        return coefficients[0], coefficients[1 : h + 1].T, coefficients[h + 1 :].T
 
     def _complete_gram(self) -> Array:
         """Return the products of all columns from the sums of harmonics up to twice the highest.

@@ -118,26 +118,23 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
     # Between harmonics lie as many lines of noise as there are periods, less one.
     neighbours = int(np.ceil(NOISE_LINES / max(1, periods - 1)))
-    means, whole, variance, parts = [], [], [], []
-    for number, signal in enumerate(signals[:, first:stop]):
-        mean, a, b = basis.fit(signal)
-        residual = signal - basis.series(mean, a, b)
+    steady, variance = signals[:, first:stop], []
+    means, cosine, sine = basis.fit_all(steady)
+    for number, signal in enumerate(steady):
+        residual = signal - basis.series(means[number], cosine[number], sine[number])
         noise = local_noise(residual, run.sample_rate, basis.angular / (2 * np.pi), 0.5 * frequency)
         noise = uniform_filter1d(noise, neighbours, mode="nearest")
         if declared is not None and np.isfinite(declared[number]):
             noise = np.maximum(noise, declared[number] ** 2)
         # Of exact data rounding is all that is left.
         least = np.finfo(float).eps * float(np.abs(signal).max(initial=1e-300))
-        means.append(mean)
-        whole.append(a - 1j * b)
         variance.append(2 * np.maximum(noise, least**2) / time.size)
-        of_blocks = []
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
-            _, a, b = basis.rows(slice(low, high)).fit(signal[low:high])
-            of_blocks.append(a - 1j * b)
-        parts.append(of_blocks)
+    parts = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        _, a, b = basis.rows(slice(low, high)).fit_all(steady[:, low:high])
+        parts.append(a - 1j * b)
     return Spectra(
-        frequency, first, edges, np.array(means), np.array(whole), np.array(parts).swapaxes(0, 1), np.array(variance)
+        frequency, first, edges, means, cosine - 1j * sine, np.array(parts), np.array(variance)
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Are the data of a campaign sound: what stands against a model of them, before any is made."""
+"""Are the data of a campaign or of a structure sound: what stands against a model of them, before any is made."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.discovery.large.segments import LONGEST
+from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.rig_test_file import is_rig_test, load_rig_test
 from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign
+from sindyjoint.soundness.structure.check import RigCheck, check_rig_test
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 
@@ -17,17 +20,17 @@ from sindyjoint.workflows.discover import the_campaign
 @checks_options()
 @single_threaded()
 def check(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | RigTest | str | Path | None = None,
     accept: Sequence[str] = (),
     *,
     random_state: Any = None,
     progress: Callable[[str], None] | None = None,
-) -> Check:
-    """Check whether the data of a campaign are sound.
+) -> Check | RigCheck:
+    """Check whether the data of a campaign, or of a structure's test, are sound.
 
     Parameters
     ----------
-    campaign : Campaign, path of a campaign.toml, or None
+    campaign : Campaign, RigTest, path of a campaign.toml or of a rig.toml or of the folder with it, or None
         ``None``: the built-in virtual test of the inter-panel joint, which is simulated. Of runs that are too long for
         memory the first segment is checked.
     accept : sequence of str
@@ -39,8 +42,9 @@ def check(
 
     Returns
     -------
-    Check
-        With ``soundness`` (verdict and findings) and ``usable``, the campaign without the samples that are left out.
+    Check or RigCheck
+        With ``soundness`` (verdict and findings) and ``usable``, the campaign without the samples that are left out (of
+        a structure, with these filled in).
 
     Raises
     ------
@@ -51,6 +55,10 @@ def check(
     """
     say = progress or (lambda stage: None)
     check_accepted(accept)
+    if isinstance(campaign, RigTest) or (isinstance(campaign, str | Path) and is_rig_test(campaign)):
+        test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
+        say("checking the data")
+        return check_rig_test(test, accept)
     opened = the_campaign(campaign, random_state, LONGEST)
     say("checking the data")
     return check_campaign(opened, accept)

@@ -19,15 +19,15 @@ from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.tested import Tested, followed, stopped
+from sindyjoint.judgement.tested import Tested, followed, no_surer_than, stopped
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign
+from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound
 from sindyjoint.substructure.recovery import recover
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import discover_rig, the_campaign
+from sindyjoint.workflows.discover import discover_rig, laws_of_rig, the_campaign
 
 if TYPE_CHECKING:
     import numpy as np
@@ -257,6 +257,7 @@ def diagnose_rig(
     rig: RigTest | str | Path,
     models: JointModel | Mapping[str, JointModel] | None = None,
     *,
+    accept: Sequence[str] = (),
     library: Sequence[str | Path] = (),
     effects: Sequence[Effect] | None = None,
     max_effects: int = IN_PLACE.most_effects,
@@ -281,6 +282,9 @@ def diagnose_rig(
     models : JointModel or mapping of str to JointModel, optional
         For every joint, or by kind of joint: from tests of the joint alone; numbers keep to their covariance. Default:
         the laws that :func:`~sindyjoint.discover_rig` finds in the same runs, with free numbers.
+    accept : sequence of str
+        Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`. Under any
+        that would, the verdict is *undecided*.
     library, effects, max_effects, advise, before_advice, random_state, progress, policy
         As in :func:`diagnose_structure`; runs are not advised.
 
@@ -292,22 +296,26 @@ def diagnose_rig(
     ------
     InputError
         For runs that cannot be used, or joints in which no law is found.
+    UnsoundError
+        Where findings of the check stop the work.
     """
     from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis, divide_runs
     from sindyjoint.diagnosis.structure.records import runs_problem
     from sindyjoint.judgement.rig_discovery import described
     from sindyjoint.mechanics.rig_test_file import load_rig_test
+    from sindyjoint.soundness.structure.check import check_rig_test
 
     say = progress or (lambda stage: None)
     known_effects = _known_effects(library, effects, max_effects)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
     given = models is not None
+    say("checking the data")
+    checked = require_sound(check_rig_test(test, accept))
+    test = checked.usable
     own, others = divide_runs(test)
     if models is None:
         # Laws that have seen the runs kept out would be judged by what they know.
-        found = discover_rig(
-            replace(test, runs=tuple(own)), refine=False, random_state=random_state, progress=say
-        )
+        found = laws_of_rig(replace(test, runs=tuple(own)), "extended", False, say, random_state=random_state)
         lacking = [law for law in found.laws if not law.found]
         if lacking:
             raise InputError(
@@ -328,7 +336,11 @@ def diagnose_rig(
     )
     assert fitted is not None
     problem = RunsDiagnosis.of(fitted, kept, known_effects)
-    return explain_gap(problem, max_effects, say, advise, before_advice or (lambda result: None))
+    keep = before_advice or (lambda result: None)
+    result = explain_gap(
+        problem, max_effects, say, advise, lambda result: keep(no_surer_than(result, checked))
+    )
+    return no_surer_than(result, checked)
 
 
 def _known_effects(

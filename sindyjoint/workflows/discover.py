@@ -38,7 +38,7 @@ from sindyjoint.judgement.verdict import (
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign
+from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import with_lags
@@ -265,6 +265,7 @@ def discover_rig(
     rig: RigTest | str | Path,
     library: Any = "extended",
     *,
+    accept: Sequence[str] = (),
     refine: bool | None = None,
     progress: Callable[[str], None] | None = None,
     **options: Any,
@@ -277,6 +278,8 @@ def discover_rig(
         Or a ``rig.toml`` with sensors and runs.
     library
         Candidate terms, as for :func:`~sindyjoint.discover`.
+    accept : sequence of str
+        Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     refine : bool
         Fit the laws' numbers, and the structure's uncertain ones, to the simulated response of the runs in the end;
         their intervals are then those of that fit. Default: where no run repeats, as then those of the regression are
@@ -293,22 +296,36 @@ def discover_rig(
     ------
     InputError
         For a file that cannot be used, too few sensors, or runs that are too short.
+    UnsoundError
+        Where findings of the check stop the work.
     """
     from sindyjoint.discovery.foreign_library import catalogue_of
-    from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
-    from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
+    from sindyjoint.judgement.rig_discovery import of_data
     from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rig_test_file import load_rig_test
+    from sindyjoint.soundness.structure.check import check_rig_test
+
+    say = progress or (lambda stage: None)
+    test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
+    if not test.identification_runs:
+        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
+    catalogue_of(library)  # before work that takes seconds
+    say("checking the data")
+    checked = require_sound(check_rig_test(test, accept))
+    return of_data(laws_of_rig(checked.usable, library, refine, say, **options), checked)
+
+
+def laws_of_rig(
+    test: RigTest, library: Any, refine: bool | None, say: Callable[[str], None], **options: Any
+) -> RigDiscovery:
+    """Return the laws of the joints of a structure's test that was checked."""
+    from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
+    from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
     from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
     from sindyjoint.substructure.recovery import recover
     from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 
-    say = progress or (lambda stage: None)
-    test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
     runs = test.identification_runs
-    if not runs:
-        raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
-    catalogue_of(library)  # before work that takes seconds
     say("recovering angles and moments of the joints")
     recoveries = tuple(recover(test, run) for run in runs)
     held = held_spectra(test)

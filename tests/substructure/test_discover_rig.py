@@ -8,6 +8,7 @@ import pytest
 
 from sindyjoint.cli import main
 from sindyjoint.equation.terms import term_columns
+from sindyjoint.errors import UnsoundError
 from sindyjoint.files.writers import ENCODERS
 from sindyjoint.judgement.rig_verdict import of_many_rows, of_slight_terms, within_the_states
 from sindyjoint.judgement.verdict import Verdict
@@ -170,7 +171,11 @@ def test_a_structure_that_is_another_one_is_seen(runs):
     missing = np.outer(heavier.point("x2"), heavier.point("x2"))
     other = discover_rig(rig_test(runs, structure=replace(heavier, mass=heavier.mass - 0.5 * M2 * missing)))
     assert other.misfit > 2
-    assert "not quite the one described" in other.warnings[0]
+    assert any("not quite the one described" in line for line in other.warnings)
+    # A mass that is another one is, with one sensor more than joints, a gain of the sensor on it.
+    assert [(f.id, f.channel, f.severity) for f in other.soundness.findings] == [
+        ("gain_differs", "x2", "biases")
+    ]
 
 
 def test_noise_alone_gives_no_law(runs):
@@ -183,7 +188,9 @@ def test_noise_alone_gives_no_law(runs):
         )
         for run in runs[:2]
     ]
-    (law,) = discover_rig(rig_test(silent)).laws
+    with pytest.raises(UnsoundError, match="the drive is noise"):
+        discover_rig(rig_test(silent))
+    (law,) = discover_rig(rig_test(silent), accept=("no_signal", "wrong_frequency")).laws
     assert not law.found
     assert law.reason or law.discovery.reason
 
@@ -225,6 +232,28 @@ def test_a_structure_by_its_matrices_from_the_command_line(folder, found, capsys
     assert terms == pytest.approx(
         {t.id: t.coefficient for t in found.laws[0].discovery.model.terms}, rel=1e-6
     )
+
+
+def test_the_check_of_a_folder_with_a_rig_stops_what_comes_after(folder, runs, tmp_path, capsys):
+    """A sensor mounted the other way round: check and discover end with status 1, and the page is written."""
+    with pytest.raises(SystemExit) as ended:
+        main(["check", str(folder), "--json"])
+    record = json.loads(capsys.readouterr().out)
+    assert ended.value.code == 0 and (record["schema"], record["verdict"]) == (1, "sound")
+    for number, run in enumerate(runs):
+        columns = {"time": np.arange(run.drive.size) / RATE, "f": run.drive}
+        columns |= {"a1": -run.responses[0], "a2": run.responses[1]}
+        (folder / f"{number}.npz").write_bytes(ENCODERS["npz"](columns, ""))
+    for command in ("check", "discover"):
+        with pytest.raises(SystemExit) as ended:
+            main([command, str(folder), "--json", "-q", "--out", str(tmp_path / command)])
+        record = json.loads(capsys.readouterr().out)
+        assert ended.value.code == 1 and record["verdict"] == "unsound"
+        assert [(f["id"], f["channel"]) for f in record["findings"]] == [("reversed_sign", "a1")]
+        assert (tmp_path / command / "report.html").is_file()
+    with pytest.raises(SystemExit) as ended:
+        main(["check", str(folder), "--json", "--accept", "reversed_sign"])
+    assert ended.value.code == 0 and json.loads(capsys.readouterr().out)["verdict"] == "unsound"
 
 
 def test_the_page_shows_laws_and_sensors(found, tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -13,14 +14,15 @@ from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE
 from sindyjoint.reporting.figures.kind import Kind, by_name, each
 from sindyjoint.reporting.figures.labels import time_label
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, shortened
+from sindyjoint.soundness.structure.recorded import StructureWords
 from sindyjoint.soundness.words import words_of
 from sindyjoint.text import quantities
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.record import Campaign, Motion, Run
-    from sindyjoint.soundness.check import Check
+    from sindyjoint.record import Motion
+    from sindyjoint.soundness.checked import Checked, RecordedRun
     from sindyjoint.soundness.finding import Finding
 
 
@@ -43,11 +45,14 @@ class Trace:
     channel : str
     time, values : ndarray, shape (m,)
         s, SI.
+    unit : str
+        Of a sensor on a structure; empty of the channels of a joint.
     """
 
     channel: str
     time: Array
     values: Array
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,27 +101,30 @@ class CheckData:
     runs: tuple[CheckedRun, ...]
 
 
-def gather_check(check: Check) -> CheckData:
+def gather_check(check: Checked) -> CheckData:
     """Return what is drawn of a check."""
-    campaign: Campaign = check.campaign
-    channels = sum(len(run.channels) for run in campaign.runs)
-    segments = int(np.clip(MOST_SEGMENTS // channels, FEWEST_SEGMENTS, SEGMENTS))
-    findings = check.soundness.findings
+    channels = sum(len(run.channels) for run in check.recorded)
+    segments = int(np.clip(MOST_SEGMENTS // max(channels, 1), FEWEST_SEGMENTS, SEGMENTS))
+    findings, words = check.soundness.findings, check.words
+    units = words.units if isinstance(words, StructureWords) else {}
     return CheckData(
-        campaign.joint.name,
-        campaign.joint.motion,
+        check.name,
+        check.motion,
         check.soundness.verdict,
         tuple(
-            _gather_run(run, [f for f in findings if f.run == run.name], segments) for run in campaign.runs
+            _gather_run(run, [f for f in findings if f.run == run.name], segments, units)
+            for run in check.recorded
         ),
     )
 
 
-def _gather_run(run: Run, findings: list[Finding], segments: int) -> CheckedRun:
+def _gather_run(
+    run: RecordedRun, findings: list[Finding], segments: int, units: Mapping[str, str]
+) -> CheckedRun:
     traces = []
     for name, signal in run.channels.items():
         places = find_extremes(signal, segments)
-        traces.append(Trace(name, places / run.sample_rate, signal[places]))
+        traces.append(Trace(name, places / run.sample_rate, signal[places], units.get(name, "")))
     marks = []
     for finding in findings:
         spans = np.array(finding.spans, dtype=float).reshape(-1, 2) / run.sample_rate
@@ -167,9 +175,10 @@ def draw_run(run: CheckedRun, ax: Axes, motion: Motion) -> Axes:
         least, most = float(trace.values.min()), float(trace.values.max())
         scaled = (trace.values - least) / ((most - least) or 1.0)
         ax.plot(trace.time, base[trace.channel] + scaled, color=INK, lw=0.5)
-        factor, unit = prefixed(max(abs(least), abs(most)), units[trace.channel])
+        factor, unit = prefixed(max(abs(least), abs(most)), trace.unit or units[trace.channel])
+        name = trace.channel if trace.unit else words.of(trace.channel)
         ticks += [base[trace.channel], base[trace.channel] + 0.5, base[trace.channel] + ROW]
-        labels += [f"{least * factor:.3g}", f"{words.of(trace.channel)} ({unit})", f"{most * factor:.3g}"]
+        labels += [f"{least * factor:.3g}", f"{name} ({unit})", f"{most * factor:.3g}"]
     _label_marks(run, ax, base)
     ax.set_yticks(ticks, [label.replace("-", "−") for label in labels])
     ax.tick_params(axis="y", length=0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sindyjoint.reporting.records.discovery import DiscoveryRecord
-from sindyjoint.reporting.records.parts import Known, Maybe, Part, Version
+from sindyjoint.reporting.records.parts import Known, Maybe, Part, SoundnessPart, Version
 
 
 class StructureLaw(Part):
@@ -65,3 +65,4 @@ class StructureRecord(Part):
     misfit: Maybe
     refinement: RefinementPart | None
     warnings: list[str]
+    soundness: SoundnessPart | None = None

@@ -20,8 +20,9 @@ from sindyjoint.reporting.tables import findings_table, terms_csv
 from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
+from sindyjoint.soundness.checked import Checked
 from sindyjoint.soundness.finding import Finding, Soundness
-from sindyjoint.soundness.words import words_of
+from sindyjoint.soundness.structure.check import RigCheck
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -44,7 +45,7 @@ EXTENT = 34
 class CheckView(View[Any, CheckData]):
     """A check of the data, or a result that stopped at it."""
 
-    results = (Check, CheckData)
+    results = (Check, RigCheck, CheckData)
     data = CheckData
     kind = "Check"
     folder = "check"
@@ -62,7 +63,7 @@ class CheckView(View[Any, CheckData]):
 
     def simulated(self, result: Any) -> bool:
         """Return whether the campaign is a virtual test."""
-        return not isinstance(result, CheckData) and _check_of(result).campaign.simulated
+        return not isinstance(result, CheckData) and _check_of(result).simulated
 
     def figures(self, data: CheckData) -> Mapping[str, Kind]:
         """Return as many figures as the runs take."""
@@ -94,14 +95,15 @@ class CheckView(View[Any, CheckData]):
         soundness = check.soundness
         counts = {s: sum(f.severity == s for f in soundness.findings) for s in ("stops", "biases", "note")}
         return {
-            "title": f"{check.campaign.joint.name}: are its data sound?",
+            "title": f"{check.name}: are its data sound?",
             "check": check,
+            "asked": f"Are the data of this {'structure' if isinstance(check, RigCheck) else 'joint'} sound?",
             "badge": BADGES[soundness.verdict],
             "lead_caption": self.figures(data)["channels"].caption,
             "headline": _headline(soundness),
             "stopped": "" if result is check else type(result).__name__.lower(),
             "facts": [
-                ("Runs", str(len(check.campaign.runs)), f"{sum(len(r.traces) for r in data.runs)} channels"),
+                ("Runs", str(len(check.recorded)), f"{sum(len(r.traces) for r in data.runs)} channels"),
                 ("Stop", str(counts["stops"]), "no model is made"),
                 ("Bias", str(counts["biases"]), "coefficients are shifted"),
                 ("Notes", str(counts["note"]), "good to know"),
@@ -110,7 +112,7 @@ class CheckView(View[Any, CheckData]):
 
     def origin(self, result: Any, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the origin of the campaign's runs, too."""
-        return provenance(_check_of(result).campaign, seed, command_line, files)
+        return provenance(getattr(_check_of(result), "campaign", None), seed, command_line, files)
 
     def files(self, result: Any, data: CheckData) -> dict[str, str]:
         """Return the findings as a table; of a result that was stopped, what it writes else, so that none is stale."""
@@ -135,8 +137,8 @@ class CheckView(View[Any, CheckData]):
         from rich.markup import escape
 
         check = _check_of(result)
-        virtual = " (simulated)" if check.campaign.simulated else ""
-        name = escape(check.campaign.joint.name)
+        virtual = " (simulated)" if check.simulated else ""
+        name = escape(check.name)
         return f"{name}{virtual}: the data are [bold]{check.soundness.verdict}[/]"
 
     def show_result(self, result: Any, console: Console) -> None:
@@ -165,9 +167,9 @@ class CheckView(View[Any, CheckData]):
             console.print(f"\n[bold]stopped[/]: {escape(check.reason)}")
 
 
-def _check_of(result: Any) -> Check:
+def _check_of(result: Any) -> Checked:
     """Return a check, or that at which a result stopped."""
-    return result if isinstance(result, Check) else result.stopped
+    return result if isinstance(result, Checked) else result.stopped
 
 
 def _headline(soundness: Soundness) -> str:
@@ -179,13 +181,14 @@ def _headline(soundness: Soundness) -> str:
     return HEADLINES[soundness.verdict]
 
 
-def _in_words(check: Check) -> tuple[Finding, ...]:
+def _in_words(check: Checked) -> tuple[Finding, ...]:
     """Return the findings with their channels in the words of the joint's kind of motion."""
     from dataclasses import replace
 
-    words = words_of(check.campaign.joint.motion)
+    words = check.words
     return tuple(
-        f if f.channel is None else replace(f, channel=words.of(f.channel)) for f in check.soundness.findings
+        f if f.channel is None else replace(f, channel=words.label(f.channel))
+        for f in check.soundness.findings
     )
 
 

@@ -139,7 +139,7 @@ def find_scaled_copies(profiles: Sequence[Profile], words: Words) -> Iterator[Fi
         for p in profiles:
             channel = p.channel(name)
             dense = (p.samples_per_period or np.inf) >= POLICY.copied_period
-            third = _noise_of(channel.values) if channel is not None and dense else None
+            third = noise_pattern(channel.values) if channel is not None and dense else None
             if channel is not None and third is not None:
                 rows.append(third)
                 names.append(p)
@@ -163,7 +163,7 @@ def find_scaled_copies(profiles: Sequence[Profile], words: Words) -> Iterator[Fi
             )
 
 
-def _noise_of(values: Array) -> Array | None:
+def noise_pattern(values: Array) -> Array | None:
     """Return the normalised third differences of a channel, or None where they are no noise."""
     third = np.diff(values[:LOOKED_AT], 3)
     norm = float(np.linalg.norm(third))

@@ -38,7 +38,7 @@ class Step:
     contrast: float
 
 
-def largest_step(series: Array, least_scatter: float = 0.0) -> Step | None:
+def largest_step(series: Array, least_scatter: float = 0.0, side: int = SIDE) -> Step | None:
     """Return the step of a series that stands out most of the scatter on either side; None for a short series.
 
     A gradual change, such as a start-up, scatters on either side nearly as much as it steps.
@@ -48,17 +48,19 @@ def largest_step(series: Array, least_scatter: float = 0.0) -> Step | None:
     series : ndarray, shape (p,)
     least_scatter : float
         Scatter that is taken for granted.
+    side : int
+        Periods on either side that are compared.
     """
     n = series.size
-    if n < 2 * SIDE + 1:
+    if n < 2 * side + 1:
         return None
-    windows = np.lib.stride_tricks.sliding_window_view(series, SIDE)
-    left, right = windows[: n - 2 * SIDE], windows[SIDE + 1 :]
+    windows = np.lib.stride_tricks.sliding_window_view(series, side)
+    left, right = windows[: n - 2 * side], windows[side + 1 :]
     size = right.mean(axis=1) - left.mean(axis=1)
     scatter = np.ptp(left, axis=1) + np.ptp(right, axis=1) + least_scatter + 1e-300
     contrast = np.abs(size) / scatter
     at = int(np.argmax(contrast))
-    return Step(at + SIDE, float(size[at]), float(contrast[at]))
+    return Step(at + side, float(size[at]), float(contrast[at]))
 
 
 def find_course(profile: Profile, words: Words) -> Iterator[Finding]:

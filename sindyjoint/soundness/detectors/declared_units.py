@@ -16,7 +16,7 @@ def find_unit_mismatches(campaign: Campaign, words: Words) -> Iterator[Finding]:
     """Yield the channels whose declared unit is not the one that their file states."""
     for run in campaign.runs:
         for unit in () if run.source is None else run.source.units:
-            ratio = _denial(unit)
+            ratio = denial(unit)
             if ratio is None:
                 continue
             factor = (
@@ -38,7 +38,7 @@ def find_unit_mismatches(campaign: Campaign, words: Words) -> Iterator[Finding]:
             )
 
 
-def _denial(unit: ColumnUnit) -> float | None:
+def denial(unit: ColumnUnit) -> float | None:
     """Return the stated unit in declared ones where they differ, zero for another quantity, or None."""
     ratio = unit_ratio(unit.stated, unit.declared)
     if ratio is None or abs(ratio - 1) < POLICY.same_unit:

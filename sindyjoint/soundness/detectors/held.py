@@ -18,12 +18,18 @@ from sindyjoint.soundness.words import Words
 STANDSTILL = 1e-2
 
 
-def held_spans(channel: Channel) -> Spans:
+def held_spans(channel: Channel, resolved: bool = False) -> Spans:
     """Return the spans in which a channel holds one value although it should have changed.
 
     Where the noise is far above the resolution, even three equal samples cannot be by chance. Elsewhere (a joint that
     sticks, coarse steps) the channel must also jump on entering or leaving the span, further than it ever moves in one
     sampling step.
+
+    Parameters
+    ----------
+    channel : Channel
+    resolved : bool
+        Whether it is known otherwise that equal samples are no chance.
     """
     x = channel.values
     equal = np.abs(np.diff(x)) <= 1e-12 * channel.range
@@ -32,7 +38,7 @@ def held_spans(channel: Channel) -> Spans:
     low, high = channel.levels[0][[0, -1]]
     tolerance = 1e-9 * channel.range
     spans = [s for s in spans if x[s[0]] == 0.0 or low + tolerance < x[s[0]] < high - tolerance]
-    if not channel.quantised:
+    if resolved or not channel.quantised:
         least = _least_length(equal)
         return tuple(s for s in spans if s[1] - s[0] >= least)
     moves = np.abs(np.diff(x))[~equal]

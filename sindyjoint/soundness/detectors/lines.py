@@ -71,3 +71,15 @@ def main_line(values: Array, rate: float, declared: float, at: float = 0.0) -> t
     tallest = int(np.argmax(modulus))
     share = float(modulus[near].max(initial=0.0) / max(float(modulus[tallest]), 1e-300))
     return float(frequency[tallest]), share
+
+
+def strongest_line(values: Array, rate: float) -> float:
+    """Return the frequency of a channel's strongest line, Hz, between the bins of its spectrum."""
+    size = values.size
+    modulus = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(size)))
+    at = int(np.clip(np.argmax(modulus), 1, modulus.size - 2))
+    # A parabola through the logarithms is the main lobe of the window but for 1 %.
+    low, middle, high = np.log(np.maximum(modulus[at - 1 : at + 2], 1e-300))
+    curve = low - 2 * middle + high
+    between = 0.5 * (low - high) / curve if curve < 0 else 0.0
+    return float((at + between) * rate / size)

@@ -32,7 +32,8 @@ def spike_samples(channel: Channel) -> NDArray[np.bool_]:
         POLICY.spike_noise * channel.noise,
         POLICY.spike_usual * float(np.quantile(away, 0.99)),
         POLICY.spike_step * channel.step,
-        (POLICY.spike_acceleration if channel.name == "acceleration" else POLICY.spike_least) * _spread(x),
+        (POLICY.spike_acceleration if channel.name == "acceleration" else POLICY.spike_least)
+        * amplitude_of(x),
     )
     marked: NDArray[np.bool_] = away > usual
     return marked
@@ -44,7 +45,7 @@ def _running_median(x: Array) -> Array:
     return np.partition(windows, REACH, axis=1)[:, REACH]
 
 
-def _spread(x: Array) -> float:
+def amplitude_of(x: Array) -> float:
     """Return half the range of the middle 98 % of the samples: the amplitude without the spikes."""
     low, high = np.quantile(x, [0.01, 0.99])
     return 0.5 * float(high - low)
@@ -68,7 +69,7 @@ def _joint_jumps(profiles: Sequence[Profile], name: str) -> bool:
         away = x[marked] - middle
         if away.min() < far[0] or away.max() > far[1]:
             return False
-        ends.append(away / _spread(x))
+        ends.append(away / amplitude_of(x))
         begins = np.array([begin for begin, _ in spans_of(marked)])
         for at in begins[np.diff(begins, prepend=-BEFORE) >= BEFORE]:  # one that rings is one
             before = x[max(at - BEFORE, 0) : at] - middle
@@ -108,7 +109,7 @@ def _of_run(profile: Profile, channels: Sequence[Channel], words: Words) -> Iter
             continue
         spans = spans_of(marked)
         size = float(np.abs(channel.values[marked] - np.median(channel.values)).max())
-        bearable = channel.name == "moment" and size < POLICY.jerk_size * _spread(channel.values)
+        bearable = channel.name == "moment" and size < POLICY.jerk_size * amplitude_of(channel.values)
         if bearable and _motion_shows(profile, spans):
             continue
         yield Finding(
@@ -117,7 +118,7 @@ def _of_run(profile: Profile, channels: Sequence[Channel], words: Words) -> Iter
             channel.name,
             "biases",
             f"{len(spans)} spike(s) of the {words.of(channel.name)}, up to {size:.3g} {words.unit(channel.name)}, "
-            f"{size / max(_spread(channel.values), 1e-300):.3g} times its amplitude",
+            f"{size / max(amplitude_of(channel.values), 1e-300):.3g} times its amplitude",
             "raise the noise floor and shift every coefficient, M_F and k1 most"
             if channel.name == "moment"
             else "spoil the derivatives: c1, the inertia and every interval",
