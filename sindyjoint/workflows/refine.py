@@ -29,7 +29,7 @@ from sindyjoint.states import ForceStates, campaign_states, one_after_another, t
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
-from sindyjoint.workflows.verify import CampaignVerification, put_right
+from sindyjoint.workflows.verify import CheckedVerification, put_right
 
 if TYPE_CHECKING:
     pass
@@ -42,7 +42,7 @@ STORED: dict[str, tuple[str, Enters, str]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class RefinedModel(CampaignVerification):
+class RefinedModel(CheckedVerification):
     """A model refined on a campaign, and beside its response.
 
     Parameters

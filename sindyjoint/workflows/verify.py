@@ -30,6 +30,7 @@ from sindyjoint.response.verify_campaign import verify_campaign
 from sindyjoint.response.verify_rig import PLACEHOLDERS, verify_rig
 from sindyjoint.soundness.check import check_campaign, require_sound, summarize
 from sindyjoint.soundness.finding import Soundness
+from sindyjoint.soundness.structure.check import check_rig_test
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.threads import single_threaded
@@ -38,8 +39,8 @@ DRAWS = 20
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class CampaignVerification(Verification):
-    """A verification against a campaign, with what the check of its data found.
+class CheckedVerification(Verification):
+    """A verification against measured runs, with what the check of their data found.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def verify(
         Channel errors and the like that a diagnosis found in one campaign; put right in that campaign, and in no other.
         Default: those of ``test.json`` beside a model that is read from a file.
     accept : sequence of str
-        Ids of findings of the check of a campaign that shall not stop the work; see :func:`~sindyjoint.check`.
+        Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     align : bool
         Remove a significant delay between the channels of a campaign first.
     tolerance : float
@@ -138,41 +139,59 @@ def verify(
             f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"
         )
     if isinstance(against, Campaign):
-        (model,) = models
         if truth:
             raise InputError(
                 f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given"
             )
-        say("checking the data")
-        checked = require_sound(check_campaign(against, accept))
-        if against.quasi_static:
-            if align or free_run is not None:
-                raise InputError(f"align: {NO_DELAY}" if align else f"free_run: {NO_RESPONSE}")
-            model, untimed = without_rate(model)
-        usable, applied, note = put_right(checked.usable, against, test)
-        late, usable = usable, align_channels(usable) if align else usable
-        result = verify_campaign(model, usable, settings, say, applied)
-        known = {each.name: getattr(result, each.name) for each in fields(result)}
-        lacking = (untimed,) if against.quasi_static and untimed else ()
-        known["warnings"] = (*checked.warned(usable is not late), *note, *lacking, *result.warnings)
-        return CampaignVerification(**known, soundness=checked.soundness)
+        return _of_campaign(models[0], against, test, accept, align, settings, say)
     if free_run is not None:
         raise InputError(
             f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
         )
     if align:
         raise InputError("align belongs to a campaign, which has two channels; a rig is given")
-    if accept:
-        raise InputError(
-            f"accept is {', '.join(accept)}: belongs to a campaign, whose data are checked; a rig is given"
-        )
     if isinstance(against, RigTest):
         if truth:
             raise InputError(
                 f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig has recorded runs"
             )
-        return verify_runs(models, against, settings, say)
+        say("checking the data")
+        found = require_sound(check_rig_test(against, accept))
+        return _with_check(verify_runs(models, found.usable, settings, say), found.soundness, found.warnings)
+    if accept:
+        raise InputError(
+            f"accept is {', '.join(accept)}: belongs to data that are checked; a pulse test is given"
+        )
     return verify_rig(models[0], against, settings, truth, say)
+
+
+def _of_campaign(
+    model: JointModel,
+    against: Campaign,
+    test: TestNuisances | None,
+    accept: Sequence[str],
+    align: bool,
+    settings: Settings,
+    say: Callable[[str], None],
+) -> Verification:
+    say("checking the data")
+    checked = require_sound(check_campaign(against, accept))
+    untimed = ""
+    if against.quasi_static:
+        if align or settings.free_run is not None:
+            raise InputError(f"align: {NO_DELAY}" if align else f"free_run: {NO_RESPONSE}")
+        model, untimed = without_rate(model)
+    usable, applied, note = put_right(checked.usable, against, test)
+    late, usable = usable, align_channels(usable) if align else usable
+    result = verify_campaign(model, usable, settings, say, applied)
+    before = (*checked.warned(usable is not late), *note, *filter(None, (untimed,)))
+    return _with_check(result, checked.soundness, before)
+
+
+def _with_check(result: Verification, soundness: Soundness, before: Sequence[str]) -> CheckedVerification:
+    known = {each.name: getattr(result, each.name) for each in fields(result)}
+    known["warnings"] = (*before, *result.warnings)
+    return CheckedVerification(**known, soundness=soundness)
 
 
 def put_right(
