@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
@@ -166,7 +167,7 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
     unsure = gaps.uncertainty.response if gaps.of_response else gaps.uncertainty.moment
     if unsure > floor:
         size += f" and the uncertainty of the numbers {_percent(unsure)}"
-    complaint = gaps.response_complaint(policy)
+    complaint = replace(gaps, initial=_without_zero_errors(steps, gaps.initial)).response_complaint(policy)
     share = f"{100 * residual.share:.0f} %" + (" (RMS)" if policy.unexplained_rms else "")
     beyond, excess = gaps.floors(policy) > policy.within_floors, residual.share > residual.most
     if not steps:
@@ -202,6 +203,17 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
     if apart:
         return "ambiguous", f"{residual.data} cannot tell apart: {'; '.join(apart)}{reservation}"
     return "named", "found: " + ", then ".join(spelled(s.effect) for s in steps) + reservation
+
+
+def _without_zero_errors(steps: Sequence[Step], initial: Gap) -> Gap:
+    """Return the gap once zero errors that come first are put right, its response at most as large as at first.
+
+    From where a displacement is counted must not decide whether the effects after it make the response worse.
+    """
+    first = list(takewhile(lambda step: step.effect in ZERO_ERRORS, steps))
+    if not first or len(first) == len(steps):
+        return initial
+    return replace(initial, response=float(np.fmin(initial.response, first[-1].gap_after.response)))
 
 
 def _percent(share: float) -> str:

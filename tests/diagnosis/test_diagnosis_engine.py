@@ -175,6 +175,18 @@ def test_a_name_says_where_only_the_uncertainty_of_its_numbers_explains_the_resp
     assert judge(steps, SMALL, quiet, CAMPAIGN)[1] == "found: one"
 
 
+def test_where_a_displacement_is_counted_from_does_not_hide_a_response_that_grows():
+    """4.86 % grows to 5.42 % as it is, and so it does where 30 % of an offset were put right before."""
+    figures = gaps(0.5, 0.11, FLOOR, (0.3, 0.0542, 0.005), (0.0, 0.06))
+    (step,) = one_step()
+    zero = replace(step, effect="angle_offset", gap_after=Gap(0.4, 0.0486))
+    assert judge((step,), SMALL, figures, CAMPAIGN)[0] == "named"
+    verdict, reason = judge((zero, step), SMALL, figures, CAMPAIGN)
+    assert verdict == "partly_named" and "grows from 4.86 % to 5.42 %" in reason
+    # An offset alone is what the whole gap was.
+    assert judge((zero,), SMALL, figures, CAMPAIGN)[0] == "named"
+
+
 def test_names_beside_a_remainder_state_it_and_are_less_sure():
     steps, figures = one_step(), gaps(0.5, 0.3, FLOOR)
     verdict, reason = judge(steps, SMALL, figures, CAMPAIGN)
