@@ -5,8 +5,7 @@ number, so what is merged in that order does not depend on who worked when. Line
 task: threads would change the order of sums, and the tasks already keep every core busy. Matrices are small here; the
 threads that linear algebra would have had are given to blocks of rows instead (:func:`sindyjoint.threads.on_threads`).
 
-A worker that dies (killed, out of memory) costs no result: its task is done again. A task that takes three workers
-down with it is given up and reported as :class:`Lost`.
+A worker that dies (out of memory) costs no result: its task is done again, and given up (:class:`Lost`) after three.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol, TypeVar, cast
+from typing import Any, Protocol, TypeVar
 
 from sindyjoint.clock import Allowance, clocks_running, run_on_clocks, run_timed
 from sindyjoint.errors import InputError, MissingExtraError, WorkerError
@@ -121,11 +120,10 @@ def side_by_side(
     if not clocks:
         return ordered_map(there, function, tasks, shared)
     timed = ordered_map(there, run_timed, tasks, (function, Allowance.of(clocks), *shared))
-    seconds, work = sum(each.seconds for each in timed), sum(each.work for each in timed)
     for clock in clocks:
-        clock.count(work, seconds)
-    # One whose allowance was used up has used up the portion too, which has said so.
-    return [cast(R, each.result) for each in timed]
+        clock.count(sum(each.work for each in timed), sum(each.seconds for each in timed))
+    # Where an allowance was used up, so was the portion, which has said so.
+    return [each.result for each in timed]  # type: ignore[misc]
 
 
 @contextmanager
@@ -216,10 +214,9 @@ class _Threads:
 
         # The limit holds for the whole process: set once, not by each task. Clocks run on in every thread.
         clocks = clocks_running()
+        given = [delayed(run_on_clocks)(clocks, function, *shared, task) for task in tasks]
         with single_threaded():
-            results = Parallel(n_jobs=-1, prefer="threads")(
-                delayed(run_on_clocks)(clocks, function, *shared, task) for task in tasks
-            )
+            results = Parallel(n_jobs=-1, prefer="threads")(given)
         yield from enumerate(results)
 
 
