@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -76,8 +75,8 @@ def is_rig_test(path: str | Path) -> bool:
     if not path.is_file() or path.suffix != ".toml":
         return False
     try:
-        read = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        read = read_toml(path)
+    except InputError:
         return False
     return "chain" in read or "matrices" in read
 
@@ -87,7 +86,7 @@ def has_measured_runs(path: str | Path) -> bool:
     path = rig_path(path)
     if not is_rig_test(path):
         return False
-    runs = tomllib.loads(path.read_text(encoding="utf-8")).get("run", [])
+    runs = read_toml(path).get("run", [])
     return any(isinstance(run, dict) and "file" in run for run in runs)
 
 

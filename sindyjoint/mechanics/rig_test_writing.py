@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.writers import ENCODERS, REMARK
@@ -38,7 +38,7 @@ def write_rig_test(
     if format not in ENCODERS:
         raise InputError(f"format is {format!r}; expected one of {', '.join(ENCODERS)}")
     path = rig_path(rig)
-    document = tomllib.loads(path.read_text(encoding="utf-8"))
+    document = read_toml(path)
     given = RigFile.model_validate(document)
     for part, table in zip(document["chain"], given.chain, strict=True):
         if table.joint is not None:

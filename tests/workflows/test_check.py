@@ -130,7 +130,7 @@ def test_compare_and_verify_stop_with_the_check(campaign, faults):
     assert (
         passed.warnings[0].startswith("accepted: ") and passed.to_dict()["soundness"]["verdict"] == "unsound"
     )
-    with pytest.raises(InputError, match="accept is spikes: belongs to a campaign"):
+    with pytest.raises(InputError, match="accept is spikes: belongs to data that are checked"):
         verify(model, "pulse-rig", accept=["spikes"])
 
 
