@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
+from sindyjoint.diagnosis.campaign.add import add_effect
 from sindyjoint.diagnosis.campaign.admissible import off_the_ends
 from sindyjoint.diagnosis.campaign.candidates import fit_effects
 from sindyjoint.diagnosis.campaign.gap import gap_of
@@ -52,7 +53,9 @@ def channel_error(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking[F
     if 1 - ranking.nothing < policy.belief:
         return None
     try:
-        beside = problem.add(delay[0]).problem.gap.response
+        # Without looking whether others are still needed: that is for when it is added.
+        work, repaired, _ = add_effect(problem.work, problem.found, delay[0], ())
+        beside = replace(problem, work=work, repaired=repaired).gap.response
     except SindyJointError:  # an inertia that is a term may become negative beside it: no law to simulate
         return None
     return ranking if beside <= policy.little_help * problem.gap.response else None
