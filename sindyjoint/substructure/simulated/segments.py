@@ -32,10 +32,12 @@ from sindyjoint.numeric import Array, delayed, rms
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segment_parts import (
+    MEDIAN_SQUARE,
     carried,
     kept,
     moved,
     moves_of,
+    noise_between_samples,
     slow_lines,
     steps_of,
     with_drive,
@@ -56,8 +58,8 @@ DRIVEN = 2.0
 ROUNDS = 2
 # Draws of the noise of the drive, from which what it adds to the residual follows.
 DRAWS = 4
-# Median of the square of a standard normal number; by what factor noise that was not declared may be another.
-MEDIAN_SQUARE, MOST_WRONG = 0.4549, 1.5
+# By what factor noise that was not declared may be another.
+MOST_WRONG = 1.5
 
 
 class Channels(NamedTuple):
@@ -149,6 +151,8 @@ class SegmentedRun:
         periods = (n - 2 * REACH) / run.sample_rate * float(test.structure.frequencies(1, locked=True)[0])
         ends = np.linspace(REACH, n - REACH, max(1, int(periods / PERIODS)) + 1).round().astype(int).tolist()
         noise = np.sqrt(recovery.spectra.variance[:, 0] * (n - 1) / 2)
+        if not test.drive_noise:
+            noise[0] *= np.clip(noise_between_samples(run.drive) / noise[0], 1 / MOST_WRONG, MOST_WRONG)
         own = carried(test)
         basis = craig_bampton(
             with_drive(test, test.structure), [test.at, *(sensor.point for sensor in test.sensors)], MODES
@@ -242,7 +246,8 @@ class SegmentedRun:
         ratio = np.sqrt(np.median(np.hstack(upper) ** 2, axis=1) / MEDIAN_SQUARE)
         declared = [bool(sensor.noise) for sensor in self.test.sensors]
         ratio = np.where(declared, 1.0, np.clip(ratio, 1 / MOST_WRONG, MOST_WRONG))
-        return replace(self, sigma=self.sigma * ratio)
+        missing = tuple((part.reshape(count, -1) / ratio[:, None]).ravel() for part in self.missing)
+        return replace(self, sigma=self.sigma * ratio, missing=missing)
 
     def with_noise_of_drive(self, reduced: Structure) -> SegmentedRun:
         """Return the run with residuals in the noise of sensors and drive together, segment by segment.
