@@ -10,8 +10,10 @@ from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
 from sindyjoint.judgement.rig_refinement import RigRefinement, refine_rig
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.rig_test import RigRun, UncertainNumber
+from sindyjoint.mechanics.virtual_rig import between_samples
 from sindyjoint.record import Joint
 from sindyjoint.substructure.recovery import recover
+from sindyjoint.substructure.simulated.segment_parts import slow_lines
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.simulated.steady import coefficients, complex_amplitudes, steady
 from sindyjoint.workflows.discover import discover_rig
@@ -156,6 +158,45 @@ def test_segments_are_those_in_which_joints_move(sweeps):
     assert whole.where(moving).spans == whole.spans[1:2]
     last = np.arange(moving.size)
     assert whole.liveliest(last, 1).spans == whole.spans[-1:]
+
+
+@pytest.fixture(scope="module")
+def settled(sweeps):
+    """One sweep, its segments settled at the true law, and the structure that is simulated."""
+    test = rig_test(sweeps[:1])
+    problem = runs_problem(test, [recover(test, sweeps[0])], {"joint": model(K, K3, C)})
+    return problem.records[0], problem.simulated(problem.records[0], problem.start())
+
+
+def test_what_the_steps_leave_out_is_taken_out(settled):
+    record, reduced = settled
+    bare = replace(record, spread=tuple(part[:, :0] for part in record.spread))
+    plain = replace(bare, missing=tuple(0 * part for part in bare.missing))
+    coarse, exact, own = (
+        np.concatenate(each.residual(reduced))
+        for each in (plain, replace(plain, steps=16 * plain.steps), bare)
+    )
+    assert np.linalg.norm(coarse - exact) > 0.1
+    assert np.linalg.norm(own - exact) < 0.02 * np.linalg.norm(coarse - exact)
+
+
+def test_slow_errors_of_the_drive_are_projected_out(settled):
+    """What is left of an error has about the power of its lines, each under its noise as prior."""
+    record, reduced = settled
+    record = replace(record, drive_sigma=3 * record.drive_sigma)
+    known, unknown = (record.settled(reduced, driven=driven) for driven in (True, False))
+    slow = slow_lines(known.measured.shape[1], known.driven / known.rate)
+    error = known.drive_sigma * slow @ np.random.default_rng(0).normal(size=slow.shape[1])
+    left, whole = (
+        np.subtract(*(np.concatenate(e.residual(reduced)) for e in (each, with_error(each, error))))
+        for each in (known, unknown)
+    )
+    assert np.sum(whole**2) > 5 * slow.shape[1]
+    assert np.sum(left**2) < 1.2 * slow.shape[1]
+
+
+def with_error(record, error):
+    return replace(record, drive=record.drive + between_samples(error))
 
 
 def test_a_number_of_the_structure_is_fitted_to_segments(sweeps):

@@ -121,7 +121,9 @@ class RecordsProblem(RunsProblem):
         for record in self.records:
             try:
                 reduced = self.simulated(record, x, self.setup(x, extra))
-                settled = record.settled(reduced)
+                driven = bool(record.states) and not self.floored
+                known = record.with_measured_noise(reduced) if driven else record
+                settled = known.settled(reduced, driven)
                 if self.floored:
                     settled = settled.with_measured_noise(reduced).with_noise_of_drive(reduced)
                 records.append(settled)

@@ -5,6 +5,10 @@ periods it does not. Each segment begins at a state of its own (Bock, in: Modell
 The states are no numbers of the fit: what an error of a state does to the residual of its segment is projected out, to
 first order, under a prior as wide as the motion is large. Before each fit the states are moved to where they fit best.
 
+The measured drive is known up to its noise, which the structure amplifies near its resonance: with weights of the
+sensors alone that noise decides the numbers. What slow errors of the drive do is projected out in the same way, under
+its noise as prior (errors in variables: Fuller, Measurement Error Models, 1987, section 3.2), once the states are near.
+
 Residuals are compared up to the frequency up to which the recovery uses the sensors: the cosine transform of a segment
 leaves white noise white, and what lies above is left out.
 """
@@ -18,16 +22,27 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
-from sindyjoint.mechanics.rig_test import BASE, RigTest, load_row, sensor_rows
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure, craig_bampton, projected
 from sindyjoint.mechanics.transient import State, trajectory
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING, REACH, between_samples, recorded
 from sindyjoint.numeric import Array, delayed, rms
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.simulated.segment_parts import (
+    MEDIAN_SQUARE,
+    carried,
+    kept,
+    moved,
+    moves_of,
+    noise_between_samples,
+    slow_lines,
+    steps_of,
+    with_drive,
+    without_slow_lines,
+)
 
 # Periods of the first frequency with joints that stick in a segment.
 PERIODS = 10
@@ -35,14 +50,16 @@ PERIODS = 10
 MODES = 12
 # Step of the differences by a state, of the size of the motion.
 STEP = 1e-3
-# What the time step may take of a frequency so many times the first one with joints that stick.
-SLOW, HARMONIC = 1e-3, 10
+# Times as many steps, with which what those leave out is found.
+FINER = 4
+# Errors of the drive move joints up to so many times the first frequency with joints that stick.
+DRIVEN = 2.0
 # Steps of a state towards where it fits best.
 ROUNDS = 2
 # Draws of the noise of the drive, from which what it adds to the residual follows.
 DRAWS = 4
-# Median of the square of a standard normal number; by what factor noise that was not declared may be another.
-MEDIAN_SQUARE, MOST_WRONG = 0.4549, 1.5
+# By what factor noise that was not declared may be another.
+MOST_WRONG = 1.5
 
 
 class Channels(NamedTuple):
@@ -90,12 +107,16 @@ class SegmentedRun:
         many after the other, which the recorder's filter needs.
     steps : int
         Of the simulation, for one sample of `drive`.
+    driven : float
+        Up to which errors of the drive are projected out as those of a state are, Hz; zero for none.
     directions : tuple of State
         Moves of a state: of the size of the motion, mode by mode.
     states : tuple of State
         With which each segment begins; empty before they are known.
     spread : tuple of ndarray, shape (rows, m)
         Of each segment: W of r − W·Wᵀ·r, the residual without what errors of its state explain.
+    missing : tuple of ndarray, shape (rows,)
+        Of each segment: what the steps of the simulation leave out of its residual.
     shares : tuple of float
         Of each segment: noise of the sensors in that of sensors and drive together; empty for ones.
     """
@@ -110,9 +131,11 @@ class SegmentedRun:
     basis: Array
     spans: tuple[tuple[int, int], ...]
     steps: int
+    driven: float = 0.0
     directions: tuple[State, ...] = ()
     states: tuple[State, ...] = ()
     spread: tuple[Array, ...] = ()
+    missing: tuple[Array, ...] = ()
     shares: tuple[float, ...] = ()
 
     @classmethod
@@ -128,16 +151,18 @@ class SegmentedRun:
         periods = (n - 2 * REACH) / run.sample_rate * float(test.structure.frequencies(1, locked=True)[0])
         ends = np.linspace(REACH, n - REACH, max(1, int(periods / PERIODS)) + 1).round().astype(int).tolist()
         noise = np.sqrt(recovery.spectra.variance[:, 0] * (n - 1) / 2)
-        carried = _carried(test)
+        if not test.drive_noise:
+            noise[0] *= np.clip(noise_between_samples(run.drive) / noise[0], 1 / MOST_WRONG, MOST_WRONG)
+        own = carried(test)
         basis = craig_bampton(
-            _with_drive(test, test.structure), [test.at, *(sensor.point for sensor in test.sensors)], MODES
+            with_drive(test, test.structure), [test.at, *(sensor.point for sensor in test.sensors)], MODES
         ).basis
         assert basis is not None
         return cls(
             test, run.name, run.sample_rate, between_samples(run.drive),
-            run.responses - np.outer(carried, run.drive), float(noise[0]),
-            np.hypot(noise[1:], carried * noise[0]), basis,
-            tuple(zip(ends[:-1], ends[1:], strict=True)), _steps(test.structure, run.sample_rate),
+            run.responses - np.outer(own, run.drive), float(noise[0]),
+            np.hypot(noise[1:], own * noise[0]), basis,
+            tuple(zip(ends[:-1], ends[1:], strict=True)), steps_of(test.structure, run.sample_rate)
         )  # fmt: skip
 
     @property
@@ -147,16 +172,17 @@ class SegmentedRun:
 
     def segment_rows(self, first: int, stop: int) -> int:
         """Return the number of residuals of a segment."""
-        return _kept(stop - first) * len(self.sigma)
+        return kept(stop - first) * len(self.sigma)
 
     def reduced(self, structure: Structure, laws: Sequence[Law]) -> Structure:
         """Return the structure that is simulated, with laws in its joints."""
         hinges = tuple(replace(h, law=law) for h, law in zip(structure.hinges, laws, strict=True))
-        return projected(_with_drive(self.test, replace(structure, hinges=hinges)), self.basis)
+        return projected(with_drive(self.test, replace(structure, hinges=hinges)), self.basis)
 
     def with_drive_noise(self, generator: np.random.Generator) -> SegmentedRun:
-        """Return the run with noise on the drive as much as there is."""
+        """Return the run with noise on the drive as much as there is, besides what is projected out."""
         noise = np.asarray(self.drive_sigma * generator.normal(size=self.measured.shape[1]))
+        noise = without_slow_lines(noise, self.driven / self.rate)
         return replace(self, drive=self.drive + between_samples(noise))
 
     def liveliest(self, motion: Array, count: int) -> SegmentedRun:
@@ -178,8 +204,8 @@ class SegmentedRun:
         shares = self.shares or (1.0,) * len(self.spans)
         shown = (shown for shown, _ in self.motions(reduced, channels))
         parts = (
-            share * self._compared(span, each)
-            for span, each, share in zip(self.spans, shown, shares, strict=True)
+            share * (self._compared(span, each) + missing)
+            for span, each, missing, share in zip(self.spans, shown, self.missing, shares, strict=True)
         )
         return [part - w @ (w.T @ part) for part, w in zip(parts, self.spread, strict=True)]
 
@@ -220,7 +246,8 @@ class SegmentedRun:
         ratio = np.sqrt(np.median(np.hstack(upper) ** 2, axis=1) / MEDIAN_SQUARE)
         declared = [bool(sensor.noise) for sensor in self.test.sensors]
         ratio = np.where(declared, 1.0, np.clip(ratio, 1 / MOST_WRONG, MOST_WRONG))
-        return replace(self, sigma=self.sigma * ratio)
+        missing = tuple((part.reshape(count, -1) / ratio[:, None]).ravel() for part in self.missing)
+        return replace(self, sigma=self.sigma * ratio, missing=missing)
 
     def with_noise_of_drive(self, reduced: Structure) -> SegmentedRun:
         """Return the run with residuals in the noise of sensors and drive together, segment by segment.
@@ -236,18 +263,23 @@ class SegmentedRun:
             power += [np.mean((a - b) ** 2) / DRAWS for a, b in zip(noisy, clear, strict=True)]
         return replace(self, shares=tuple((1 / np.sqrt(1 + power)).tolist()))
 
-    def settled(self, reduced: Structure) -> SegmentedRun:
+    def settled(self, reduced: Structure, driven: bool = False) -> SegmentedRun:
         """Return the run with the states where they fit best, and with what their errors explain there.
+
+        ``driven``: errors of the drive are projected out, too, up to `DRIVEN` times the first frequency.
 
         Raises
         ------
         SimulationError
         """
-        begun = self.begun(reduced)
+        first = float(self.test.structure.frequencies(1, locked=True)[0])
+        begun = replace(self.begun(reduced), driven=DRIVEN * first if driven else 0.0)
+        missing = self.missing or begun._missing(reduced)
         found = [
-            begun._settle(reduced, span, state) for span, state in zip(begun.spans, begun.states, strict=True)
+            begun._settle(reduced, *each) for each in zip(begun.spans, begun.states, missing, strict=True)
         ]
-        return replace(begun, states=tuple(s for s, _ in found), spread=tuple(w for _, w in found))
+        settled = replace(begun, states=tuple(s for s, _ in found), spread=tuple(w for _, w in found))
+        return replace(settled, missing=settled._missing(reduced))
 
     def from_standstill(self, reduced: Structure) -> tuple[Array, Array, Array]:
         """Return what the sensors show of the whole record, simulated from standstill, and the motion behind it.
@@ -279,24 +311,50 @@ class SegmentedRun:
         whole = self._motion(reduced, self.drive)
         firsts = [(a - REACH) * OVERSAMPLING for a, _ in self.spans]
         states = tuple((whole[0][i], whole[1][i], whole[2][i]) for i in firsts)
-        return replace(self, states=states, directions=_moves(reduced, whole, LIMITS.band * self.rate))
+        return replace(self, states=states, directions=moves_of(reduced, whole, LIMITS.band * self.rate))
 
-    def _settle(self, reduced: Structure, span: tuple[int, int], state: State) -> tuple[State, Array]:
+    def _missing(self, reduced: Structure) -> tuple[Array, ...]:
+        """Return what the steps of the simulation leave out of every segment, by Richardson's rule for order two.
+
+        It hardly changes with the numbers of a fit, which may thus be sought with long steps (deferred correction:
+        Fox, Proc. R. Soc. A 190, 1947).
+        """
+        finer = replace(self, steps=FINER * self.steps)
+        return tuple(
+            (finer._segment(reduced, *each) - self._segment(reduced, *each)) / (1 - 1 / FINER**2)
+            for each in zip(self.spans, self.states, strict=True)
+        )
+
+    def _settle(
+        self, reduced: Structure, span: tuple[int, int], state: State, missing: Array
+    ) -> tuple[State, Array]:
         """Return the state of a segment with which it fits best, and what errors of it explain."""
-        residual = self._segment(reduced, span, state)
+        residual = self._segment(reduced, span, state) + missing
         effects = np.array([
-            (self._segment(reduced, span, _moved(state, [STEP], [move])) - residual) / STEP
+            (self._segment(reduced, span, moved(state, [STEP], [move])) + missing - residual) / STEP
             for move in self.directions
         ]).T  # fmt: skip
+        count = effects.shape[1]
+        effects = np.hstack([effects, self._drive_effects(reduced, span, state, residual - missing)])
         left, size, right = np.linalg.svd(effects, full_matrices=False)
         for _ in range(ROUNDS):
             shift = -right.T @ (size / (size**2 + 1) * (left.T @ residual))
-            trial = _moved(state, shift, self.directions)
-            after = self._segment(reduced, span, trial)
+            trial = moved(state, shift[:count], self.directions)
+            after = self._segment(reduced, span, trial) + missing
             if after @ after >= residual @ residual:
                 break
             state, residual = trial, after
         return state, left * np.sqrt(1 - 1 / np.sqrt(1 + size**2))
+
+    def _drive_effects(self, reduced: Structure, span: tuple[int, int], state: State, shown: Array) -> Array:
+        """Return what a standard error of each slow line of the drive does to a segment, shape (rows, lines)."""
+        first, stop = span[0] - REACH, span[1] + REACH
+        columns = []
+        for line in slow_lines(stop - first, self.driven / self.rate).T:
+            drive = self.drive.copy()
+            drive[first * OVERSAMPLING : stop * OVERSAMPLING] += between_samples(self.drive_sigma * line)
+            columns.append(replace(self, drive=drive)._segment(reduced, span, state) - shown)
+        return np.array(columns).reshape(-1, shown.size).T
 
     def _motion(self, reduced: Structure, drive: Array, state: State | None = None) -> State:
         """Return the states under a drive, at each of its samples."""
@@ -329,60 +387,4 @@ class SegmentedRun:
 
         first, stop = span
         weighed = (shown - self.measured[:, first:stop]) / self.sigma[:, None]
-        return np.asarray(dct(weighed, norm="ortho", axis=1)[:, : _kept(stop - first)].ravel())
-
-
-def _steps(structure: Structure, rate: float) -> int:
-    """Return how many steps of the simulation one sample of the drive needs.
-
-    The midpoint rule is slow by (ωh)²/12 of a frequency (Hughes, The Finite Element Method, 1987, section 9.1).
-    """
-    omega = 2 * np.pi * HARMONIC * float(structure.frequencies(1, locked=True)[0])
-    return int(np.ceil(omega / (OVERSAMPLING * rate) / np.sqrt(12 * SLOW)))
-
-
-def _kept(samples: int) -> int:
-    """Return how many coefficients of the cosine transform of a segment lie in the band that is compared."""
-    return int(2 * LIMITS.band * samples)
-
-
-def _with_drive(test: RigTest, structure: Structure) -> Structure:
-    """Return a structure that has a shaken base as a point."""
-    if test.at != BASE:
-        return structure
-    return replace(structure, points={**structure.points, BASE: load_row(structure, BASE)})
-
-
-def _carried(test: RigTest) -> Array:
-    """Return what every sensor shows of the motion of a shaken base itself, shape (sensors,)."""
-    if test.at != BASE:
-        return np.zeros(len(test.sensors))
-    if any(sensor.quantity != "acceleration" for sensor in test.sensors):
-        raise InputError("on a shaken base runs that do not repeat are simulated for accelerometers only")
-    assert test.structure.base is not None
-    return np.asarray(sensor_rows(test.structure, test.sensors) @ test.structure.base)
-
-
-def _moves(reduced: Structure, motion: State, top: float) -> tuple[State, ...]:
-    """Return moves of a state, of the RMS of a motion: angle and rate of each mode up to a frequency, Hz."""
-    from scipy.linalg import eigh
-
-    joints = np.arange(reduced.n_joints)
-    stiffness = reduced.stiffness.copy()
-    stiffness[joints, joints] += reduced.tangent_stiffness()
-    squared, shapes = eigh(stiffness, reduced.mass)
-    shapes = shapes[:, : max(1, np.count_nonzero(squared < (2 * np.pi * top) ** 2))]
-    still, none = np.zeros(len(shapes)), np.zeros_like(motion[2][0])
-    moves: list[State] = []
-    for shape in shapes.T:
-        angle, rate = (rms(part @ (reduced.mass @ shape)) for part in motion[:2])
-        moves += [(angle * shape, still, none), (still, rate * shape, none)]
-    return tuple(moves)
-
-
-def _moved(state: State, shift: Sequence[float] | Array, moves: Sequence[State]) -> State:
-    """Return a state moved by multiples of some moves."""
-    q, v, z = (
-        part + sum(s * move[i] for s, move in zip(shift, moves, strict=True)) for i, part in enumerate(state)
-    )
-    return q, v, z
+        return np.asarray(dct(weighed, norm="ortho", axis=1)[:, : kept(stop - first)].ravel())

@@ -1,0 +1,101 @@
+"""What segments of a run are made of: their time step, moves of a state, lines compared or projected out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sindyjoint.errors import InputError
+from sindyjoint.mechanics.rig_test import BASE, RigTest, load_row, sensor_rows
+from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.transient import State
+from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
+from sindyjoint.numeric import Array, rms
+from sindyjoint.substructure.policy import POLICY as LIMITS
+
+# What the time step may take of a frequency so many times the first one with joints that stick.
+SLOW, HARMONIC = 1e-3, 10
+# Median of the square of a standard normal number.
+MEDIAN_SQUARE = 0.4549
+
+
+def steps_of(structure: Structure, rate: float) -> int:
+    """Return how many steps of the simulation one sample of the drive needs.
+
+    The midpoint rule is slow by (ωh)²/12 of a frequency (Hughes, The Finite Element Method, 1987, section 9.1).
+    """
+    omega = 2 * np.pi * HARMONIC * float(structure.frequencies(1, locked=True)[0])
+    return int(np.ceil(omega / (OVERSAMPLING * rate) / np.sqrt(12 * SLOW)))
+
+
+def noise_between_samples(signal: Array) -> float:
+    """Return the white noise of a signal that is slow beside its rate, except in a few samples: a blow, for one.
+
+    Differences of sixth order hold little else: of a tone at a fortieth of the rate 1e-5, and √924 of white noise.
+    """
+    return float(np.sqrt(np.median(np.diff(signal, 6) ** 2) / (MEDIAN_SQUARE * 924)))
+
+
+def slow_lines(samples: int, highest: float) -> Array:
+    """Return the functions of the cosine transform up to a share of the rate, orthonormal, shape (samples, lines)."""
+    from scipy.fft import idct
+
+    return np.asarray(idct(np.eye(samples, int(2 * highest * samples)), norm="ortho", axis=0))
+
+
+def without_slow_lines(signal: Array, highest: float) -> Array:
+    """Return a signal without what lies below a share of the rate."""
+    from scipy.fft import dct, idct
+
+    parts = dct(signal, norm="ortho")
+    parts[: int(2 * highest * signal.size)] = 0.0
+    return np.asarray(idct(parts, norm="ortho"))
+
+
+def kept(samples: int) -> int:
+    """Return how many coefficients of the cosine transform of a segment lie in the band that is compared."""
+    return int(2 * LIMITS.band * samples)
+
+
+def with_drive(test: RigTest, structure: Structure) -> Structure:
+    """Return a structure that has a shaken base as a point."""
+    if test.at != BASE:
+        return structure
+    return replace(structure, points={**structure.points, BASE: load_row(structure, BASE)})
+
+
+def carried(test: RigTest) -> Array:
+    """Return what every sensor shows of the motion of a shaken base itself, shape (sensors,)."""
+    if test.at != BASE:
+        return np.zeros(len(test.sensors))
+    if any(sensor.quantity != "acceleration" for sensor in test.sensors):
+        raise InputError("on a shaken base runs that do not repeat are simulated for accelerometers only")
+    assert test.structure.base is not None
+    return np.asarray(sensor_rows(test.structure, test.sensors) @ test.structure.base)
+
+
+def moves_of(reduced: Structure, motion: State, top: float) -> tuple[State, ...]:
+    """Return moves of a state, of the RMS of a motion: angle and rate of each mode up to a frequency, Hz."""
+    from scipy.linalg import eigh
+
+    joints = np.arange(reduced.n_joints)
+    stiffness = reduced.stiffness.copy()
+    stiffness[joints, joints] += reduced.tangent_stiffness()
+    squared, shapes = eigh(stiffness, reduced.mass)
+    shapes = shapes[:, : max(1, np.count_nonzero(squared < (2 * np.pi * top) ** 2))]
+    still, none = np.zeros(len(shapes)), np.zeros_like(motion[2][0])
+    moves: list[State] = []
+    for shape in shapes.T:
+        angle, rate = (rms(part @ (reduced.mass @ shape)) for part in motion[:2])
+        moves += [(angle * shape, still, none), (still, rate * shape, none)]
+    return tuple(moves)
+
+
+def moved(state: State, shift: Sequence[float] | Array, moves: Sequence[State]) -> State:
+    """Return a state moved by multiples of some moves."""
+    q, v, z = (
+        part + sum(s * move[i] for s, move in zip(shift, moves, strict=True)) for i, part in enumerate(state)
+    )
+    return q, v, z
