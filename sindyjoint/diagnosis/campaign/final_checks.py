@@ -53,12 +53,25 @@ def channel_error(problem: Problem, fitted: Sequence[FittedEffect]) -> Ranking[F
     if 1 - ranking.nothing < policy.belief:
         return None
     try:
+        if not _response_beside(problem, delay[0]) < problem.gap.response:
+            return None
         # Without looking whether others are still needed: that is for when it is added.
         work, repaired, _ = add_effect(problem.work, problem.found, delay[0], ())
         beside = replace(problem, work=work, repaired=repaired).gap.response
     except SindyJointError:  # an inertia that is a term may become negative beside it: no law to simulate
         return None
     return ranking if beside <= policy.little_help * problem.gap.response else None
+
+
+def _response_beside(problem: Problem, delay: FittedEffect) -> float:
+    """Return the response gap with the channels moved by a delay as it was found, coefficients fitted anew."""
+    others = [f for f in problem.found if not f.shifts]
+    moved = tuple(shifted(s, delay.coefficients[0]) for s in problem.work.states)
+    later = problem.work.again(problem.work.model, others, moved)
+    fitted = refit(later.rows, later.model, others, keeping(problem.policy))
+    repaired = replace(fitted, effects=(delay, *fitted.effects))
+    beside = replace(problem, work=replace(later, model=fitted.model), repaired=repaired)
+    return float(beside.gap.response)
 
 
 def without_delay(work: Work, repaired: Repaired) -> tuple[Work, Repaired, str] | None:
