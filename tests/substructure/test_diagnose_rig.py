@@ -96,8 +96,8 @@ def test_nothing_is_missing_in_runs_that_do_not_repeat(known):
     runs = swept(lambda d, v: K * d + K3 * d**3 + C * v, (5.0,), seconds=3.0)
     found = diagnose_rig(runs, known, effects=EFFECTS[:1])
     assert found.verdict == "nothing_missing" and not found.steps
-    # The floor holds the noise of the drive: without it the gap would be a fifth above. The fit takes a part of the noise
-    # of the run itself: of six draws the ratio is 0.85 to 0.97.
+    # The floor holds the noise of the drive: without it the gap would be a fifth above. The fit takes a part of the
+    # noise of the run itself: of six draws the ratio is 0.85 to 0.97.
     assert 0.8 < found.final.response / found.noise_floor.response < 1.05
     assert any("segments are compared" in line for line in found.warnings)
 
