@@ -237,7 +237,7 @@ def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) ->
     straight, problem = start.before or start.problem, progress.problem
 
     def judged() -> Explained[P]:
-        gaps = Gaps(first.initial_gap, final, problem.floor(), problem.uncertainty())
+        gaps = Gaps(first.initial_gap, final, problem.floor(), problem.uncertainty(), problem.floor_is_bound)
         residual = problem.residual(straight)
         verdict, reason = judge(progress.steps, residual, gaps, first.policy)
         if progress.doubt is not None and verdict in ("unknown", "partly_named", "undecided"):

@@ -130,6 +130,11 @@ class Problem(Protocol):
     def noise_floor(self) -> Gap:
         """What does not repeat."""
 
+    @property
+    def floor_is_bound(self) -> bool:
+        """Whether that is only an upper bound."""
+        return False
+
     def replaced(self, name: str, other: Any) -> Self | None:
         """Return the problem with one of its effects replaced by another one; None where that is not possible."""
         return None

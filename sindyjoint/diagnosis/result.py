@@ -17,6 +17,7 @@ from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
+from sindyjoint.trust import Trust
 
 
 @dataclass(frozen=True)
@@ -258,6 +259,8 @@ class Diagnosis(Shown):
         floor; zero where not asked for.
     in_place : InPlace, optional
         Models of all kinds of joints and the structure's numbers, of a diagnosis from the runs of a structure.
+    trust : Trust, optional
+        Of the model with its effects, and the campaign.
     """
 
     verdict: str
@@ -282,6 +285,7 @@ class Diagnosis(Shown):
     records: tuple[RecordGap, ...] = field(default=(), repr=False)
     soundness: Soundness | None = None
     stopped: Check | None = field(default=None, repr=False)
+    trust: Trust | None = field(default=None, repr=False)
     search: AdviceSearch = AdviceSearch()
     uncertainty: Gap = Gap(0.0, 0.0)
     in_place: InPlace | None = field(default=None, repr=False)
@@ -325,6 +329,7 @@ class Diagnosis(Shown):
             "schema": 2,
             "verdict": self.verdict,
             "reason": self.reason,
+            "trust": None if self.trust is None else self.trust.to_dict(),
             "gap": {
                 "initial": _gap(self.initial),
                 "final": _gap(self.final),

@@ -70,12 +70,15 @@ class Gaps:
     uncertainty : Gap
         What noise leaves of the law's own numbers and of its drive, and the processing of its motion, beside the
         floor.
+    bound : bool
+        Whether the floor is an upper bound: a gap below it may be noise, or not.
     """
 
     initial: Gap
     final: Gap
     floor: Gap
     uncertainty: Gap = Gap(0.0, 0.0)
+    bound: bool = False
 
     def figures(self) -> tuple[float, float, float]:
         """Return initial gap, final gap and floor of the moment, or of the response where no moment is measured."""
@@ -177,6 +180,11 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
             return "unknown", f"no known effect explains the gap; {share} of it is more than noise"
         if complaint and np.isfinite(gaps.final.response):
             return "unknown", f"the moment leaves no more than noise, yet {complaint}"
+        if gaps.bound:
+            return (
+                UNDECIDED,
+                f"{size}, which is the most that the noise can be: runs that repeat would show it",
+            )
         return "nothing_missing", "the residual is no more than noise and the model's own uncertainty"
     if residual.outside > policy.outside:
         return "unknown", (

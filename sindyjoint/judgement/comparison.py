@@ -13,6 +13,7 @@ from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import summarize
 from sindyjoint.soundness.finding import Soundness
+from sindyjoint.trust import Trust
 
 SCHEMA = 1
 
@@ -188,6 +189,8 @@ class Comparison(Shown):
     given : GivenModel, optional
     parts : {"frequency", "level", "run"}
         What ``frequencies`` are of: samples without time, and aperiodic runs, have none.
+    trust : Trust, optional
+        Of the discovered model and the campaign.
     """
 
     joint: str
@@ -212,6 +215,7 @@ class Comparison(Shown):
     noise_floor: float = float("nan")
     given: GivenModel | None = None
     parts: Literal["frequency", "level", "run"] = "frequency"
+    trust: Trust | None = None
 
     @property
     def several(self) -> str:
@@ -254,12 +258,13 @@ class Comparison(Shown):
         """Return everything as plain JSON data; numbers that do not exist are null."""
         from dataclasses import fields
 
-        names = [f.name for f in fields(self) if f.name not in ("discovery", "soundness")]
+        names = [f.name for f in fields(self) if f.name not in ("discovery", "soundness", "trust")]
         data = {name: plain(getattr(self, name)) for name in names}
         return {
             "schema": SCHEMA,
             "kind": "Comparison",
             "agreement": self.agreement,
+            "trust": None if self.trust is None else self.trust.to_dict(),
             **data,
             "soundness": summarize(self.soundness),
         }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,8 +12,9 @@ from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.discovery.uncertainty import in_words, inseparable
 from sindyjoint.equation.calibration import gain_moves
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
-from sindyjoint.judgement.headline import Excitations, Headline, is_of_the_paper, make_headline
+from sindyjoint.judgement.headline import Excitations, is_of_the_paper, of_discovery
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
+from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
 from sindyjoint.numeric import finite
 from sindyjoint.record import Campaign
@@ -23,6 +24,7 @@ from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.text import in_words_of
+from sindyjoint.trust import Light, Trust
 from sindyjoint.versions import versions
 
 if TYPE_CHECKING:
@@ -89,29 +91,14 @@ class Discovery(Shown):
         """Whether the question of the paper's five terms comes first."""
         return self.paper or is_of_the_paper(self.model.joint.name)
 
-    @property
-    def headline(self) -> Headline:
+    @cached_property
+    def trust(self) -> Trust:
         """Whether to trust the model, and what to do next."""
-        step = None if self.regressor is None or not self.found else self.selection.step
-        runs = () if self.campaign is None else self.campaign.identification_runs
-        fitted = self.model.fitted
-        tested = Excitations(
-            tuple(run.frequency for run in runs if run.frequency is not None) or fitted.frequencies,
-            tuple(run.level for run in runs if run.level is not None),
-            fitted.runs,
-        )
-        return make_headline(
-            self.model,
-            tested,
-            float("nan") if step is None else step.held_out_rms,
-            self.soundness.verdict,
-            self.faults,
-        )
-
-    @property
-    def faults(self) -> tuple[str, ...]:
-        """Ids of what the check of the data found, notes apart."""
-        return tuple(finding.id for finding in self.soundness.findings if finding.severity != "note")
+        if self.stopped is not None:
+            lights: tuple[Light, ...] = (judge_soundness(self.soundness, self.campaign.simulated),)
+        else:
+            lights = assess(self.model, self.campaign, self.soundness, known=True, states=self.states)
+        return of_discovery(lights, Excitations.of(self.campaign), self.found)
 
     @property
     def over_inputs(self) -> tuple[OverInput, ...]:
@@ -158,7 +145,7 @@ class Discovery(Shown):
                 }
                 for i, term in enumerate(model.terms)
             ],
-            "trust": self.headline.to_dict(),
+            "trust": self.trust.to_dict(),
             "paper_term_set": {
                 "verdict": self.verdict.verdict,
                 "missing": list(self.verdict.missing),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.judgement.comparison import Choice, Comparison
@@ -11,22 +12,17 @@ from sindyjoint.judgement.headline import (
     EXPORT,
     SEE_FAULTS,
     VERIFY,
-    Colour,
     Excitations,
-    Headline,
-    Light,
     advise_runs,
-    colour_of_misfit,
-    judge_coverage,
-    judge_fit,
-    judge_soundness,
 )
 from sindyjoint.judgement.policy import POLICY
+from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
 from sindyjoint.response.verification import Verification
 from sindyjoint.soundness.checked import Checked
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.soundness.structure.check import RigCheck
 from sindyjoint.text import list_some, percent, quantities, spelled
+from sindyjoint.trust import ORDER, Colour, Light, Trust
 
 Step = tuple[str, str]
 DISCOVER = ("sindyjoint discover CAMPAIGN --out RESULTS", "find the terms of the joint’s equation")
@@ -37,7 +33,7 @@ MOST_STEPS = 2
 NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown": "poor"}
 
 
-def judge_check(check: Checked) -> Headline:
+def judge_check(check: Checked) -> Trust:
     """Return whether a model can be made of some data, and what to do with them."""
     soundness, runs = check.soundness, check.excitations
     tested = Excitations(
@@ -56,7 +52,7 @@ def judge_check(check: Checked) -> Headline:
         Light("bias", "fair", f"{_named(biases)}{'; the samples are left out' if left_out else ''}")
         if biases
         else Light("bias", "good", "nothing found that shifts a coefficient"),
-        judge_coverage(tested),
+        judge_coverage([f for f, _ in runs], [level for _, level in runs]),
     )
     steps: list[Step] = [
         (first.remedy, f"remove {spelled(first.id, check.motion)} of {first.run or 'all runs'}")
@@ -67,12 +63,14 @@ def judge_check(check: Checked) -> Headline:
     steps.append((discover, "go on all the same" if accept else DISCOVER[1]))
     if lights[-1].colour != "good":
         steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
-    return Headline(lights, tuple(steps[:MOST_STEPS]))
+    return Trust(lights, tuple(steps[:MOST_STEPS]))
 
 
-def judge_verification(result: Verification, simulated: bool, soundness: Soundness | None) -> Headline:
-    """Return whether a model gives a response, and what to do with it."""
-    lights = [] if soundness is None else [_data(soundness, simulated)]
+def judge_verification(result: Verification, simulated: bool, soundness: Soundness | None) -> Trust:
+    """Return whether a model gives a response, and what to do with it.
+
+    Of a campaign the lights are those of campaign and model; of a structure those of its response.
+    """
     if result.response_nrmse is None:
         fit = Light("response", "poor", result.reason)
     else:
@@ -81,40 +79,46 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         floor = f"noise floor {percent(result.noise_floor)}" if known else "its noise is unknown"
         tolerated = f"{percent(result.tolerance)} beyond the noise is tolerated"
         fit = Light("response", colour, f"error {percent(result.response_nrmse)}, {floor}; {tolerated}")
-    lights.append(fit)
+    own = [fit]
     if result.kind == "campaign" or any(run.drive != "pulse" for run in result.runs):
-        lights.append(
+        own.append(
             Light("held out", "good", "no run is compared that the model was fitted to")
             if result.independent
             else Light(
                 "held out", "fair", "no run is kept for validation: the model may have been fitted to these"
             )
         )
-    lights.append(
+    own.append(
         Light("range", "fair", f"beyond what was tested: {list_some(result.beyond_range)}")
         if result.beyond_range
         else Light("range", "good", "within what the model was tested to")
     )
-    weak = {light.name for light in lights if light.colour != "good"}
+    if result.trust is not None:
+        lights, question = result.trust.lights, tuple(own)
+    else:
+        names = {"response": "explained", "held out": "predicts", "range": "determined"}
+        data = [] if soundness is None else [judge_soundness(soundness, simulated)]
+        lights, question = (*data, *(replace(light, name=names[light.name]) for light in own)), ()
+    weak = Trust(lights, (), question).weak
     steps = [SEE_FAULTS] if "data" in weak else []
     if not result.passed:
         subject = "CAMPAIGN" if result.kind == "campaign" else "RIG"
         steps.append((f"sindyjoint diagnose {subject} --model MODEL", "find and name what the model lacks"))
-    if "held out" in weak:
+    if weak & {"held out", "predicts"} and not result.independent:
         steps.append(
             (
                 f'write use = "validate" to a run in {result.kind}.toml',
                 "compare with a run that was not fitted to",
             )
         )
-    if "range" in weak:
+    if result.beyond_range:
         steps.append(("record runs at these levels", "fit the model where it is used"))
-    return Headline(tuple(lights), tuple((steps or [EXPORT])[:MOST_STEPS]))
+    return Trust(lights, tuple((steps or [EXPORT])[:MOST_STEPS]), question)
 
 
-def judge_diagnosis(result: Diagnosis, simulated: bool) -> Headline:
+def judge_diagnosis(result: Diagnosis, simulated: bool) -> Trust:
     """Return whether to believe a diagnosis, and what to do next."""
-    lights = [] if result.soundness is None else [_data(result.soundness, simulated)]
+    own = []
     pairs = ((quantities(result.model.joint.motion).moment.lower(), "moment"), ("response", "response"))
     for name, field in pairs:
         before, after, floor, unsure = (
@@ -122,9 +126,16 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Headline:
             for gap in (result.initial, result.final, result.noise_floor, result.uncertainty)
         )
         if math.isfinite(before) or math.isfinite(after):
-            lights.append(_gap(name, before, after, floor, unsure, bool(result.steps)))
-    lights.append(Light("effects", NAMED.get(result.verdict, "fair"), result.reason))
-    return Headline(tuple(lights), tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]))
+            own.append(_gap(name, before, after, floor, unsure, bool(result.steps)))
+    own.append(Light("effects", NAMED.get(result.verdict, "fair"), result.reason))
+    if result.trust is not None:
+        lights, question = result.trust.lights, tuple(own)
+    else:
+        data = [] if result.soundness is None else [judge_soundness(result.soundness, simulated)]
+        *gaps, effects = own
+        worst = sorted(gaps, key=lambda light: ORDER.index(light.colour))[-1:]
+        lights, question = (*data, *(replace(light, name="explained") for light in worst)), (*gaps, effects)
+    return Trust(lights or question, tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]), question)
 
 
 def _gap(name: str, before: float, after: float, floor: float, unsure: float, changed: bool) -> Light:
@@ -167,25 +178,26 @@ def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step
     return [*steps, EXPORT] if result.verdict in ("named", "nothing_missing") else steps or [SEE_FAULTS]
 
 
-def judge_comparison(result: Comparison) -> Headline:
+def judge_comparison(result: Comparison) -> Trust:
     """Return whether methods, frequencies and resampled campaigns agree on the model, and what to do next."""
     ids = set(result.model.ids)
     share = dict(zip(result.ids, result.inclusion, strict=True))
-    lights = [_data(result.soundness, result.simulated)]
+    lights = (
+        (judge_soundness(result.soundness, result.simulated),)
+        if result.trust is None
+        else result.trust.lights
+    )
     if not ids:
-        lights.append(Light("model", "poor", result.model.reason))
-        return Headline(tuple(lights), (SEE_FAULTS,))
-    if math.isfinite(result.model.residual):
-        lights.append(judge_fit(result.model.residual, result.noise_floor, result.motion))
-    lights.append(_agreement("methods", "methods", ids, result.methods))
+        return Trust(lights, (SEE_FAULTS,), (Light("model", "poor", result.model.reason),))
+    own = [_agreement("methods", "methods", ids, result.methods)]
     if result.frequencies:
-        lights.append(_agreement("single", f"single {result.several}", ids, result.frequencies))
+        own.append(_agreement("single", f"single {result.several}", ids, result.frequencies))
     least = min((share[term] for term in ids if term in share), default=math.nan)
     if math.isfinite(least):
         colour: Colour = (
             "good" if least >= POLICY.surely_chosen else "fair" if least >= POLICY.often_chosen else "poor"
         )
-        lights.append(
+        own.append(
             Light(
                 "resampled",
                 colour,
@@ -193,10 +205,10 @@ def judge_comparison(result: Comparison) -> Headline:
             )
         )
     if result.tests:
-        lights.append(_constancy(result))
-    weak = {light.name for light in lights if light.colour != "good"}
+        own.append(_constancy(result))
+    weak = Trust(lights, (), tuple(own)).weak
     steps = [SEE_FAULTS] if "data" in weak else []
-    if "fit" in weak:
+    if "explained" in weak:
         steps.append(LACKING)
     if "frequency" in weak:
         steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what makes coefficients change"))
@@ -204,7 +216,7 @@ def judge_comparison(result: Comparison) -> Headline:
         steps.append(
             ("record runs at other frequencies and levels", "tell terms apart that are alike on these runs")
         )
-    return Headline(tuple(lights), tuple((steps or [DISCOVER, VERIFY])[:MOST_STEPS]))
+    return Trust(lights, tuple((steps or [DISCOVER, VERIFY])[:MOST_STEPS]), tuple(own))
 
 
 def _constancy(result: Comparison) -> Light:
@@ -225,11 +237,6 @@ def _agreement(name: str, what: str, ids: set[str], choices: Sequence[Choice]) -
     same = sum(set(choice.ids) - {"inertia"} == ids - {"inertia"} for choice in choices)
     colour: Colour = "good" if same == len(choices) else "fair" if 2 * same >= len(choices) else "poor"
     return Light(name, colour, f"{same} of {len(choices)} {what} lead to the model’s terms")
-
-
-def _data(soundness: Soundness, simulated: bool) -> Light:
-    faults = [f.id for f in soundness.findings if f.severity != "note"]
-    return judge_soundness(soundness.verdict, faults, simulated)
 
 
 def _faults(soundness: Soundness, severity: str) -> list[str]:

@@ -14,9 +14,10 @@ from sindyjoint.equation.model import INERTIA, Fitted, JointModel, model_terms
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.verdict import Verdict
+from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
-from sindyjoint.states import ForceStates, pooled_noise, regression_rows
+from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.text import in_words_of, quantities, spelled
 
 if TYPE_CHECKING:
@@ -202,7 +203,7 @@ def campaign_model(
     fitted = Fitted(
         moment_rms=model.fitted.moment_rms,
         residual_rms=model.fitted.residual_rms,
-        noise_floor=pooled_noise(states, inertia or 0.0, moving),
+        noise_floor=moment_floor(states, inertia or 0.0).moment,
         moving_fraction=float(moving.sum() / sum(each.samples for each in counts)),
         samples=int(moving.sum()),
         runs=len(states),

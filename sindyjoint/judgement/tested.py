@@ -15,6 +15,8 @@ from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.inputs import fixed_notes
 from sindyjoint.judgement.discovery import fitted_to
+from sindyjoint.judgement.headlines import judge_diagnosis
+from sindyjoint.judgement.trust import assess
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check
@@ -22,6 +24,7 @@ from sindyjoint.soundness.checked import Checked
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.text import spelled
+from sindyjoint.trust import Trust
 
 
 def followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
@@ -70,7 +73,16 @@ class Tested:
             result, test=test, model=self._fitted(result.model), whole=whole, hidden=self.hidden,
             warnings=(*self.beyond, *result.warnings, *notes),
         )  # fmt: skip
-        return no_surer_than(result, self.checked, self.delay is not None)
+        return self._with_trust(no_surer_than(result, self.checked, self.delay is not None))
+
+    def _with_trust(self, result: Diagnosis) -> Diagnosis:
+        """Return a diagnosis with the answer to whether its model, effects and all, can be trusted."""
+        if result.whole is None or result.test is None or result.soundness is None:
+            return result
+        put_right = result.test.corrected(self.checked.usable)
+        lights = assess(result.whole, put_right, result.soundness, True, result.test)
+        result = replace(result, trust=Trust(lights))
+        return replace(result, trust=judge_diagnosis(result, self.campaign.simulated))
 
     def nuisances(self, test: TestNuisances) -> TestNuisances:
         """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""

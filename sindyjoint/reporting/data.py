@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import JointModel
-from sindyjoint.judgement.headline import Excitations, Headline, make_headline
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.numeric import Array
 from sindyjoint.states.surface import ForceStateMap, force_state_map, map_of_states
+from sindyjoint.trust import Trust
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias
@@ -133,13 +133,11 @@ class ReportData:
         Index into path.
     candidates : tuple of str
     groups : tuple of GroupFit
-    data_verdict : {"sound", "doubtful", "unsound"}
-    faults : tuple of str
-        Ids of what the check of the data found, notes apart.
     paper : bool
         Whether the question of the paper's five terms comes first.
     over : tuple of OverInput
         The law over each declared input.
+    trust : Trust
     """
 
     model: JointModel
@@ -156,21 +154,9 @@ class ReportData:
     chosen: int | None
     candidates: tuple[str, ...]
     groups: tuple[GroupFit, ...]
-    data_verdict: str = "sound"
-    faults: tuple[str, ...] = ()
     paper: bool = False
     over: tuple[OverInput, ...] = ()
-
-    @property
-    def headline(self) -> Headline:
-        """Whether to trust the model, and what to do next."""
-        tested = Excitations(
-            tuple(loop.frequency for loop in self.loops if loop.frequency is not None),
-            tuple(loop.level for loop in self.loops if loop.level is not None),
-            len(self.loops),
-        )
-        held_out = float("nan") if self.chosen is None else self.path[self.chosen].held_out_rms
-        return make_headline(self.model, tested, held_out, self.data_verdict, self.faults)
+    trust: Trust = Trust(())
 
 
 def gather(result: Discovery) -> ReportData:
@@ -212,10 +198,9 @@ def gather(result: Discovery) -> ReportData:
         chosen=selection.chosen,
         candidates=tuple(ids),
         groups=_fit_groups(result.regressor.evidence_, model, result.bias),
-        data_verdict=result.soundness.verdict,
-        faults=result.faults,
         paper=result.leads_with_paper,
         over=result.over_inputs,
+        trust=result.trust,
     )
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from sindyjoint.judgement.headline import Headline
+from sindyjoint.trust import Light, Trust
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -14,19 +15,24 @@ TRUST, NEXT = "Can I trust it?", "What next?"
 MARKS = {"good": ("green", "ok"), "fair": ("yellow", "mind"), "poor": ("red", "no")}
 
 
-def print_trust(headline: Headline, console: Console) -> None:
+def print_trust(headline: Trust, console: Console) -> None:
     """Print whether to trust a result, and why."""
-    from rich.markup import escape
-
     colour, _ = MARKS[headline.colour]
     console.print(f"\n[bold]{TRUST}[/] [{colour}]{headline.answer}[/]")
-    wide = max(NAMES, *(len(light.name) for light in headline.lights))
-    for light in headline.lights:
+    print_lights(headline.lights, console)
+
+
+def print_lights(lights: Sequence[Light], console: Console) -> None:
+    """Print reasons, one a line."""
+    from rich.markup import escape
+
+    wide = max([NAMES, *(len(light.name) for light in lights)])
+    for light in lights:
         colour, mark = MARKS[light.colour]
         console.print(f"  [{colour}]{mark:<4}[/] {light.name:<{wide}}  {escape(light.sentence)}")
 
 
-def print_next_steps(headline: Headline, console: Console) -> None:
+def print_next_steps(headline: Trust, console: Console) -> None:
     """Print what to do next: commands in one line each, to be copied."""
     from rich.markup import escape
 

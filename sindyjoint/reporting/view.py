@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from sindyjoint.reporting.packing import pack, unpack
 from sindyjoint.reporting.text_table import terminal
-from sindyjoint.reporting.trust import print_next_steps, print_trust
+from sindyjoint.reporting.trust import print_lights, print_next_steps, print_trust
 from sindyjoint.text import in_words_of, in_words_of_origin
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
 
-    from sindyjoint.judgement.headline import Headline
     from sindyjoint.reporting.figures.kind import Kind, Panel
     from sindyjoint.reporting.provenance import Provenance
     from sindyjoint.reporting.text_table import TextTable
+    from sindyjoint.trust import Trust
 
 # The policies by which terms are found.
 FINDING = ("states", "equation", "discovery", "bias", "soundness", "workflows")
@@ -204,7 +204,7 @@ class View(Generic[R, D]):
         """Return the texts that are written in addition to page, record and figures, by name of file."""
         return {}
 
-    def headline(self, result: R) -> Headline | None:
+    def headline(self, result: R) -> Trust | None:
         """Return whether to trust a result and what to do next; None for what no such question is asked of."""
         return None
 
@@ -219,6 +219,7 @@ class View(Generic[R, D]):
         if headline is not None:
             print_trust(headline, console)
             console.print(f"\n[bold]{self.question}[/]")
+            print_lights(headline.question, console)
         self.show_result(result, console)
         if headline is not None:
             print_next_steps(headline, console)

@@ -12,7 +12,7 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.drive import Drive, prescribed
 from sindyjoint.response.run import WINDOW, SimulatedRun, pooled_nrmse, simulate_run
-from sindyjoint.states import ForceStates, force_states, one_after_another
+from sindyjoint.states import ForceStates, one_after_another, states_of
 from sindyjoint.states.build import Choice
 
 LawOf = Callable[[ForceStates], Law]
@@ -30,7 +30,7 @@ def compared_states(campaign: Campaign, runs: Sequence[Run], timed: bool) -> tup
         Whether the law changes in time: then no run repeats, whatever its drive does.
     """
     method: Choice = "broadband" if timed else "auto"
-    return one_after_another(campaign, [force_states(run, method) for run in runs])
+    return one_after_another(campaign, states_of(campaign, runs, method))
 
 
 def compare_run(law_of: LawOf, run: Run, states: ForceStates, window: float = WINDOW) -> SimulatedRun:

@@ -10,7 +10,7 @@ from sindyjoint.response.drive import Drive, prescribed
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import pooled_nrmse, simulate_run
-from sindyjoint.states import force_states, one_after_another
+from sindyjoint.states import one_after_another, states_of
 
 
 def simulated_gap(model: JointModel, campaign: Campaign, test: TestNuisances) -> float:
@@ -21,7 +21,7 @@ def simulated_gap(model: JointModel, campaign: Campaign, test: TestNuisances) ->
 def _gap_and_floor(model: JointModel, campaign: Campaign, test: TestNuisances) -> tuple[float, float]:
     runs = {run.name: run for run in campaign.validation_runs or campaign.runs}
     errors, floors = [], []
-    for states in one_after_another(campaign, [force_states(run) for run in runs.values()]):
+    for states in one_after_another(campaign, states_of(campaign, list(runs.values()))):
         law = test.law(model, states)
         motion = prescribed(states, inertia=law.inertia)
         drive: Drive | None = "motion" if motion else None

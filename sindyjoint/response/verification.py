@@ -15,6 +15,7 @@ from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, pooled_nrmse
 from sindyjoint.shown import Shown
+from sindyjoint.trust import Trust
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +165,8 @@ class Verification(Shown):
         Runs that go beyond what the model was tested to.
     beside : tuple of JointModel
         Those of further kinds of joint in a structure.
+    trust : Trust, optional
+        Of the model and what it was compared with.
     """
 
     model: JointModel
@@ -183,6 +186,7 @@ class Verification(Shown):
     independent: bool = True
     beyond_range: tuple[str, ...] = ()
     beside: tuple[JointModel, ...] = ()
+    trust: Trust | None = None
 
     @property
     def passed(self) -> bool:
@@ -195,6 +199,7 @@ class Verification(Shown):
         return {
             "schema": 1,
             "verdict": self.verdict,
+            "trust": None if self.trust is None else self.trust.to_dict(),
             **{name: getattr(self, name) for name in names},
             "mean_period_difference": self.mean_period_difference,
             "free_run": self.free_run,

@@ -1,7 +1,7 @@
 """From measured moment and angle to force states (θ, θ̇, θ̈, M, moving)."""
 
-from sindyjoint.states.build import campaign_states, force_states, one_after_another
-from sindyjoint.states.noise import pooled_noise, transfer_noise
+from sindyjoint.states.build import campaign_states, force_states, one_after_another, states_of
+from sindyjoint.states.noise import transfer_noise
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
 from sindyjoint.states.rows import RegressionRows, regression_rows
 
@@ -13,7 +13,7 @@ __all__ = [
     "campaign_states",
     "force_states",
     "one_after_another",
-    "pooled_noise",
     "regression_rows",
+    "states_of",
     "transfer_noise",
 ]

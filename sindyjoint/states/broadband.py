@@ -165,7 +165,7 @@ def _noise_floor(run: Run, kernels: tuple[Array, Array, Array]) -> NoiseFloor:
         rate, acceleration = of.rate * low, of.rate * first
     known = of.angle_known and of.rate_known
     return NoiseFloor(
-        of.moment, of.angle, rate, acceleration, measured=of.moment_known, motion_measured=known
+        of.moment, of.angle, rate, acceleration, of.moment_known, motion_measured=known, source=of.source
     )
 
 

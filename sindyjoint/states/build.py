@@ -16,6 +16,7 @@ from sindyjoint.states.path import path_states
 from sindyjoint.states.periodic import periodic_states
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
+from sindyjoint.states.repeats import with_scatter
 from sindyjoint.states.repetition import mean_period, repetition
 
 Choice = Literal["auto", "periodic", "broadband"]
@@ -74,11 +75,19 @@ def force_states(
 
 
 def _average_periods(run: Run, period: int, bandwidth: float | None, rate_share: float | None) -> ForceStates:
-    """Return the broadband states of a run's mean period, timed from the start of the averaged periods."""
+    """Return the broadband states of a run's mean period, timed from the start of the averaged periods.
+
+    The noise of the mean moment is that of the periods about it, over the root of their number.
+    """
     mean, first = mean_period(run, period)
     states = broadband_states(mean, bandwidth, rate_share, repeated=True)
     start = first / run.sample_rate
-    return replace(states, time=states.time + start, dropped=start)
+    noise = states.noise
+    if run.noise.moment is None:
+        stack = run.moment[first : first + (run.n_samples - first) // period * period].reshape(-1, period)
+        scatter = float(np.sqrt(np.mean(np.var(stack, axis=0, ddof=1)) / stack.shape[0]))
+        noise = replace(noise, moment=scatter, measured=True, source="mean periods")
+    return replace(states, time=states.time + start, dropped=start, noise=noise)
 
 
 def campaign_states(
@@ -91,7 +100,19 @@ def campaign_states(
     runs = campaign.identification_runs
     if not runs:
         raise InputError("every run is marked use = 'validate'; expected at least one run to identify from")
-    return tuple(force_states(run, method, bandwidth, rate_share) for run in runs)
+    return states_of(campaign, runs, method, bandwidth, rate_share)
+
+
+def states_of(
+    campaign: Campaign,
+    runs: Sequence[Run],
+    method: Choice = "auto",
+    bandwidth: float | None = None,
+    rate_share: float | None = None,
+) -> tuple[ForceStates, ...]:
+    """Return the force states of some runs of a campaign; the noise of a moment is no less than what repeats show."""
+    made = (force_states(run, method, bandwidth, rate_share) for run in runs)
+    return tuple(with_scatter(states, campaign.joint.inertia) for states in made)
 
 
 def estimate_frequency(run: Run) -> float:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from sindyjoint.numeric import Array, without_line
 from sindyjoint.record import Run
@@ -242,6 +240,9 @@ class ChannelNoise:
         RMS of a single sample, N·m, rad, rad/s; the rate's is zero where no rate was measured.
     moment_known, angle_known, rate_known : bool
         Whether the noise was measured or declared.
+    source : {"declared", "spectrum", "coherent"}
+        What showed that of the moment. Where both channels still hold one signal at the end of their spectra, the noise
+        is less than what is there.
     """
 
     end: SignalEnd
@@ -251,6 +252,7 @@ class ChannelNoise:
     angle_known: bool
     rate: float = 0.0
     rate_known: bool = True
+    source: str = "spectrum"
 
 
 # Of runs that are in use: a diagnosis asks for the states of the same run many times.
@@ -280,11 +282,12 @@ def _measured_noise(run: Run) -> ChannelNoise:
     return ChannelNoise(
         end=signal_end(run.angle, sample_rate, filtered_angle),
         moment=moment,
-        moment_known=moment_known and (declared.moment is not None or not shared),
+        moment_known=moment_known,
         angle=angle,
-        angle_known=angle_known and (declared.angle is not None or not shared),
+        angle_known=angle_known,
         rate=rate,
-        rate_known=rate_known and (declared.angle is not None or not shared),
+        rate_known=rate_known,
+        source="declared" if declared.moment is not None else "coherent" if shared else "spectrum",
     )
 
 
@@ -299,32 +302,3 @@ def _fused_noise(run: Run) -> ChannelNoise:
 def transfer_noise(states: ForceStates, inertia: float) -> float:
     """Return the noise of a single sample of the transfer moment, N·m: the sensor's, and I times that of θ̈."""
     return float(np.hypot(states.noise.moment, inertia * states.noise.acceleration))
-
-
-def noise_known(states: ForceStates, inertia: float) -> bool:
-    """Return whether the noise of the transfer moment was measured or declared.
-
-    The noise of the motion matters where its share would, were it twice as large.
-    """
-    if not states.noise.measured:
-        return False
-    return states.noise.motion_measured or 2 * inertia * states.noise.acceleration <= states.noise.moment
-
-
-def pooled_noise(states: Sequence[ForceStates], inertia: float, samples: ArrayLike) -> float:
-    """Return the RMS noise of the transfer moment over runs, N·m; NaN where most of it is not known.
-
-    Parameters
-    ----------
-    states : sequence of ForceStates
-    inertia : float
-        kg·m².
-    samples : array_like, shape (runs,)
-        Moving samples of each run, which are its weight.
-    """
-    weight = np.asarray(samples, dtype=np.float64)
-    known = np.array([noise_known(s, inertia) for s in states])
-    if not weight[known].sum() > 0.5 * weight.sum():
-        return float("nan")
-    variance = np.array([transfer_noise(s, inertia) ** 2 for s in states])
-    return float(np.sqrt(np.average(variance[known], weights=weight[known])))

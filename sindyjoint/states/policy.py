@@ -44,6 +44,12 @@ class StatesPolicy:
         "two segments are the same excitation when they differ by less than this share of their RMS",
         source="twice 5 % noise, and √2",
     )
+    same_motion: float = limit(
+        0.05,
+        "two periods of a run are one motion when the angle differs by less than this share of its RMS: to first "
+        "order what that does to the moment is taken out, to second order it is a quarter of a per cent",
+        source="convention",
+    )
     fewest_repetitions: int = limit(3, "fewest periods of an excitation that is no sinusoid to be averaged")
     shortest_repetition: int = limit(256, "fewest samples of such a period", unit="samples")
     most_wasted: float = limit(

@@ -32,6 +32,8 @@ class NoiseFloor:
     measured, motion_measured : bool
         Whether the noise of the moment, and that of angle and rate, was measured or declared. Where nothing repeats and
         a channel has no flat floor the numbers are only what its noise would be if it were white.
+    source : {"declared", "periods", "steady periods", "mean periods", "spectrum", "coherent"}
+        What showed the noise of the moment; of "coherent", where its spectrum ends in signal, it is an upper bound.
     """
 
     moment: float
@@ -40,6 +42,7 @@ class NoiseFloor:
     acceleration: float
     measured: bool = True
     motion_measured: bool = True
+    source: str = "spectrum"
 
 
 @dataclass(frozen=True, eq=False)

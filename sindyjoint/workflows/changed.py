@@ -80,9 +80,9 @@ def changed(
         if not (model.terms or model.elements):
             raise InputError(f"{name}: no model was found there; nothing can be compared")
     warnings = [
-        f"{name}: the check of the data found {', '.join(each.faults).replace('_', ' ')}"
+        f"{name}: {each.trust.lights[0].sentence}"
         for each, name in zip(found, names, strict=True)
-        if isinstance(each, Discovery) and each.faults
+        if isinstance(each, Discovery) and each.soundness.verdict != "sound"
     ]
     if all(isinstance(each, Discovery) for each in found) and set(models[0].ids) != set(models[1].ids):
         ids = [*models[0].ids, *(name for name in models[1].ids if name not in models[0])]

@@ -21,6 +21,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.judgement.against_paper import against_paper
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.judgement.discovery import Discovery, undetermined
+from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.judgement.held_out_response import add_responses
 from sindyjoint.judgement.independence import frequency_tests
 from sindyjoint.judgement.question import (
@@ -32,6 +33,7 @@ from sindyjoint.judgement.question import (
     hold_out_groups,
     parts_of,
 )
+from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
@@ -166,7 +168,7 @@ def _compared(
     model, bias = _model(found)
     against = partial(against_paper, found)
     tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
-    return Comparison(
+    compared = Comparison(
         joint=found.campaign.joint.name,
         motion=found.campaign.joint.motion,
         simulated=found.campaign.simulated,
@@ -187,9 +189,11 @@ def _compared(
         seconds=clock.seconds,
         discovery=found,
         soundness=found.soundness,
-        noise_floor=found.model.fitted.noise_floor / (found.model.fitted.moment_rms or 1.0),
+        noise_floor=moment_floor(found.states, found.model.inertia).relative,
         parts=parts,
+        trust=found.trust,
     )
+    return replace(compared, trust=judge_comparison(compared))
 
 
 class _Clock:

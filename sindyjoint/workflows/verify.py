@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,9 @@ from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
+from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.policy import POLICY
+from sindyjoint.judgement.trust import assess, is_known
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import has_measured_runs, load_rig_test
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
@@ -34,6 +36,7 @@ from sindyjoint.soundness.structure.check import check_rig_test
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.threads import single_threaded
+from sindyjoint.trust import Trust
 
 DRAWS = 20
 
@@ -157,12 +160,16 @@ def verify(
             )
         say("checking the data")
         found = require_sound(check_rig_test(against, accept))
-        return _with_check(verify_runs(models, found.usable, settings, say), found.soundness, found.warnings)
+        result = _with_check(
+            verify_runs(models, found.usable, settings, say), found.soundness, found.warnings
+        )
+        return replace(result, trust=judge_verification(result, against.simulated, found.soundness))
     if accept:
         raise InputError(
             f"accept is {', '.join(accept)}: belongs to data that are checked; a pulse test is given"
         )
-    return verify_rig(models[0], against, settings, truth, say)
+    result = verify_rig(models[0], against, settings, truth, say)
+    return replace(result, trust=judge_verification(result, False, None))
 
 
 def _of_campaign(
@@ -185,7 +192,11 @@ def _of_campaign(
     late, usable = usable, align_channels(usable) if align else usable
     result = verify_campaign(model, usable, settings, say, applied)
     before = (*checked.warned(usable is not late), *note, *filter(None, (untimed,)))
-    return _with_check(result, checked.soundness, before)
+    result = _with_check(result, checked.soundness, before)
+    say("whether to trust the model")
+    lights = assess(model, usable, checked.soundness, is_known(model, against), applied)
+    result = replace(result, trust=Trust(lights))
+    return replace(result, trust=judge_verification(result, against.simulated, checked.soundness))
 
 
 def _with_check(result: Verification, soundness: Soundness, before: Sequence[str]) -> CheckedVerification:

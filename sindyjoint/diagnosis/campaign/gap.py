@@ -24,10 +24,11 @@ from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
+from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.response.compared import pooled_errors
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.run import moment_scale, pooled_nrmse
-from sindyjoint.states import ForceStates, pooled_noise
+from sindyjoint.states import ForceStates
 
 
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
@@ -85,21 +86,11 @@ def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()
 
 
 def noise_floor(work: Work) -> Gap:
-    """Return the noise relative to the signals, over the runs of which gaps are reported; NaN where it is not known.
-
-    Known is what repetition, a channel's flat floor or its declaration gives.
-    """
-    states = work.kept_states or work.states
-    weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
-    noise = pooled_noise(states, work.model.inertia, weight)
-    inertia = work.model.joint.inertia or 0.0
-    if work.kept_states:
-        own = np.array([moment_scale(s.moment, s, work.model.inertia) ** 2 for s in states])
-    else:
-        own = np.array([np.mean(s.transfer_moment(inertia)[s.moving] ** 2) for s in states])
-    known = np.array([s.noise.motion_measured for s in states])
-    moment = noise / float(np.sqrt((weight @ own) / weight.sum())) if np.any(own) else 0.0
-    return Gap(moment, _response_floor(states, work.model.inertia) if known.all() else float("nan"))
+    """Return the noise relative to the signals, over the runs of which gaps are reported; NaN where it is not known."""
+    states, inertia = work.kept_states or work.states, work.model.inertia
+    known = all(s.noise.motion_measured for s in states)
+    response = _response_floor(states, inertia) if known else float("nan")
+    return Gap(moment_floor(states, inertia).relative, response)
 
 
 def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:

@@ -155,7 +155,8 @@ class CampaignProblem(Problem):
     @property
     def is_noise(self) -> bool:
         """Whether what runs left out keep is within their floor: where nothing repeats no more can be known."""
-        return not self.noise_measured and not is_free(self.work.campaign) and self.within_floor(self.gap)
+        unsure = self.noise_measured or self.floor_is_bound or is_free(self.work.campaign)
+        return not unsure and self.within_floor(self.gap)
 
     def within_floor(self, gap: Gap) -> bool:
         """Return whether a gap is noise: the moment within its floor, the response not clearly above its own."""
@@ -182,6 +183,11 @@ class CampaignProblem(Problem):
     def noise_floor(self) -> Gap:
         """Noise of the runs of which the gap is reported; NaN where it is not known."""
         return noise_floor(self.work)
+
+    @property
+    def floor_is_bound(self) -> bool:
+        """Whether a channel's spectrum ends in signal, so that its noise is only known to be less."""
+        return any(s.noise.source == "coherent" for s in self.work.kept_states or self.work.states)
 
     @cached_property
     def _motion_errors(self) -> tuple[float, float]:

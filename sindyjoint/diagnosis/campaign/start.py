@@ -30,13 +30,13 @@ from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.equation.without_rate import is_rate_free, rate_free
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import (
     ForceStates,
-    force_states,
     one_after_another,
-    pooled_noise,
     regression_rows,
+    states_of,
     transfer_noise,
 )
 from sindyjoint.states.harmonics import HarmonicBasis
@@ -102,7 +102,7 @@ class Work:
     def kept_states(self) -> tuple[ForceStates, ...]:
         """States of the runs kept for validation, as measured."""
         kept = self.campaign.validation_runs
-        states = [force_states(run, rate_share=self.policy.rate_share) for run in kept]
+        states = states_of(self.campaign, kept, rate_share=self.policy.rate_share)
         return one_after_another(self.campaign, states)
 
     @cached_property
@@ -210,7 +210,7 @@ def first_model(
     data = Fitted(
         moment_rms=float(np.sqrt(np.mean(rows.y**2))),
         residual_rms=fitted.fitted.residual_rms,
-        noise_floor=pooled_noise(states, inertia or 0.0, count),
+        noise_floor=moment_floor(states, inertia or 0.0).moment,
         moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
         samples=int(count.sum()),
         runs=len(states),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from sindyjoint.reporting.records.discovery import TrustPart
 from sindyjoint.reporting.records.parts import Joint, Known, Maybe, Part, SoundnessPart, Version
 
 
@@ -98,6 +99,7 @@ class ComparisonRecord(Part):
     """``compare --json`` and ``comparison.json``: methods, frequencies and libraries against terms."""
 
     schema_: Version
+    trust: TrustPart | None = None
     kind: Literal["Comparison"]
     agreement: str
     joint: str

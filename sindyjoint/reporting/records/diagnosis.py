@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from sindyjoint.reporting.records.discovery import TrustPart
 from sindyjoint.reporting.records.parts import Known, Maybe, Part, SoundnessPart
 
 
@@ -111,6 +112,7 @@ class DiagnosisRecord(Part):
     """``diagnose --json`` and ``diagnosis.json``, which also holds what a virtual test had hidden."""
 
     schema_: Annotated[Literal[2], Field(alias="schema")]
+    trust: TrustPart | None = None
     verdict: Literal["named", "ambiguous", "partly_named", "unknown", "undecided", "nothing_missing"]
     reason: str
     gap: GapsPart

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import ConfigDict
+
 from sindyjoint.reporting.records.parts import Joint, Known, Maybe, Part, SoundnessPart, Version
 
 
@@ -88,7 +90,9 @@ class FitPart(Part):
 
 
 class LightPart(Part):
-    """One of the reasons to trust a model, or not to."""
+    """One of the reasons to trust a model, or not to, with the figures that it rests on."""
+
+    model_config = ConfigDict(extra="allow")
 
     colour: Literal["good", "fair", "poor"]
     sentence: str
@@ -105,7 +109,11 @@ class TrustPart(Part):
     """Whether to trust the model, and what to do next."""
 
     answer: Literal["good", "fair", "poor"]
-    lights: dict[str, LightPart]
+    data: LightPart
+    explained: LightPart | None = None
+    predicts: LightPart | None = None
+    determined: LightPart | None = None
+    question: dict[str, LightPart] = {}
     next: list[NextPart]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+from sindyjoint.reporting.records.discovery import TrustPart
 from sindyjoint.reporting.records.parts import Known, Maybe, Part, SoundnessPart, Version
 
 
@@ -58,6 +59,7 @@ class VerificationRecord(Part):
     """``verify --json`` and ``verification.json``, which has subject, reason and tolerance, too."""
 
     schema_: Version
+    trust: TrustPart | None = None
     verdict: Literal["passed", "failed"]
     response_nrmse: Maybe
     moment_nrmse: Maybe

@@ -27,7 +27,7 @@ from sindyjoint.soundness.structure.check import RigCheck
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from sindyjoint.judgement.headline import Headline
+    from sindyjoint.trust import Trust
 
 BADGES = {"sound": "confirmed", "doubtful": "undecided", "unsound": "refuted"}
 HEADLINES = {
@@ -128,7 +128,7 @@ class CheckView(View[Any, CheckData]):
             texts["diagnosis.json"] = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         return texts
 
-    def headline(self, result: Any) -> Headline:
+    def headline(self, result: Any) -> Trust:
         """Return whether a model can be made of the data."""
         return judge_check(_check_of(result))
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from sindyjoint.judgement.comparison import Choice, GivenModel
-    from sindyjoint.judgement.headline import Headline
+    from sindyjoint.trust import Trust
 
 
 # Of the CSV file, and of a data frame.
@@ -99,9 +99,9 @@ class ComparisonView(View[Comparison, Comparison]):
             + "\n".join(table.latex() for table in tables),
         }
 
-    def headline(self, result: Comparison) -> Headline:
+    def headline(self, result: Comparison) -> Trust:
         """Return whether methods, frequencies and resampled campaigns agree."""
-        return judge_comparison(result)
+        return result.trust or judge_comparison(result)
 
     def about(self, result: Comparison) -> str:
         """Return the joint, and how much is compared."""

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from sindyjoint.diagnosis.result import Advice, Gap, RecordGap, Step
-    from sindyjoint.judgement.headline import Headline
     from sindyjoint.reporting.figures.kind import Kind
+    from sindyjoint.trust import Trust
 
 PARTS = ("state", "history", "run", "processing", "noise")
 VERDICTS = {
@@ -153,9 +153,9 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         texts = {"model.json": (result.whole or result.model).to_json() + "\n"}
         return texts if not result.test else texts | {FILE: result.test.to_json() + "\n"}
 
-    def headline(self, result: Diagnosis) -> Headline:
+    def headline(self, result: Diagnosis) -> Trust:
         """Return whether to believe the diagnosis."""
-        return judge_diagnosis(result, self.simulated(result))
+        return result.trust or judge_diagnosis(result, self.simulated(result))
 
     def about(self, result: Diagnosis) -> str:
         """Return the joint and the verdict."""

@@ -13,7 +13,6 @@ import numpy as np
 from sindyjoint.equation.model import INERTIA
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
-from sindyjoint.judgement.headline import Headline
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
 from sindyjoint.reporting.data import ReportData, gather
@@ -36,6 +35,7 @@ from sindyjoint.reporting.text_table import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import quantities, rounded
+from sindyjoint.trust import Trust
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -130,9 +130,9 @@ class DiscoveryView(View[Discovery, ReportData]):
         """Return the model and its terms."""
         return {"model.json": result.model.to_json() + "\n", "terms.csv": terms_csv(result.model)}
 
-    def headline(self, result: Discovery | ReportData) -> Headline:
+    def headline(self, result: Discovery | ReportData) -> Trust:
         """Return that of the discovery."""
-        return result.headline
+        return result.trust
 
     def about(self, result: Discovery) -> str:
         """Return the joint and its runs, and the question of the paper's terms where that leads."""

@@ -33,7 +33,7 @@ from sindyjoint.workflows.refine import RefinedModel, number_labels
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from sindyjoint.judgement.headline import Headline
+    from sindyjoint.trust import Trust
 
 # Units that take a prefix; others ("mm", "kip", "inch") are printed as the campaign declares them.
 PREFIXED = ("rad", "m", "N", "N*m", "V", "A")
@@ -172,9 +172,9 @@ class VerificationView(View[Verification, Verification]):
         others = {f"model-{n}.json": each.to_json() + "\n" for n, each in enumerate(result.beside, 2)}
         return {"model.json": result.model.to_json() + "\n", **others}
 
-    def headline(self, result: Verification) -> Headline:
+    def headline(self, result: Verification) -> Trust:
         """Return whether the model gives the response."""
-        return judge_verification(result, self.simulated(result), getattr(result, "soundness", None))
+        return result.trust or judge_verification(result, self.simulated(result), None)
 
     def about(self, result: Verification) -> str:
         """Return what is compared with what, and the verdict."""

@@ -1,0 +1,328 @@
+"""Can I trust it: made once from a campaign and a model, by the same call for every verb.
+
+Four questions, of which the worst answer decides. *Data*: is what was measured sound? *Explained*: is the moment along
+the measured motion explained to within what does not repeat? *Predicts*: is that so for runs that no fit has seen?
+*Determined*: did the runs excite what the coefficients stand for?
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
+from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.errors import SindyJointError
+from sindyjoint.judgement.policy import POLICY
+from sindyjoint.measurement.floor import Floor, larger_moment, moment_floor
+from sindyjoint.numeric import Array
+from sindyjoint.record import Campaign
+from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.response.run import along_motion, cut_states, settling
+from sindyjoint.soundness.finding import Soundness
+from sindyjoint.states import ForceStates, one_after_another, states_of
+from sindyjoint.states.campaigns import content_hash, with_lags
+from sindyjoint.states.rows import group_labels
+from sindyjoint.text import list_some, percent, quantities, spelled
+from sindyjoint.trust import Colour, Light
+
+#: Blocks of a run whose residuals show how sure a gap is.
+BLOCKS = 8
+#: Parts of a single run that are left out in turn.
+PARTS = 4
+
+
+class Explained(NamedTuple):
+    """The residual of one run: sums of squares of it and of the transfer moment, in each of its blocks."""
+
+    group: str
+    residual: Array
+    moment: Array
+
+
+@dataclass(frozen=True)
+class Gap:
+    """RMS residual over RMS moment, with its 95 % interval."""
+
+    value: float
+    interval: tuple[float, float]
+
+    @classmethod
+    def of(cls, runs: Sequence[Explained]) -> Gap:
+        """Return the gap of some runs; its interval by the jackknife over runs, or over the blocks of fewer than three.
+
+        Of the mean square, whose square root it is (Efron and Stein 1981).
+        """
+        from scipy.special import stdtrit
+
+        if len(runs) >= 3:
+            parts = np.array([(run.residual.sum(), run.moment.sum()) for run in runs])
+        else:
+            parts = np.concatenate([np.column_stack([run.residual, run.moment]) for run in runs])
+        total = parts.sum(axis=0)
+        if not total[1] > 0:
+            return cls(float("nan"), (float("nan"), float("nan")))
+        square, count = total[0] / total[1], len(parts)
+        without = (total[0] - parts[:, 0]) / np.maximum(total[1] - parts[:, 1], 1e-300)
+        error = np.sqrt((count - 1) / count * np.sum((without - without.mean()) ** 2)) if count > 1 else 0.0
+        half = error * stdtrit(max(count - 1, 1), 0.975)
+        ends = np.sqrt(np.maximum([square - half, square + half], 0.0))
+        return cls(float(np.sqrt(square)), (float(ends[0]), float(ends[1])))
+
+
+def assess(
+    model: JointModel,
+    campaign: Campaign,
+    soundness: Soundness,
+    known: bool,
+    test: TestNuisances | None = None,
+    states: Sequence[ForceStates] | None = None,
+) -> tuple[Light, ...]:
+    """Return the four lights of a model and a campaign.
+
+    Parameters
+    ----------
+    model : JointModel
+    campaign : Campaign
+        Its channels put right, and without the samples that the check leaves out.
+    soundness : Soundness
+    known : bool
+        Whether the model was fitted to the runs of this campaign that are not kept for validation.
+    test : TestNuisances, optional
+        Moments of the test that belong to no joint.
+    states : sequence of ForceStates, optional
+        Of the runs for identification, where they are at hand.
+    """
+    data = judge_soundness(soundness, campaign.simulated)
+    if not (model.terms or model.elements):
+        return (
+            data,
+            Light("explained", "poor", "no set of terms passed"),
+            Light("predicts", "poor", "there is no model"),
+            coverage(campaign),
+        )
+    campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
+    test = test or TestNuisances("")
+    runs = campaign.identification_runs or campaign.validation_runs
+    try:
+        if states is None:
+            states = one_after_another(campaign, states_of(campaign, runs))
+        floor = moment_floor(states, model.inertia)
+        fitted = [
+            _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
+        ]
+        gap = Gap.of(fitted)
+        predicts = _predicts(model, campaign, test, known, states, gap)
+    except SindyJointError as error:
+        lost = Light("explained", "poor", f"the model cannot be held against these runs: {error}")
+        return data, lost, Light("predicts", "poor", "nothing could be predicted"), coverage(campaign)
+    return data, judge_gap(gap, floor, model.joint.motion), predicts, _determined(model, campaign)
+
+
+def is_known(model: JointModel, campaign: Campaign) -> bool:
+    """Return whether a model was fitted to a campaign, by its content."""
+    return model.fitted.data == content_hash(campaign)
+
+
+def judge_soundness(soundness: Soundness, simulated: bool) -> Light:
+    """Return what the check of the data found."""
+    faults = [f.id for f in soundness.findings if f.severity != "note"]
+    virtual = ", simulated" if simulated else ""
+    if soundness.verdict == "sound":
+        return Light("data", "good", f"sound{virtual}: nothing found that shifts a coefficient")
+    named = list_some([spelled(fault) for fault in dict.fromkeys(faults)], "findings")
+    colour: Colour = "fair" if soundness.verdict == "doubtful" else "poor"
+    return Light("data", colour, f"{soundness.verdict}{virtual}: {named}")
+
+
+def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
+    """Return whether a gap is explained beside the floor of the same runs."""
+    load = quantities(motion).moment.lower()
+    figures = {"gap": gap.value, "floor": floor.relative, "low": gap.interval[0], "high": gap.interval[1]}
+    size = f"gap {percent(gap.value)} of the RMS {load} ({percent(gap.interval[0])} to {percent(gap.interval[1])})"
+    if not math.isfinite(floor.relative):
+        colour: Colour = "fair" if gap.value <= POLICY.mostly_explained else "poor"
+        return Light("explained", colour, f"{size}; {floor.words}", figures)
+    colour = colour_of_misfit(gap.value, floor.relative)
+    sentence = f"{size}, noise floor {percent(floor.relative)} {floor.words}"
+    if colour != "good":
+        sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither"
+    return Light("explained", colour, sentence, figures)
+
+
+def colour_of_misfit(relative: float, floor: float) -> Colour:
+    """Return the colour of a misfit beside its measured noise floor, both relative RMS.
+
+    Good is what noise and the processing leave, and no more: the limit from which a diagnosis calls something missing.
+    """
+    if relative <= DIAGNOSIS.within_floors * math.hypot(floor, DIAGNOSIS.processing_error):
+        return "good"
+    return "fair" if beyond_noise(relative, floor) <= POLICY.mostly_explained else "poor"
+
+
+def beyond_noise(relative: float, floor: float) -> float:
+    """Return what of a relative RMS is not noise."""
+    return math.sqrt(max(relative**2 - floor**2, 0.0))
+
+
+def coverage(campaign: Campaign) -> Light:
+    """Return whether the runs tell alike terms apart."""
+    runs = campaign.identification_runs or campaign.runs
+    return judge_coverage([run.frequency for run in runs], [run.level for run in runs])
+
+
+def judge_coverage(frequencies: Sequence[float | None], levels: Sequence[str | None]) -> Light:
+    """Return whether runs of some frequencies, Hz, and levels, None where a run has none, tell alike terms apart."""
+    runs = len(frequencies)
+    tested = len({f for f in frequencies if f is not None})
+    heights = len({level for level in levels if level is not None})
+    of_runs = f"{runs} run{'s' * (runs != 1)}"
+    if not tested:
+        return Light(
+            "determined",
+            "good" if runs >= POLICY.enough else "fair",
+            f"{runs} aperiodic {of_runs.split()[1]}",
+        )
+    least = min(tested, heights) if heights else tested
+    colour: Colour = "good" if least >= POLICY.enough else "fair" if runs > 1 else "poor"
+    written = f"{tested} frequenc{'ies' if tested != 1 else 'y'}"
+    if heights:
+        written += f", {heights} level{'s' * (heights != 1)}"
+    advice = "" if colour == "good" else f"; {POLICY.enough} of each tell the terms apart"
+    return Light("determined", colour, f"{written} in {of_runs}{advice}")
+
+
+def _determined(model: JointModel, campaign: Campaign) -> Light:
+    """Return what was excited, and which coefficient is least sure: one whose interval holds zero is not determined."""
+    light = coverage(campaign)
+    widths = {
+        term.symbol: 0.5 * (term.interval95[1] - term.interval95[0]) / abs(term.coefficient)
+        for term in model.terms
+        if term.coefficient and np.all(np.isfinite(term.interval95))
+    }
+    if not widths:
+        return light
+    worst = max(widths, key=lambda name: widths[name])
+    colour = light.colour if widths[worst] < 1 or light.colour == "poor" else "fair"
+    sentence = f"{light.sentence}; least sure {worst} ± {percent(widths[worst])}"
+    return Light("determined", colour, sentence, {"widest": widths[worst]})
+
+
+def _groups(states: Sequence[ForceStates]) -> list[str]:
+    return group_labels(states)
+
+
+def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tuple[ForceStates, Array]:
+    """Return the states that count and the moment along their motion less the measured one, N·m."""
+    skip, law = settling(states), test.law(model, states)
+    moment, _ = along_motion(law, states, states.sample_rate)
+    moment = moment + getattr(law, "added", 0.0)
+    return cut_states(states, skip), (moment - states.moment)[skip:]
+
+
+def _explained(model: JointModel, test: TestNuisances, states: ForceStates, group: str) -> Explained:
+    """Return what a model leaves of one run, block by block, over moving samples."""
+    kept, residual = _residual(model, test, states)
+    moment = larger_moment(kept, model.inertia)
+    rows = np.array_split(np.flatnonzero(kept.moving), BLOCKS)
+    squares = [np.array([np.sum(signal[part] ** 2) for part in rows]) for signal in (residual, moment)]
+    return Explained(group, squares[0], squares[1])
+
+
+def _predicts(
+    model: JointModel,
+    campaign: Campaign,
+    test: TestNuisances,
+    known: bool,
+    states: Sequence[ForceStates],
+    gap: Gap,
+) -> Light:
+    """Return how a model does on what no fit has seen.
+
+    That is the runs kept for validation; or all of them, where it was fitted to others; or each group of runs in turn
+    under the coefficients of the others, internal states with the shapes that they have.
+    """
+    kept = campaign.validation_runs if campaign.identification_runs else ()
+    if kept:
+        others = one_after_another(campaign, states_of(campaign, kept))
+        error = Gap.of([_explained(model, test, each, each.run) for each in others]).value
+        floor = moment_floor(others, model.inertia).relative
+        what = f"on {len(kept)} run{'s' * (len(kept) != 1)} kept for validation"
+        return _of_unseen(error, gap.value, floor, what)
+    if not known:
+        floor = moment_floor(states, model.inertia).relative
+        return _of_unseen(gap.value, gap.value, floor, "on these runs, which no fit has seen")
+    error, inside = left_out_error(model, test, states)
+    ratio = error / max(inside, 1e-300)
+    colour: Colour = (
+        "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.predicts_roughly else "poor"
+    )
+    left = "groups of runs" if len(states) > 1 else "parts of the run"
+    sentence = f"error {percent(error)} on {left} left out of the fit, {ratio:.2f} times the residual"
+    return Light("predicts", colour, sentence, {"error": error})
+
+
+def _of_unseen(error: float, gap: float, floor: float, what: str) -> Light:
+    """Return how an error on unseen runs stands beside their floor and the gap of the fit."""
+    if math.isfinite(floor) and colour_of_misfit(error, floor) == "good":
+        colour: Colour = "good"
+    else:
+        ratio = error / max(gap, 1e-300)
+        colour = (
+            "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.predicts_roughly else "poor"
+        )
+    return Light("predicts", colour, f"error {percent(error)} {what}", {"error": error})
+
+
+def left_out_error(
+    model: JointModel, test: TestNuisances, states: Sequence[ForceStates]
+) -> tuple[float, float]:
+    """Return the relative RMS error of groups of runs left out, and that of the fit to all.
+
+    Groups are frequencies, else runs, else consecutive parts of the only run. Columns are the terms, and the moments
+    of the elements as they are; what the test adds is not fitted again.
+    """
+    rows = [_columns(model, test, each) for each in states]
+    if len(states) == 1:
+        rows = list(zip(*(np.array_split(part, PARTS) for part in rows[0]), strict=True))
+    groups = group_labels(states) if len(states) > 1 else [str(part) for part in range(PARTS)]
+    scale = np.sqrt(np.mean(np.concatenate([X for X, _ in rows]) ** 2, axis=0))
+    scale[scale == 0] = 1.0
+    rows = [(X / scale, y) for X, y in rows]
+    names = sorted(set(groups))
+    chosen = {name: [i for i, group in enumerate(groups) if group == name] for name in names}
+    grams = {name: sum(rows[i][0].T @ rows[i][0] for i in chosen[name]) for name in names}
+    rights = {name: sum(rows[i][0].T @ rows[i][1] for i in chosen[name]) for name in names}
+    whole, right = sum(grams.values()), sum(rights.values())
+
+    def error(name: str, matrix: Array, vector: Array) -> float:
+        coefficients = np.linalg.lstsq(matrix, vector, rcond=1e-14)[0]
+        return sum(float(np.sum((rows[i][1] - rows[i][0] @ coefficients) ** 2)) for i in chosen[name])
+
+    total = sum(float(y @ y) for _, y in rows)
+    outside = sum(error(name, whole - grams[name], right - rights[name]) for name in names)
+    inside = sum(error(name, whole, right) for name in names)
+    return math.sqrt(outside / total), math.sqrt(inside / total)
+
+
+def _columns(model: JointModel, test: TestNuisances, states: ForceStates) -> tuple[Array, Array]:
+    """Return the columns of terms and elements at the moving samples of a run, and what they are to explain."""
+    from sindyjoint.equation.formula import VARIABLES, compile_terms
+
+    kept, residual = _residual(model, test, states)
+    inputs = model.input_arrays(kept.inputs, kept.angle.shape)
+    function = compile_terms([term.expression for term in model.terms], (*VARIABLES, *inputs))
+    rate = np.where(kept.rate == 0, 1e-300, kept.rate)
+    columns = function(kept.angle, rate, kept.acceleration, *inputs.values())
+    coefficients = np.array([term.coefficient for term in model.terms])
+    held = kept.moment - kept.acceleration * (0.0 if INERTIA in model else model.inertia)
+    added = residual + held - columns @ coefficients
+    if model.elements:
+        columns, target = np.column_stack([columns, added]), held
+    else:
+        target = held - added
+    return columns[kept.moving], target[kept.moving]
