@@ -21,12 +21,13 @@ BASE = {
     "documents",
     "checksums",
     "shown",
+    "trust",
     "options",
     "accelerometer",
     "measured",
 }
 DOOR = BASE | {"rig", "files"}
-DATA = BASE | {"parallel", "threads", "clock", "states", "equation"}
+DATA = BASE | {"parallel", "threads", "clock", "states", "equation", "measurement"}
 EXPLAINS = DATA | {"discovery", "files"}
 RESPONDS = DATA | DOOR | {"mechanics", "discovery", "response"}
 DIAGNOSES = RESPONDS | {"bias", "soundness", "diagnosis"}
@@ -53,6 +54,8 @@ ALLOWED = {
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
     "files": BASE | {"rig"},
     "states": BASE,
+    "measurement": BASE | {"states"},
+    "trust": set(),
     "equation": BASE,
     "mechanics": DOOR | {"equation", "clock"},  # rigs are read from files; a formula is a list of operations
     "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments

@@ -22,6 +22,10 @@ def lights(headline):
     return {light.name: light.colour for light in headline.lights}
 
 
+def asked(headline):
+    return {light.name: light.colour for light in headline.question}
+
+
 def fault(severity, **more):
     return Finding("drift", "3Hz", "angle", severity, "2 %", "shifts k1", "subtract the drift", **more)
 
@@ -55,13 +59,13 @@ def test_of_a_verification():
     assert judge_verification(made, True, None).answer == "Yes"
     runs = replace(made, kind="campaign", independent=False, beyond_range=("3Hz",))
     headline = judge_verification(runs, False, Soundness((fault("biases"),)))
-    assert lights(headline) == {"data": "fair", "response": "good", "held out": "fair", "range": "fair"}
+    assert lights(headline) == {"data": "fair", "explained": "good", "predicts": "fair", "determined": "fair"}
     missed = judge_verification(replace(made, verdict="failed", response_nrmse=0.4), False, None)
     assert missed.answer == "Not yet" and missed.next_steps[0][0].startswith("sindyjoint diagnose RIG")
     failed = judge_verification(verification(failed=True), False, None)
-    assert lights(failed)["response"] == "poor"
+    assert lights(failed)["explained"] == "poor"
     unknown = judge_verification(replace(made, noise_floor=None), False, None)
-    assert lights(unknown)["response"] == "fair"
+    assert lights(unknown)["explained"] == "fair"
 
 
 @pytest.mark.parametrize(
@@ -77,27 +81,28 @@ def test_of_a_verification():
 )
 def test_of_a_diagnosis(verdict, changes, colour, first):
     headline = judge_diagnosis(replace(diagnosis(verdict=verdict), **changes), False)
-    assert lights(headline)["effects"] == colour and headline.next_steps[0][0].startswith(first)
+    assert asked(headline)["effects"] == colour and headline.next_steps[0][0].startswith(first)
     failed = judge_diagnosis(replace(diagnosis(), final=Gap(0.01, float("nan"))), False)
-    assert lights(failed)["response"] == "poor"
+    assert asked(failed)["response"] == "poor" and lights(failed)["explained"] == "poor"
 
 
 def test_what_only_the_uncertainty_of_numbers_explains_is_minded():
     figures = dict(noise_floor=Gap(0.01, 0.006), uncertainty=Gap(0.0, 0.078))
     for response, colour in ((0.02, "fair"), (0.008, "good")):
         headline = judge_diagnosis(replace(diagnosis(), final=Gap(0.01, response), **figures), False)
-        (light,) = (each for each in headline.lights if each.name == "response")
+        (light,) = (each for each in headline.question if each.name == "response")
         assert light.colour == colour
         assert ("uncertainty of the law's numbers leaves 7.8 %" in light.sentence) == (colour != "good")
 
 
 def test_of_a_comparison():
     made = comparison()
-    assert lights(judge_comparison(made)) == {
-        "data": "good", "methods": "fair", "single": "good", "resampled": "good", "frequency": "good"}  # fmt: skip
+    assert lights(judge_comparison(made)) == {"data": "good"}
+    assert asked(judge_comparison(made)) == {
+        "methods": "fair", "single": "good", "resampled": "good", "frequency": "good"}  # fmt: skip
     rare = replace(made, inclusion=(1.0, 0.3, 1.0, 1.0, 1.0, 0.03, 0.0), methods=made.methods[:1])
-    assert lights(judge_comparison(rare))["resampled"] == "poor"
+    assert asked(judge_comparison(rare))["resampled"] == "poor"
     alike = replace(rare, inclusion=made.inclusion, tests=())
     assert judge_comparison(alike).next_steps[0][0].startswith("sindyjoint discover CAMPAIGN")
     nothing = judge_comparison(replace(made, model=replace(made.model, terms=())))
-    assert nothing.answer == "Not yet"
+    assert asked(nothing) == {"model": "poor"}

@@ -10,7 +10,8 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import without_line
 from sindyjoint.record import Run
 from sindyjoint.source import SensorNoise
-from sindyjoint.states import force_states, pooled_noise
+from sindyjoint.measurement.floor import moment_floor
+from sindyjoint.states import force_states
 from sindyjoint.states import noise as states_noise
 from sindyjoint.states.noise import (
     channel_noise,
@@ -91,9 +92,10 @@ def test_states_say_whether_their_noise_is_known():
     known, unknown = force_states(aperiodic_run()), force_states(aperiodic_run(filtered=True))
     assert known.noise.measured and known.noise.motion_measured
     assert not unknown.noise.measured and not unknown.noise.motion_measured
-    assert pooled_noise([known], 0.0, [1]) == pytest.approx(0.05, rel=0.1)
-    assert np.isnan(pooled_noise([known, unknown], 0.0, [1, 1]))
-    assert pooled_noise([known, unknown], 0.0, [3, 1]) == pytest.approx(0.05, rel=0.1)
+    assert moment_floor([known], 0.0).moment == pytest.approx(0.05, rel=0.1)
+    lost = moment_floor([known, unknown], 0.0)
+    assert np.isnan(lost.moment) and lost.words == "the data do not show how far they repeat"
+    assert moment_floor([known, known, known, unknown], 0.0).moment == pytest.approx(0.05, rel=0.1)
 
 
 STOP_BANDS = {

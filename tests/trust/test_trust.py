@@ -1,0 +1,96 @@
+"""One floor and one answer: what repeats shows the noise, and four verbs say the same of one campaign and model."""
+
+import json
+
+import numpy as np
+import pytest
+
+import sindyjoint
+from sindyjoint.trust import Light, Trust
+
+RATE, FREQUENCIES, LEVELS = 400.0, (0.5, 1.0, 1.5), (0.5, 1.0)
+STIFFNESS, FRICTION, SCATTER, NOISE = 2.0, 1.0, 0.06, 0.002
+
+
+def ramped(frequency, level, rng, scatter=SCATTER):
+    """Return moment and angle of seven cycles, three of them steady, whose friction is another in each cycle."""
+    cycles = np.arange(0, 7, frequency / RATE)
+    height = level * np.clip(np.minimum(cycles / 2, (7 - cycles) / 2), 0, 1)
+    phase = 2 * np.pi * cycles
+    angle = height * np.sin(phase)
+    rate = np.gradient(angle, 1 / RATE)
+    level_of_cycle = FRICTION * (1 + scatter * rng.standard_normal(7))
+    moment = STIFFNESS * angle + level_of_cycle[cycles.astype(int)] * np.sign(rate)
+    return moment + NOISE * rng.standard_normal(moment.size), angle + 1e-5 * rng.standard_normal(angle.size)
+
+
+def campaign_of(scatter, seed=5):
+    rng = np.random.default_rng(seed)
+    made = [ramped(f, level, rng, scatter) for f in FREQUENCIES for level in LEVELS]
+    return sindyjoint.Campaign.from_arrays(
+        moment=[m for m, _ in made], angle=[a for _, a in made], rate=f"{RATE:g} Hz", inertia="0 kg*m^2",
+        frequency=[f for f in FREQUENCIES for _ in LEVELS],
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scattered():
+    return campaign_of(SCATTER)
+
+
+@pytest.fixture(scope="module")
+def found(scattered):
+    return sindyjoint.discover(scattered)
+
+
+def figures(result):
+    return json.loads(json.dumps(result.to_dict()["trust"]))
+
+
+def test_the_floor_is_what_steady_cycles_inside_ramps_differ_by(found):
+    # Of the friction of three cycles, 6 % of 1 N·m, beside a moment of about 1.3 N·m RMS; six runs of two pairs each.
+    said = figures(found)["explained"]
+    expected = SCATTER * FRICTION / found.model.fitted.moment_rms
+    assert expected / 1.5 < said["floor"] < 1.5 * expected
+    assert "periods of one motion inside the runs" in said["sentence"]
+    assert said["low"] < said["gap"] < said["high"]
+
+
+def test_without_scatter_the_floor_is_the_sensor_s():
+    found = sindyjoint.discover(campaign_of(0.0))
+    assert figures(found)["explained"]["floor"] * found.model.fitted.moment_rms == pytest.approx(NOISE, rel=0.5)
+
+
+def test_verbs_never_give_two_answers_of_one_model(scattered, found):
+    verified = sindyjoint.verify(found.model, scattered, draws=0)
+    compared = sindyjoint.compare(
+        scattered, methods=["stlsq"], libraries=["paper"], replicates=10, random_state=0
+    )
+    first = figures(found)
+    for other in map(figures, (verified, compared)):
+        assert other["answer"] == first["answer"]
+        for part in ("data", "explained", "predicts", "determined"):
+            assert other[part] == first[part], part
+    assert set(first) == {"answer", "data", "explained", "predicts", "determined", "next"}
+    assert set(figures(verified)["question"]) == {"response", "held out", "range"}
+
+
+def test_a_diagnosis_states_the_same_floor(scattered, found):
+    said = figures(sindyjoint.diagnose(scattered, model=found.model, advise=False, max_effects=1))
+    assert said["explained"]["floor"] == pytest.approx(figures(found)["explained"]["floor"], rel=0.05)
+    assert "effects" in said["question"]
+
+
+def test_a_model_of_another_campaign_predicts_these_runs_as_it_is(found):
+    other = campaign_of(SCATTER, seed=6)
+    said = figures(sindyjoint.verify(found.model, other, draws=0))
+    assert "which no fit has seen" in said["predicts"]["sentence"]
+    assert said["predicts"]["error"] == said["explained"]["gap"]
+
+
+def test_the_worst_light_answers_and_a_question_never_does():
+    good, poor = Light("data", "good", ""), Light("range", "poor", "")
+    assert Trust((good,), (), (poor,)).answer == "Yes" and Trust((good, poor)).answer == "Not yet"
+    assert Trust((good,), (), (poor,)).weak == {"range"}
+    record = Trust((Light("explained", "fair", "gap", {"floor": float("nan")}),)).to_dict()
+    assert record["explained"] == {"colour": "fair", "sentence": "gap", "floor": None}
