@@ -57,5 +57,7 @@ def init(
 
 
 def _ask(question: Question) -> str:
+    if question.complaint:
+        typer.echo(f"{question.complaint}; once more:", err=True)
     answer: str = typer.prompt(question.text, default=question.guess, err=True)
     return answer
