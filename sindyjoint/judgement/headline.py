@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.paper import JOINTS
@@ -124,6 +124,7 @@ def make_headline(
     lights = (
         data,
         judge_fit(model.fitted.residual_rms / rms, model.fitted.noise_floor / rms, model.joint.motion),
+        *judge_inertia(model),
         _held_out(model, held_out_rms),
         judge_coverage(tested),
     )
@@ -181,6 +182,15 @@ def judge_fit(relative: float, floor: float, motion: str) -> Light:
     return Light("fit", colour, sentence if colour == "good" else neither)
 
 
+def judge_inertia(model: JointModel) -> tuple[Light, ...]:
+    """Return a light on an identified inertia where no body has it, or none."""
+    if INERTIA not in model or model[INERTIA].coefficient >= 0:
+        return ()
+    q = quantities(model.joint.motion)
+    what = f"{model[INERTIA].coefficient:.3g} {q.inertia_unit}"
+    return (Light(q.inertia.lower(), "poor", f"identified as {what}: negative, which is impossible"),)
+
+
 def _held_out(model: JointModel, held_out_rms: float) -> Light:
     fitted = model.fitted
     if not (math.isfinite(held_out_rms) and fitted.residual_rms > 0 and fitted.moment_rms > 0):
@@ -218,6 +228,8 @@ def _next_steps(
     steps = []
     if "data" in weak:
         steps.append(SEE_FAULTS)
+    if weak & {"inertia", "mass"}:
+        steps.append(("sindyjoint check CAMPAIGN", "find runs in other units, delays and wrong rates"))
     if not found:
         steps.append(("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model"))
         return tuple(steps)

@@ -19,6 +19,7 @@ from sindyjoint.judgement.headline import (
     colour_of_misfit,
     judge_coverage,
     judge_fit,
+    judge_inertia,
     judge_soundness,
 )
 from sindyjoint.judgement.policy import POLICY
@@ -123,6 +124,7 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Headline:
         )
         if math.isfinite(before) or math.isfinite(after):
             lights.append(_gap(name, before, after, floor, unsure, bool(result.steps)))
+    lights += judge_inertia(result.model)
     lights.append(Light("effects", NAMED.get(result.verdict, "fair"), result.reason))
     return Headline(tuple(lights), tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]))
 

@@ -41,7 +41,9 @@ def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
     if answer is None and counts["translation"] == counts["rotation"]:
         text = "does the joint rotate or slide (rotation, translation)?"
         if dialogue.answers.get("motion") is None and guess == "rotation":
-            text += " Where it slides, force and displacement stand for moment and angle in what is asked next"
+            text += (
+                " Where it slides, force and displacement stand for moment and angle in what is asked next"
+            )
         answer = dialogue.ask("motion", text, guess)
     if answer not in (None, "rotation", "translation"):
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
@@ -138,7 +140,9 @@ def _is_unloaded(
         return False
     if not any(decays(column.values) for column in moves):
         return False
-    dialogue.ask(key, f"no column holds the {key}, and the motion dies out: was it a free decay, under '{none}'?", none)
+    dialogue.ask(
+        key, f"no column holds the {key}, and the motion dies out: was it a free decay, under '{none}'?", none
+    )
     return True
 
 
@@ -177,8 +181,12 @@ def _guess_by_shape(
     needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
     if len(open_ones) < needed:
         names = ", ".join(column.title for column in bundle.columns)
-        free_of_load = f"; where it was zero, as in a free decay, set {key}='0 N*m'" if key == "moment" else ""
-        free_of_load = f"; where it was zero, as in a free decay, set {key}='0 N'" if key == "force" else free_of_load
+        free_of_load = (
+            f"; where it was zero, as in a free decay, set {key}='0 N*m'" if key == "moment" else ""
+        )
+        free_of_load = (
+            f"; where it was zero, as in a free decay, set {key}='0 N'" if key == "force" else free_of_load
+        )
         raise InputError(
             f"{bundle.name}: holds no column for the {key}; columns there: {names}{free_of_load}"
         )
@@ -231,7 +239,9 @@ def find_unit(
     else:
         largest = max(float(np.abs(peer.values).max()) for peer in peers)
         runs = f" in {len(peers)} runs" if len(peers) > 1 else ""
-        text = f"in which unit is the {key.replace('_', ' ')} (column {column.key}, up to {largest:.3g}{runs})?"
+        text = (
+            f"in which unit is the {key.replace('_', ' ')} (column {column.key}, up to {largest:.3g}{runs})?"
+        )
         denied = column.unit and unit_ratio(column.unit, si) == 0
         text += f" The file states {column.unit!r}" if denied else ""
         guess = _unit_within(column.title, si) or _likely_unit(largest, si)

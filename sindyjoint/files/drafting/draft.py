@@ -21,6 +21,7 @@ from sindyjoint.files.units import conversion, unit_ratio
 from sindyjoint.record import Motion
 from sindyjoint.text import printable
 
+
 @dataclass(frozen=True)
 class DraftedRun:
     """One run of a draft: its files, rate and excitation; the runs of one frequency and level repeat each other."""
@@ -273,9 +274,7 @@ def _write(
         lines += ["", "[[run]]", f"file = {quote(run.bundle.name)}"]
         lines += [f"name = {quote(run.bundle.name)}"] if stems.count(stem) > 1 else []
         lines.append(
-            f"# {run.course}: no frequency"
-            if run.frequency is None
-            else f"frequency = {run.frequency!r}"
+            f"# {run.course}: no frequency" if run.frequency is None else f"frequency = {run.frequency!r}"
         )
         lines.append(f"level = {quote(level)}")
         particular = [f"{key} = {value}" for key, value in run.channels.items() if key not in shared]

@@ -38,7 +38,8 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     # Slow drift is no excitation.
     signals = [x - np.polyval(np.polyfit(abscissa, x, 3), abscissa) for x in (angle, moment)]
     signals = [x for x in signals if np.ptp(x) > 0]
-    if not signals:
+    # A free decay has a frequency of its own, and none that drives it.
+    if not signals or decays(angle):
         return None
     found = main_frequency(signals[0], rate, between_bins=True)
     named = _HERTZ.search(name)

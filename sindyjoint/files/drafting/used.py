@@ -43,7 +43,11 @@ class UsedColumn:
         if column is not None and "column" in channels.get("time", ""):
             unit = dialogue.answers.get("time.unit") or column.unit
             return cls(
-                bundle.name, column.key, "time", unit or "s", why_column(column, "time", unit or "s", dialogue)
+                bundle.name,
+                column.key,
+                "time",
+                unit or "s",
+                why_column(column, "time", unit or "s", dialogue),
             )
         value, _, comment = channels.get("rate", channels.get("time", '"?"')).partition("  # ")
         why = dialogue.why("rate", comment or "stamps")
