@@ -37,7 +37,7 @@ def init(
 ) -> None:
     """Write a campaign.toml for a folder of data files: channels, units, rates, frequencies, levels.
 
-    On a terminal it asks what the files do not tell.
+    On a terminal it asks what the files do not tell. At the end the data are checked, and runs.svg shows all runs.
 
     Example: sindyjoint init virtual --force
     """
