@@ -39,11 +39,7 @@ def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
     implied = [motion for motion in ROLES if _own_keys(motion) & _answered(dialogue)]
     answer = dialogue.answers.get("motion") or (implied[0] if len(implied) == 1 else None)
     if answer is None and counts["translation"] == counts["rotation"]:
-        text = "does the joint rotate or slide (rotation, translation)?"
-        if dialogue.answers.get("motion") is None and guess == "rotation":
-            text += (
-                " Where it slides, force and displacement stand for moment and angle in what is asked next"
-            )
+        text = "does the joint rotate or slide (rotation; or translation, with force and displacement)?"
         answer = dialogue.ask("motion", text, guess)
     if answer not in (None, "rotation", "translation"):
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
@@ -181,15 +177,9 @@ def _guess_by_shape(
     needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
     if len(open_ones) < needed:
         names = ", ".join(column.title for column in bundle.columns)
-        free_of_load = (
-            f"; where it was zero, as in a free decay, set {key}='0 N*m'" if key == "moment" else ""
-        )
-        free_of_load = (
-            f"; where it was zero, as in a free decay, set {key}='0 N'" if key == "force" else free_of_load
-        )
-        raise InputError(
-            f"{bundle.name}: holds no column for the {key}; columns there: {names}{free_of_load}"
-        )
+        none = {"moment": NO_LOAD["rotation"], "force": NO_LOAD["translation"]}.get(key)
+        hint = f"; where it was zero, as in a free decay, set {key}='{none}'" if none else ""
+        raise InputError(f"{bundle.name}: holds no column for the {key}; columns there: {names}{hint}")
     ordered = sorted(open_ones, key=lambda column: _roughness(column.values))
     guess = ordered[-1] if quantity == "moment" else ordered[0]
     guess = _measured([c for c in open_ones if _is_twin(c, guess)])
