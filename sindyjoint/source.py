@@ -44,11 +44,17 @@ class FileUnit:
         As declared; before the gain, such as ``"V"``.
     factor : float
         What one of it is in SI, gain included.
+    column : str
+        Name of the column; empty where it has none.
+    stated : bool
+        Whether the file states a unit of its own.
     """
 
     channel: str
     unit: str
     factor: float
+    column: str = ""
+    stated: bool = False
 
 
 @dataclass(frozen=True)

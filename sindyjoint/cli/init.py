@@ -13,6 +13,9 @@ from sindyjoint.cli.options import AsJson
 
 if TYPE_CHECKING:
     from sindyjoint.files.drafting.dialogue import Question
+    from sindyjoint.soundness.check import Check
+
+SHOWN = 8  # findings
 
 
 def init(
@@ -34,12 +37,13 @@ def init(
 ) -> None:
     """Write a campaign.toml for a folder of data files: channels, units, rates, frequencies, levels.
 
-    On a terminal it asks what the files do not tell.
+    On a terminal it asks what the files do not tell. At the end the data are checked, and runs.svg shows all runs.
 
     Example: sindyjoint init virtual --force
     """
     from sindyjoint.errors import InputError
     from sindyjoint.files.drafting.init import init as run
+    from sindyjoint.soundness.check import summarize
 
     given = {}
     for answer in answers or []:
@@ -49,13 +53,40 @@ def init(
         given[key.strip()] = value.strip()
     asks = not yes and sys.stdin.isatty() and sys.stderr.isatty()
     made = run(folder, given, ask=_ask if asks else None, guess=yes, force=force)
-    if as_json:
-        typer.echo(json.dumps(made.to_dict(), indent=2, ensure_ascii=False))
-    else:
+    if not as_json:
         typer.echo(str(made))
-        typer.echo(f"\nnext: sindyjoint check {folder}")
+    checked, picture = _check(made.manifest, force)
+    if as_json:
+        record = made.to_dict() | {"check": summarize(checked.soundness), "picture": str(picture)}
+        typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
+        return
+    soundness = checked.soundness
+    typer.echo(f"\nthe data are {soundness.verdict}; all runs in one picture: {picture}")
+    telling = [finding for finding in soundness.findings if finding.severity != "note"]
+    for finding in telling[:SHOWN]:
+        typer.echo(f"  {finding.severity}: {finding.run or 'all runs'}: {finding.extent}")
+    if len(telling) > SHOWN:
+        typer.echo(f"  and {len(telling) - SHOWN} more")
+    typer.echo(f"\nnext: sindyjoint check {folder}, then sindyjoint discover {folder} --out RESULTS")
+
+
+def _check(manifest: Path, force: bool) -> tuple[Check, Path]:
+    """Check what was written, and draw all runs beside it."""
+    from sindyjoint.checksums import refuse_foreign_file
+    from sindyjoint.files.atomic import write_bytes
+    from sindyjoint.reporting.figures.check import TOGETHER
+    from sindyjoint.reporting.registry import draw
+    from sindyjoint.reporting.style import figure_bytes
+    from sindyjoint.workflows.check import check
+
+    target = manifest.with_name("runs.svg")
+    refuse_foreign_file(target, force)
+    checked = check(manifest)
+    return checked, write_bytes(target, figure_bytes(draw(TOGETHER, checked), "svg"))
 
 
 def _ask(question: Question) -> str:
+    if question.complaint:
+        typer.echo(f"{question.complaint}; once more:", err=True)
     answer: str = typer.prompt(question.text, default=question.guess, err=True)
     return answer

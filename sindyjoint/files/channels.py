@@ -196,7 +196,9 @@ class RunReader:
             channel: Channel | None = getattr(self.channels, key)
             if channel is not None and channel.unit is not None:
                 factor = conversion(channel.unit, unit, f"{self.manifest}: [channels] {key}", channel.gain)
-                found.append(FileUnit(quantity, channel.unit, factor))
+                column = channel.column if isinstance(channel.column, str) else ""
+                stated = channel.column is not None and self.table.stated_unit(channel.column) is not None
+                found.append(FileUnit(quantity, channel.unit, factor, column, stated))
         return tuple(found)
 
     def _columns(self) -> dict[Column, Array]:

@@ -199,6 +199,10 @@ def judge_coverage(frequencies: Sequence[float | None], levels: Sequence[str | N
 def _determined(model: JointModel, campaign: Campaign) -> Light:
     """Return what was excited, and which coefficient is least sure: one whose interval holds zero is not determined."""
     light = coverage(campaign)
+    if INERTIA in model and model[INERTIA].coefficient < 0:
+        q, value = quantities(model.joint.motion), model[INERTIA].coefficient
+        words = f"{q.inertia.lower()} identified as {value:.3g} {q.inertia_unit}: negative, which is impossible"
+        return Light("determined", "poor", words, {"inertia": value})
     widths = {
         term.symbol: 0.5 * (term.interval95[1] - term.interval95[0]) / abs(term.coefficient)
         for term in model.terms

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -14,6 +14,8 @@ from sindyjoint.numeric import Array
 from sindyjoint.soundness.profile import Profile
 
 Complex = NDArray[np.complex128]
+# A factor for each run, or one for all.
+Gains = Array | float
 POINTS = 128
 MOST_HARMONICS = 40
 # Share of a run that counts as steady, from its end.
@@ -80,9 +82,13 @@ class Cycles:
         names = tuple(self.names[i] for i in rows)
         return Cycles(names, self.frequency[rows], self.moment[rows], self.angle[rows])
 
-    def turned(self, gain: float) -> Cycles:
-        """Return the runs with their angles times a factor."""
-        return Cycles(self.names, self.frequency, self.moment, self.angle * gain)
+    def scaled(self, moment: Gains = 1.0, angle: Gains = 1.0) -> Cycles:
+        """Return the runs with their moments and angles times factors, one for each run or one for all."""
+        return replace(
+            self,
+            moment=self.moment * np.reshape(moment, (-1, 1)),
+            angle=self.angle * np.reshape(angle, (-1, 1)),
+        )
 
     def load(self) -> Array:
         """Return the moment over one cycle, shape (r, POINTS)."""

@@ -20,6 +20,7 @@ from sindyjoint.soundness.detectors.held import find_dead, find_held
 from sindyjoint.soundness.detectors.lines import find_lines
 from sindyjoint.soundness.detectors.lost import find_lost
 from sindyjoint.soundness.detectors.odd_runs import find_odd_runs
+from sindyjoint.soundness.detectors.other_scales import find_other_scales
 from sindyjoint.soundness.detectors.saturation import find_saturation
 from sindyjoint.soundness.detectors.shape import find_filters
 from sindyjoint.soundness.detectors.sizes import (
@@ -112,6 +113,8 @@ def _find_in_laws(campaign: Campaign, profiles: Sequence[Profile], words: Words)
     if None in named or not len(cycles):
         return
     cycles = cycles.take([i for i, name in enumerate(cycles.names) if name not in named])
+    scales, cycles = find_other_scales(cycles, inertia, words)
+    yield from scales
     odd, alike = find_odd_runs(cycles, inertia, words)
     yield from odd
     yield from find_filters(alike, inertia, words)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.policy import POLICY
@@ -30,6 +30,7 @@ def list_warnings(
     if model.fitted.misfit <= EQUATION.tolerated_misfit:
         # Where the law does not fit, the best delay compensates for what the law lacks.
         yield from _warn_of_delay(delay, model, aligned)
+    yield from warn_of_negative_inertia(model)
     yield from _warn_of_signs(states, model)
     yield from _warn_of_softening(model)
     yield from _warn_of_offsets(model)
@@ -114,6 +115,18 @@ def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
         f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {_get_damping_unit(model)}: the "
         f"{moment} falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the "
         "tested range the model gives off energy"
+    )
+
+
+def warn_of_negative_inertia(model: JointModel) -> Iterator[str]:
+    """Warn of an identified inertia that no body has."""
+    if INERTIA not in model or model[INERTIA].coefficient >= 0:
+        return
+    q = quantities(model.joint.motion)
+    yield (
+        f"the identified {q.inertia.lower()} is negative, {model[INERTIA].coefficient:.3g} {q.inertia_unit}, which is "
+        "impossible: runs in different units, a time delay, a wrong sampling rate or a law that lacks a term; declare "
+        f"the {q.inertia.lower()} if it is known"
     )
 
 

@@ -53,7 +53,7 @@ from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.soundness.identifiability import identifiability_notes
-from sindyjoint.soundness.warnings import warn_of_negative_damping
+from sindyjoint.soundness.warnings import warn_of_negative_damping, warn_of_negative_inertia
 from sindyjoint.states import ForceStates, campaign_states, one_after_another
 from sindyjoint.text import in_words_of
 
@@ -375,6 +375,7 @@ class CampaignProblem(Problem):
             **{**found, "reason": in_words_of(campaign.joint.motion, found["reason"])},
             warnings=(
                 *identifiability_notes(campaign, self.states),
+                *warn_of_negative_inertia(repaired.model),
                 *warn_of_negative_damping(repaired.model),
                 *self.notes,
             ),

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.channels import KEYS
-from sindyjoint.files.drafting.bundles import Bundle, Column, is_clock
+from sindyjoint.files.drafting.bundles import MOTIONS, Bundle, Column, is_clock
 from sindyjoint.files.drafting.dialogue import Dialogue
-from sindyjoint.files.units import unit_ratio
+from sindyjoint.files.drafting.excitation import decays
+from sindyjoint.files.stated_units import KNOWN
+from sindyjoint.files.units import conversion, parse_quantity, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 
@@ -19,7 +22,9 @@ ROLES: dict[Motion, dict[str, str]] = {
     "translation": {"moment": "force", "angle": "displacement", "rate": "velocity"},
 }
 # Never taken for moment or angle, whatever else is missing.
-OTHERS = {"time", "temperature", "acceleration", "velocity", "angular rate"}
+OTHERS = {"time", "temperature", "acceleration", "velocity", "angular rate", "counter"}
+# What a joint carries that swings freely.
+NO_LOAD: dict[Motion, str] = {"rotation": "0 N*m", "translation": "0 N"}
 # Two columns so alike are one signal, wanted and measured.
 TWINS = 0.999
 EXAMPLES = {"moment": "N*m", "angle": "mrad", "force": "N", "displacement": "mm", "rate_of_angle": "rad/s"}
@@ -30,19 +35,51 @@ def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
     roles = [column.role for bundle in bundles for column in bundle.columns]
     counts = {motion: sum(role in known.values() for role in roles) for motion, known in ROLES.items()}
     guess: Motion = "translation" if counts["translation"] > counts["rotation"] else "rotation"
-    decided = counts["translation"] != counts["rotation"]
-    answer = dialogue.answers.get("motion") if decided else None
-    if not decided:
-        answer = dialogue.ask("motion", "does the joint rotate or slide (rotation, translation)?", guess)
+    # Who answers what the force is has answered this.
+    implied = [motion for motion in ROLES if _own_keys(motion) & _answered(dialogue)]
+    answer = dialogue.answers.get("motion") or (implied[0] if len(implied) == 1 else None)
+    if answer is None and counts["translation"] == counts["rotation"]:
+        text = "does the joint rotate or slide (rotation; or translation, with force and displacement)?"
+        answer = dialogue.ask("motion", text, guess)
     if answer not in (None, "rotation", "translation"):
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
-    return guess if answer is None else answer  # type: ignore[return-value]
+    motion: Motion = guess if answer is None else answer  # type: ignore[assignment]
+    _check_answers(motion, dialogue)
+    return motion
+
+
+def _own_keys(motion: Motion) -> set[str]:
+    return {key for key, _ in KEYS[motion].values()} - {"acceleration"}
+
+
+def _answered(dialogue: Dialogue) -> set[str]:
+    return {key.partition(".")[0] for key in dialogue.answers}
+
+
+def _check_answers(motion: Motion, dialogue: Dialogue) -> None:
+    """Refuse answers that cannot be: quantities of the other motion, units of another quantity."""
+    other: Motion = "rotation" if motion == "translation" else "translation"
+    for key in sorted(_own_keys(other) & _answered(dialogue)):
+        raise InputError(
+            f"{key!r} is answered, and the joint is one in {motion}; expected {', '.join(sorted(_own_keys(motion)))}, "
+            f"or motion={other}"
+        )
+    for quantity, (key, si) in KEYS[motion].items():
+        answers = dialogue.answers
+        unit, gain = answers.get(f"{key}.unit"), answers.get(f"{key}.gain")
+        if quantity == "inertia" and key in answers:
+            parse_quantity(answers[key], si, key)
+        if unit is not None and not (gain is None and (unit_ratio(unit, "V") or quantity == "acceleration")):
+            conversion(unit, si, f"{key}.unit", gain)
+    if "time.unit" in dialogue.answers:
+        conversion(dialogue.answers["time.unit"], "s", "time.unit")
 
 
 def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[str, Column]:
     """Return the columns of moment and angle, and those of time and rate if there are any.
 
-    A column of acceleration is used where there is none of the angle, or where it was named.
+    A column of acceleration is used where there is none of the angle, or where it was named; there is no column of the
+    moment where a joint swings freely and nothing was recorded of a load.
 
     Raises
     ------
@@ -62,6 +99,8 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
         candidates = [column for column in free if column.role == role]
         if quantity == "angle" and not candidates:
             candidates = [column for column in free if column.role == "position"]
+        if quantity == "moment" and _is_unloaded(bundle, candidates, free, key, motion, dialogue):
+            continue
         chosen = _choose(bundle, key, role, candidates, dialogue)
         if chosen is None and quantity == "angle" and accelerometer is not None:
             continue
@@ -72,6 +111,35 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
     if accelerometer is not None and ("angle" not in found or "acceleration" in dialogue.answers):
         found["acceleration"] = accelerometer
     return found
+
+
+def _is_unloaded(
+    bundle: Bundle,
+    candidates: Sequence[Column],
+    free: Sequence[Column],
+    key: str,
+    motion: Motion,
+    dialogue: Dialogue,
+) -> bool:
+    """Return whether no load was measured on a run because there was none: it was said, or the motion dies out."""
+    if any(np.ptp(column.values) > 0 for column in candidates):
+        return False
+    none = NO_LOAD[motion]
+    given = dialogue.answers.get(key)
+    if given is not None and bundle.find(given) is None:
+        # What is the name of no column is a load that was constant.
+        parse_quantity(given, KEYS[motion]["moment"][1], key)
+        return True
+    open_ones = [c for c in free if c.role is None and np.ptp(c.values) > 0]
+    moves = [c for c in free if c.role in MOTIONS or c in open_ones]
+    if given is not None or len(open_ones) > (not any(c.role in MOTIONS for c in free)):
+        return False
+    if not any(decays(column.values) for column in moves):
+        return False
+    dialogue.ask(
+        key, f"no column holds the {key}, and the motion dies out: was it a free decay, under '{none}'?", none
+    )
+    return True
 
 
 def find_accelerometer(bundle: Bundle, dialogue: Dialogue) -> Column | None:
@@ -109,7 +177,9 @@ def _guess_by_shape(
     needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
     if len(open_ones) < needed:
         names = ", ".join(column.title for column in bundle.columns)
-        raise InputError(f"{bundle.name}: holds no column for the {key}; columns there: {names}")
+        none = {"moment": NO_LOAD["rotation"], "force": NO_LOAD["translation"]}.get(key)
+        hint = f"; where it was zero, as in a free decay, set {key}='{none}'" if none else ""
+        raise InputError(f"{bundle.name}: holds no column for the {key}; columns there: {names}{hint}")
     ordered = sorted(open_ones, key=lambda column: _roughness(column.values))
     guess = ordered[-1] if quantity == "moment" else ordered[0]
     guess = _measured([c for c in open_ones if _is_twin(c, guess)])
@@ -138,8 +208,13 @@ def _roughness(values: Array) -> float:
     return float(np.std(np.diff(values, 2))) / spread if spread > 0 else 0.0
 
 
-def find_unit(column: Column, quantity: str, motion: Motion, dialogue: Dialogue) -> tuple[str, str | None]:
-    """Return unit and gain of a channel, stated or asked for."""
+def find_unit(
+    column: Column, quantity: str, motion: Motion, dialogue: Dialogue, peers: Sequence[Column]
+) -> tuple[str, str | None]:
+    """Return unit and gain of a channel, stated or asked for.
+
+    A unit that no file states is one for all runs: that in which the largest of their values is usual.
+    """
     key, si = KEYS[motion][quantity]
     if f"{key}.unit" in dialogue.answers:
         unit: str = dialogue.answers[f"{key}.unit"]
@@ -152,10 +227,15 @@ def find_unit(column: Column, quantity: str, motion: Motion, dialogue: Dialogue)
     elif column.unit and unit_ratio(column.unit, "V"):
         unit = column.unit
     else:
-        guess = _likely_unit(column.values, si)
-        largest = float(np.abs(column.values).max())
-        text = f"in which unit is the {key.replace('_', ' ')} (column {column.key}, up to {largest:.3g})?"
-        unit = dialogue.ask(f"{key}.unit", text, guess) or guess
+        largest = max(float(np.abs(peer.values).max()) for peer in peers)
+        runs = f" in {len(peers)} runs" if len(peers) > 1 else ""
+        text = (
+            f"in which unit is the {key.replace('_', ' ')} (column {column.key}, up to {largest:.3g}{runs})?"
+        )
+        denied = column.unit and unit_ratio(column.unit, si) == 0
+        text += f" The file states {column.unit!r}" if denied else ""
+        guess = _unit_within(column.title, si) or _likely_unit(largest, si)
+        unit = dialogue.ask(f"{key}.unit", text, None if denied else guess) or guess
     gain = dialogue.answers.get(f"{key}.gain")
     if gain is None and unit_ratio(unit, "V"):
         example = f"35.15 {EXAMPLES.get(key, 'unit')}/V"
@@ -163,9 +243,14 @@ def find_unit(column: Column, quantity: str, motion: Motion, dialogue: Dialogue)
     return unit, gain
 
 
-def _likely_unit(values: Array, si: str) -> str:
+def _unit_within(title: str, si: str) -> str | None:
+    """Return the unit among the words of a name, which may as well mean another thing, as in angle_rad_from_rest."""
+    words = [word for word in re.split(r"[\W_]+", title) if word in KNOWN and word != "in"]
+    return next((word for word in words if unit_ratio(word, si)), None)
+
+
+def _likely_unit(largest: float, si: str) -> str:
     """Return the unit in which values of this size are usual."""
-    largest = float(np.abs(values).max())
     if si == "rad":
         return "deg" if largest > 0.5 else "rad"
     if si == "m":

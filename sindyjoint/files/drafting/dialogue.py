@@ -35,11 +35,14 @@ class Question:
         The question.
     guess : str or None
         The likeliest answer; None where any would be invented.
+    complaint : str
+        What was wrong with the last answer, where it is asked again.
     """
 
     key: str
     text: str
     guess: str | None
+    complaint: str = ""
 
 
 @dataclass
@@ -67,6 +70,10 @@ class Dialogue:
             return self.answers[key]
         self.questions.setdefault(key, Question(key, text, guess))
         return guess
+
+    def why(self, key: str, otherwise: str) -> str:
+        """Return where a value comes from: it was set, guessed, or what is said otherwise."""
+        return "set" if key in self.answers else "guessed" if key in self.questions else otherwise
 
     def mark(self, *keys: str) -> str:
         """Return the comment that marks a line of the manifest with a guess in it."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -12,40 +10,29 @@ import numpy as np
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.channels import KEYS
-from sindyjoint.files.drafting.assignment import assign_columns, find_motion, find_unit
+from sindyjoint.files.drafting.assignment import NO_LOAD, assign_columns, find_motion, find_unit
 from sindyjoint.files.drafting.bundles import Bundle, Column, bundle_files
 from sindyjoint.files.drafting.dialogue import Dialogue, Question
-from sindyjoint.files.drafting.excitation import find_frequency, name_levels
-from sindyjoint.files.drafting.survey import DataFile
-from sindyjoint.files.timeaxis import LONGEST_GAP, check_order, uniform_rate
-from sindyjoint.files.units import conversion, parse_quantity, unit_ratio
+from sindyjoint.files.drafting.excitation import find_course, find_frequency, name_levels
+from sindyjoint.files.drafting.sampling import draft_time, quote
+from sindyjoint.files.drafting.survey import DataFile, share_units
+from sindyjoint.files.drafting.used import UsedColumn, list_used, why_column
+from sindyjoint.files.units import conversion, unit_ratio
 from sindyjoint.record import Motion
 from sindyjoint.text import printable
-
-# The sampling rate, or interval, as instruments write it above their tables.
-_RATE = re.compile(
-    r"(?:sampl\w*[ _-]*(?:rate|freq\w*)?|abtast\w*|\brate|\bfs)\b[^\d\n]{0,20}?(\d+(?:[.,]\d+)?)\s*(k?)Hz",
-    re.IGNORECASE,
-)
-_STEP = re.compile(
-    r"(?:delta[ _]?[tx]|\bdt|sampl\w*[ _-]*(?:interval|time|period)|increment)\b[^\d\n]{0,20}?"
-    r"(\d+(?:[.,]\d+)?(?:e[+-]?\d+)?)\s*([mu]?s)\b",
-    re.IGNORECASE,
-)
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
-# Stamps this far apart, in seconds, are rather milliseconds.
-COARSE = 0.5
 
 
 @dataclass(frozen=True)
 class DraftedRun:
-    """One run of a draft: its files, rate and excitation."""
+    """One run of a draft: its files, rate and excitation; the runs of one frequency and level repeat each other."""
 
     file: str
     rate: float | None
     samples: int
     frequency: float | None
     level: str
+    course: str
+    """``"3 Hz"``, ``"free decay"``, ``"sweep"``, ``"aperiodic"`` or ``"quasi-static"``."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +52,8 @@ class Draft:
     left_out : tuple of (str, str)
         Files that are no runs, and why.
     simulated : bool
+    columns : tuple of UsedColumn
+        What each column of the files is taken for, and why.
     """
 
     text: str
@@ -74,11 +63,15 @@ class Draft:
     questions: tuple[Question, ...]
     left_out: tuple[tuple[str, str], ...]
     simulated: bool
+    columns: tuple[UsedColumn, ...] = ()
 
     @property
     def missing(self) -> tuple[Question, ...]:
         """Questions without an answer that could be guessed."""
         return tuple(question for question in self.questions if question.guess is None)
+
+
+NO_LOAD_KEYS = ("moment", "force")
 
 
 @dataclass(frozen=True)
@@ -94,6 +87,13 @@ class _Run:
     unit: str
     factor: float
     """Of the unit in which the deflection reads well."""
+    course: str
+    used: tuple[UsedColumn, ...]
+
+    @property
+    def unloaded(self) -> bool:
+        """Whether no load was measured: the law is then known per unit of inertia."""
+        return not any("column" in self.channels.get(key, "") for key in NO_LOAD_KEYS)
 
 
 def draft_manifest(
@@ -122,31 +122,55 @@ def draft_manifest(
     """
     dialogue = Dialogue(dict(answers))
     left = list(left_out)
-    bundles = [bundle for bundle in bundle_files(files) if bundle.columns]
+    bundles = [bundle for bundle in bundle_files(share_units(files)) if bundle.columns]
     if not bundles:
         raise InputError(
             "no file holds columns of numbers: " + "; ".join(f"{file}: {why}" for file, why in left[:3])
         )
     _refuse_gauges(bundles)
     motion = find_motion(bundles, dialogue)
-    runs = []
+    assigned: list[tuple[Bundle, dict[str, Column]]] = []
+    runs: list[_Run] = []
+
+    def leave(bundle: Bundle, error: InputError) -> None:
+        left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
+
     for bundle in bundles:
         try:
-            runs.append(_draft_run(bundle, motion, dialogue))
+            assigned.append((bundle, assign_columns(bundle, motion, dialogue)))
         except InputError as error:
-            left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
+            leave(bundle, error)
+    # All columns that are one channel of the test, by quantity: what no file says of them is one answer.
+    peers = {
+        quantity: [columns[quantity] for _, columns in assigned if quantity in columns]
+        for quantity in KEYS[motion]
+    }
+    for bundle, columns in assigned:
+        try:
+            runs.append(_draft_run(bundle, columns, motion, dialogue, peers))
+        except InputError as error:
+            leave(bundle, error)
     if not runs:
         raise InputError("; ".join(f"{file}: {why}" for file, why in left[:3]))
     peaks = [abs(run.peak / runs[0].factor) for run in runs]
     levels = name_levels([run.bundle.name for run in runs], peaks, runs[0].unit)
     text = _write(dialogue.answers.get("name", name), motion, runs, levels, dialogue, left)
     drafted = tuple(
-        DraftedRun(run.bundle.name, run.rate, run.bundle.columns[0].values.size, run.frequency, level)
+        DraftedRun(
+            run.bundle.name, run.rate, run.bundle.columns[0].values.size, run.frequency, level, run.course
+        )
         for run, level in zip(runs, levels, strict=True)
     )
     simulated = any(run.bundle.simulated for run in runs)
     return Draft(
-        text, motion, runs[0].channels, drafted, tuple(dialogue.questions.values()), tuple(left), simulated
+        text,
+        motion,
+        runs[0].channels,
+        drafted,
+        tuple(dialogue.questions.values()),
+        tuple(left),
+        simulated,
+        list_used([run.used for run in runs]),
     )
 
 
@@ -161,96 +185,51 @@ def _refuse_gauges(bundles: Sequence[Bundle]) -> None:
             )
 
 
-def _draft_run(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> _Run:
-    columns = assign_columns(bundle, motion, dialogue)
+def _draft_run(
+    bundle: Bundle,
+    columns: dict[str, Column],
+    motion: Motion,
+    dialogue: Dialogue,
+    peers: Mapping[str, Sequence[Column]],
+) -> _Run:
     channels: dict[str, str] = {}
-    rate = _draft_time(bundle, columns.get("time"), channels, dialogue)
-    unit = ""
+    rate = draft_time(bundle, columns.get("time"), channels, dialogue)
+    used = [UsedColumn.of_time(bundle, columns.get("time"), channels, dialogue)]
+    units: dict[str, tuple[str, str | None]] = {}
     for quantity, column in columns.items():
         if quantity == "time":
             continue
         key = KEYS[motion][quantity][0]
-        unit, gain = find_unit(column, quantity, motion, dialogue)
+        unit, gain = units[quantity] = find_unit(column, quantity, motion, dialogue, peers[quantity])
         parts = [f"file = {quote(column.file)}"] if column.file else []
         parts += [f"column = {quote(column.key)}", f"unit = {quote(unit)}"]
         parts += [f"gain = {quote(gain)}"] if gain else []
         channels[key] = "{ " + ", ".join(parts) + " }" + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
+        used.append(UsedColumn(bundle.name, column.key, key, unit, why_column(column, key, unit, dialogue)))
+    key = KEYS[motion]["moment"][0]
+    if "moment" not in columns:
+        load = dialogue.answers.get(key, NO_LOAD[motion])
+        channels[key] = f"{{ constant = {quote(load)} }}{dialogue.mark(key)}"
+        used.append(UsedColumn(bundle.name, None, key, load, dialogue.why(key, "constant")))
+    taken = list(columns.values())
+    used += [UsedColumn.unused(bundle.name, column) for column in bundle.columns if column not in taken]
     of_motion = "angle" if "angle" in columns else "acceleration"
-    angle, moment = columns[of_motion], columns["moment"]
-    for column in (angle, moment):
+    angle = columns[of_motion]
+    moment = columns["moment"].values if "moment" in columns else np.zeros_like(angle.values)
+    for column in (columns[name] for name in (of_motion, "moment") if name in columns):
         if np.ptp(column.values) == 0:
             raise InputError(f"{bundle.name}: column {column.key} never changes")
-    if angle.values.size != moment.values.size:
+    if angle.values.size != moment.size:
         raise InputError(f"{bundle.name}: its channels differ in length")
-    frequency = None if rate is None else find_frequency(angle.values, moment.values, rate, bundle.name)
-    unit, gain = find_unit(angle, of_motion, motion, dialogue)
+    frequency = None if rate is None else find_frequency(angle.values, moment, rate, bundle.name)
+    unit, gain = units[of_motion]
     si = KEYS[motion][of_motion][1]
     volts = unit_ratio(unit, "V")
     factor = 1.0 if volts and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
     peak = factor * float(np.ptp(angle.values)) / 2
-    return _Run(bundle, channels, rate, frequency, peak, *((si, 1.0) if volts else (unit, factor)))
-
-
-def _draft_time(
-    bundle: Bundle, column: Column | None, channels: dict[str, str], dialogue: Dialogue
-) -> float | None:
-    """Write how the run was sampled, and return its rate, Hz."""
-    if dialogue.answers.get("rate") == "none":
-        channels["time"] = quote("none") + "  # quasi-static samples, in their order"
-        return None
-    if "rate" in dialogue.answers:
-        channels["rate"] = quote(dialogue.answers["rate"])
-        return parse_quantity(dialogue.answers["rate"], "Hz", "rate")
-    if column is None:
-        return _draft_rate(bundle, channels, dialogue)
-    unit = dialogue.answers.get("time.unit") or column.unit
-    if not unit:
-        step = float(np.median(np.diff(column.values)))
-        text = f"in which unit are the time stamps (column {column.key}, steps of {step:.3g})?"
-        unit = (dialogue.ask("time.unit", text, "ms") if step >= COARSE else None) or "s"
-    time = column.values * conversion(unit, "s", f"{bundle.name}: time")
-    entry = f"{{ column = {quote(column.key)}, unit = {quote(unit)} }}{dialogue.mark('time.unit')}"
-    rate = float((time.size - 1) / (time[-1] - time[0])) if time[-1] > time[0] else 0.0
-    try:
-        check_order(time, bundle.name, str)
-        channels["time"] = entry
-        return uniform_rate(time, bundle.name, str)
-    except InputError:
-        steps = np.diff(time)
-        if np.all(steps > 0) and steps.max() <= LONGEST_GAP * np.median(steps):
-            channels["time"], channels["resample"] = entry, "true  # the time stamps are irregular"
-            return rate
-        channels.pop("time", None)
-        if rate <= 0:
-            return _draft_rate(bundle, channels, dialogue)
-        guess = f"{rate:.6g} Hz"
-        text = f"how fast was {bundle.name} sampled? Its stamps stand still or leave gaps; on average they give {guess}"
-        channels["rate"] = quote(dialogue.ask("rate", text, guess) or guess) + dialogue.mark("rate")
-        return rate
-
-
-def _draft_rate(bundle: Bundle, channels: dict[str, str], dialogue: Dialogue) -> float | None:
-    """Write the sampling rate that the file's remarks state, or that was asked for."""
-    remarks = "\n".join(bundle.remarks)
-    stated, step = _RATE.search(remarks), _STEP.search(remarks)
-    if stated:
-        rate = float(stated[1].replace(",", ".")) * (1000 if stated[2] else 1)
-    elif step:
-        rate = 1 / (float(step[1].replace(",", ".")) * _SECONDS[step[2].lower()])
-    else:
-        dialogue.ask(
-            "rate",
-            f"how fast was {bundle.name} sampled, such as '1 kHz', or 'none' of quasi-static samples?",
-            None,
-        )
-        return None
-    channels["rate"] = quote(f"{rate:.9g} Hz") + "  # stated above the columns"
-    return rate
-
-
-def quote(value: str | int | None) -> str:
-    """Return a TOML string or number."""
-    return str(value) if isinstance(value, int) else json.dumps(str(value), ensure_ascii=False)
+    course = find_course(angle.values, rate, frequency)
+    shown = (si, 1.0) if volts else (unit, factor)
+    return _Run(bundle, channels, rate, frequency, peak, *shown, course, tuple(used))
 
 
 def _write(
@@ -263,7 +242,11 @@ def _write(
 ) -> str:
     """Return the text of the manifest."""
     inertia, unit = KEYS[motion]["inertia"]
-    given = dialogue.answers.get(inertia)
+    given, per_unit = dialogue.answers.get(inertia), ""
+    if given is None and all(run.unloaded for run in runs):
+        # Of a free decay the law is known up to a factor, which the inertia fixes.
+        given = f"1 {unit.replace('**', '^')}"
+        per_unit = f"  # no {KEYS[motion]['moment'][0]} was measured: coefficients are per unit of {inertia}"
     lines = ["# Drafted by sindyjoint init from the files of this folder."]
     if dialogue.questions:
         lines.append('# What is marked "guessed" the files do not tell: correct it, or remove the mark.')
@@ -276,7 +259,7 @@ def _write(
         f"motion = {quote(motion)}{dialogue.mark('motion')}",
     ]
     lines.append(
-        f"{inertia} = {quote(given)}"
+        f"{inertia} = {quote(given)}{per_unit}"
         if given
         else f'# {inertia} = "0.02 {unit.replace("**", "^")}"  # moving with the joint; left out: identified as a term'
     )
@@ -291,9 +274,7 @@ def _write(
         lines += ["", "[[run]]", f"file = {quote(run.bundle.name)}"]
         lines += [f"name = {quote(run.bundle.name)}"] if stems.count(stem) > 1 else []
         lines.append(
-            "# frequency = 3.0  # Hz; the motion is no steady sine, so it is left out"
-            if run.frequency is None
-            else f"frequency = {run.frequency!r}"
+            f"# {run.course}: no frequency" if run.frequency is None else f"frequency = {run.frequency!r}"
         )
         lines.append(f"level = {quote(level)}")
         particular = [f"{key} = {value}" for key, value in run.channels.items() if key not in shared]

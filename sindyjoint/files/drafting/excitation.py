@@ -13,6 +13,8 @@ from sindyjoint.numeric import Array, main_frequency
 
 # Share of its power by which a motion may change from one period to the next.
 REPEATS = 0.03
+# Of a run whose courses are compared.
+PARTS = 6
 # Amplitudes within this factor are one level.
 SAME_LEVEL = 1.15
 # Below this, a thousandth of the unit reads better.
@@ -36,7 +38,8 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     # Slow drift is no excitation.
     signals = [x - np.polyval(np.polyfit(abscissa, x, 3), abscissa) for x in (angle, moment)]
     signals = [x for x in signals if np.ptp(x) > 0]
-    if not signals:
+    # A free decay has a frequency of its own, and none that drives it.
+    if not signals or decays(angle):
         return None
     found = main_frequency(signals[0], rate, between_bins=True)
     named = _HERTZ.search(name)
@@ -48,6 +51,43 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     if periods < FEWEST_PERIODS or rate < 10 * found or _change(signals[0], rate, found) > REPEATS:
         return None
     return _rounded(found, 0.05 * found / periods) if _holds(found, angle, moment, rate) else None
+
+
+def find_course(angle: Array, rate: float | None, frequency: float | None) -> str:
+    """Return what kind of run a motion is: ``"3 Hz"``, ``"free decay"``, ``"sweep"`` or ``"aperiodic"``.
+
+    Examples
+    --------
+    >>> time = np.arange(4000) / 500
+    >>> find_course(np.exp(-time / 3) * np.cos(20 * time), 500.0, None)
+    'free decay'
+    >>> find_course(np.sin(10 * time + 5 * time**2), 500.0, None)
+    'sweep'
+    """
+    if frequency is not None:
+        return f"{frequency:g} Hz"
+    if rate is None:
+        return "quasi-static"
+    if decays(angle):
+        return "free decay"
+    found = np.array([main_frequency(part - part.mean(), rate, between_bins=True) for part in _parts(angle)])
+    turns = np.diff(found) if found[-1] > found[0] else -np.diff(found)
+    enough = found.min() * angle.size / rate / PARTS > 1
+    return "sweep" if enough and np.all(turns > 0) and np.ptp(found) > found.min() / 2 else "aperiodic"
+
+
+def decays(values: Array) -> bool:
+    """Return whether a motion swings and dies out: its range falls from part to part, to half at least."""
+    ranges = np.array([np.ptp(part) for part in _parts(values)])
+    middle, early = values[-values.size // PARTS :].mean(), values[: values.size // 2]
+    # What moves to a stop falls likewise, and does not swing about it.
+    swings = np.count_nonzero(np.diff(np.sign(early - middle))) >= FEWEST_PERIODS
+    # What has died out goes on in noise: the last parts may grow by as little as that.
+    return bool(swings and np.all(np.diff(ranges) <= ranges[0] / 50) and ranges[-1] < ranges[0] / 2)
+
+
+def _parts(values: Array) -> list[Array]:
+    return np.array_split(values, PARTS)
 
 
 def _holds(frequency: float, angle: Array, moment: Array, rate: float) -> bool:

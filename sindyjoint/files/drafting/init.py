@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,16 +42,28 @@ class Initialised:
         draft = self.draft
         kind = "simulated runs" if draft.simulated else "runs"
         lines = [f"{self.manifest}: {len(draft.runs)} {kind}, {draft.motion}"]
-        lines += [f"  {key:<12} {value}" for key, value in draft.channels.items()]
+        heads = ("file", "column", "quantity", "unit", "why")
+        rows = [
+            (u.file, "–" if u.column is None else str(u.column), u.quantity, u.unit or "–", u.why)
+            for u in draft.columns[:SHOWN]
+        ]
+        lines += _aligned([heads, *rows])
+        more = len(draft.columns) - SHOWN
+        lines += [f"  and {more} more columns"] if more > 0 else []
+        kinds = [(run.frequency, run.level) for run in draft.runs if run.frequency is not None]
         for run in draft.runs[:SHOWN]:
             rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
-            sine = "aperiodic" if run.frequency is None else f"{run.frequency:g} Hz"
-            lines.append(f"  {run.file}: {run.samples} samples{rate}, {sine}, level {run.level}")
+            repeated = kinds.count((run.frequency, run.level))
+            again = f", one of {repeated} that repeat" if repeated > 1 else ""
+            lines.append(f"  {run.file}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
         more = len(draft.runs) - SHOWN
         lines += [f"  and {more} more"] if more > 0 else []
         lines += [f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]]
         for question in draft.questions[: SHOWN // 2]:
-            lines.append(f"  guessed: {question.key} = {question.guess}; --set {question.key}=... sets it")
+            runs = f" for all {len(draft.runs)} runs" if len(draft.runs) > 1 else ""
+            lines.append(
+                f"  guessed: {question.key} = {question.guess}{runs}; --set {question.key}=... sets it"
+            )
         return lines
 
     def to_dict(self) -> dict[str, Any]:
@@ -62,6 +75,7 @@ class Initialised:
             "motion": draft.motion,
             "simulated": draft.simulated,
             "channels": draft.channels,
+            "columns": [vars(column) for column in draft.columns],
             "runs": [vars(run) for run in draft.runs],
             "guessed": {question.key: question.guess for question in draft.questions},
             "left_out": dict(draft.left_out),
@@ -69,6 +83,13 @@ class Initialised:
 
 
 SHOWN = 16
+
+
+def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    wide = [max(len(row[at]) for row in rows) for at in range(len(rows[0]))]
+    return [
+        "  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows
+    ]
 
 
 @checks_options()
@@ -118,23 +139,37 @@ def init(
     given = dict(answers or {})
     name = place.resolve().name
 
-    def draft() -> Draft:
+    def draft(answers: Mapping[str, str]) -> Draft:
         try:
-            return draft_manifest(name, files, left_out, given)
+            return draft_manifest(name, files, left_out, answers)
         except InputError as error:
             raise InputError(f"{place}: {error}") from error
 
-    drafted = draft()
+    drafted = draft(given)
+    question: Question | None = None
     while ask is not None and drafted.questions:
-        # An answer may bring up other questions, or settle them.
-        question = drafted.questions[0]
-        given[question.key] = ask(question)
-        drafted = draft()
+        # An answer may bring up other questions, or settle them; a wrong one is asked for again, the others stay.
+        question = question or drafted.questions[0]
+        answer = ask(question)
+        try:
+            drafted = draft(given | {question.key: answer})
+            given[question.key], question = answer, None
+        except InputError as error:
+            if question.complaint == str(error):
+                raise
+            question = replace(question, complaint=str(error))
     open_ones = drafted.missing if guess else drafted.questions
     if open_ones:
         listed = "; ".join(f"{question.key}: {question.text}" for question in open_ones)
+        if any(question.key.endswith(".unit") for question in open_ones):
+            listed += " (of volts, KEY.gain too)"
         ways = "answer with --set KEY=VALUE (answers={...})" + (
             "" if guess else ", or take the guesses with --yes"
         )
-        raise InputError(f"{place}: the files do not tell {len(open_ones)} thing(s): {listed} {ways}")
+        values = given | {question.key: question.guess or "..." for question in open_ones}
+        settings = (f"--set {shlex.quote(f'{key}={value}')}" for key, value in values.items())
+        raise InputError(
+            f"{place}: the files do not tell {len(open_ones)} thing(s): {listed} {ways}: "
+            f"{' '.join(['sindyjoint', 'init', shlex.quote(str(place)), *settings])}"
+        )
     return Initialised(write_text(target, drafted.text), drafted)

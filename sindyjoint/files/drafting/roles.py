@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from sindyjoint.files.stated_units import unit_in_name
 from sindyjoint.files.units import unit_ratio
 
 # What a unit can only be the unit of, by SI unit.
@@ -34,6 +35,7 @@ WORDS = {
         "elongation", "hub", "crosshead",
     },
     "position": {"position", "pos", "q", "qm"},
+    "counter": {"pulse", "pulses", "count", "counts", "counter", "ticks", "index", "idx", "number", "scan", "cycle"},
 }  # fmt: skip
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_A-Za-z]+")
 _PER = re.compile(r"_([a-z]+)_per_([a-z]+)$", re.IGNORECASE)
@@ -46,8 +48,14 @@ def role_of(title: str, unit: str) -> str | None:
     --------
     >>> role_of("ch1", "mm"), role_of("Drehmoment", ""), role_of("theta_dot", ""), role_of("ch2", "")
     ('displacement', 'moment', 'angular rate', None)
+    >>> role_of("force_N", "N"), role_of("pulses_N", "N"), role_of("pulses [N]", "N")
+    ('force', 'counter', 'force')
     """
-    return role_of_unit(unit) or role_of_words(title)
+    words = role_of_words(title)
+    # The ending of a name is a unit only where the name can be that of a quantity: pulses_N is a number of pulses.
+    if words == "counter" and unit_in_name(title) == (unit, True):
+        return words
+    return role_of_unit(unit) or words
 
 
 def role_of_unit(unit: str) -> str | None:

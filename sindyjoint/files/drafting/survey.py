@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
@@ -34,6 +35,8 @@ class DataFile:
         By position from 0: those that hold finite numbers, as many as the longest of them.
     remarks : tuple of str
     simulated : bool
+    scalars : dict of str to float
+        Single numbers beside the columns, by their titles, such as a sampling rate.
     """
 
     name: str
@@ -42,6 +45,7 @@ class DataFile:
     columns: dict[int, Array]
     remarks: tuple[str, ...]
     simulated: bool
+    scalars: dict[str, float] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -96,13 +100,16 @@ def _data_paths(folder: Path, pattern: str) -> list[Path]:
 
 def _read(path: Path, name: str) -> DataFile:
     table = _open(path)
-    columns = {}
+    columns: dict[int, Array] = {}
+    scalars: dict[str, float] = {}
     for position in range(len(table.names)):
         try:
             column = table.columns([position + 1])[0]
         except InputError:
             continue  # a column of words, or with blanks, is no channel
-        if column.size >= MINIMUM_SAMPLES:
+        if column.size == 1:
+            scalars[table.names[position]] = float(column[0])
+        elif column.size >= MINIMUM_SAMPLES:
             columns[position] = column
     longest = max((column.size for column in columns.values()), default=0)
     columns = {position: column for position, column in columns.items() if column.size == longest}
@@ -110,7 +117,30 @@ def _read(path: Path, name: str) -> DataFile:
         raise InputError(f"holds no column of {MINIMUM_SAMPLES} numbers or more")
     stated = [table.stated_unit(position + 1) for position in range(len(table.names))]
     units = tuple("" if unit is None else unit[1] for unit in stated)
-    return DataFile(name, table.names, units, columns, table.remarks, table.simulated)
+    return DataFile(name, table.names, units, columns, table.remarks, table.simulated, scalars)
+
+
+def share_units(files: Sequence[DataFile]) -> tuple[DataFile, ...]:
+    """Return the files with the unit that some of one header state for a column, and none denies, in all of them.
+
+    A column of one name is one sensor of the test: what one file says of it holds for the others.
+    """
+    stated: dict[tuple[tuple[str, ...], str], set[str]] = {}
+    for file in files:
+        for title, unit in zip(file.titles, file.units, strict=True):
+            if title.strip() and unit:
+                stated.setdefault((file.titles, title), set()).add(unit)
+    known = {column: next(iter(units)) for column, units in stated.items() if len(units) == 1}
+    return tuple(
+        replace(
+            file,
+            units=tuple(
+                unit or known.get((file.titles, title), "")
+                for title, unit in zip(file.titles, file.units, strict=True)
+            ),
+        )
+        for file in files
+    )
 
 
 def _open(path: Path) -> Table:

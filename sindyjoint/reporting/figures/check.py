@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 
 RUNS_PER_FIGURE = 6
+# The figure of all runs, or of so many.
+TOGETHER, RUNS_TOGETHER = "runs", 24
 # Of the least and the largest value of so many segments the picture of a channel is made.
 SEGMENTS, MOST_SEGMENTS = 450, 30_000
 FEWEST_SEGMENTS = 60
@@ -211,14 +213,18 @@ def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
 
 def kinds_of_check(data: CheckData) -> dict[str, Kind]:
     """Return the figures of a check: as many as its runs take."""
-    starts = range(0, max(len(data.runs), 1), RUNS_PER_FIGURE)
-    return by_name(*(_kind_of(data.runs, start) for start in starts))
+    count = len(data.runs)
+    figures = [
+        _kind_of(data.runs, slice(start, min(start + RUNS_PER_FIGURE, count)), number)
+        for number, start in enumerate(range(0, max(count, 1), RUNS_PER_FIGURE), start=1)
+    ]
+    together = _kind_of(data.runs, slice(0, min(count, RUNS_TOGETHER)), 1)
+    # A page shows them by and by; one picture of all is what a person wants of a folder.
+    return by_name(*figures, replace(together, name=TOGETHER, part=True, columns=2))
 
 
-def _kind_of(runs: tuple[CheckedRun, ...], start: int) -> Kind:
-    """Return the figure of the runs from one on."""
-    here = slice(start, min(start + RUNS_PER_FIGURE, len(runs)))
-    number = start // RUNS_PER_FIGURE + 1
+def _kind_of(runs: tuple[CheckedRun, ...], here: slice, number: int) -> Kind:
+    """Return the figure of some runs."""
     channels = max((len(run.traces) for run in runs[here]), default=1)
     return Kind(
         "channels" if number == 1 else f"channels-{number}",

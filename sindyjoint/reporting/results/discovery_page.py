@@ -46,6 +46,7 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
     elif data.model.joint.inertia is None and INERTIA not in data.model:
         facts.append((q.inertia, "not found", NO_INERTIA))
     else:
+        known += ": negative, which is impossible" if inertia < 0 else ""
         facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
     return facts
 

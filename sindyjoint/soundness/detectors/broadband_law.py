@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
+from sindyjoint.soundness.cycle import Gains
 from sindyjoint.soundness.detectors.common_law import Rows, rows_of_motions, scale_of, solve
 from sindyjoint.soundness.detectors.odd_runs import find_odd_runs
+from sindyjoint.soundness.detectors.other_scales import find_other_scales
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
@@ -76,10 +78,15 @@ class Samples:
             self.part[rows],
         )
 
-    def turned(self, gain: float) -> Samples:
-        """Return the runs with their angles times a factor."""
+    def scaled(self, moment: Gains = 1.0, angle: Gains = 1.0) -> Samples:
+        """Return the runs with their moments and angles times factors, one for each run or one for all."""
+        load, turn = np.reshape(moment, (-1, 1)), np.reshape(angle, (-1, 1))
         return replace(
-            self, angle=gain * self.angle, rate=gain * self.rate, acceleration=gain * self.acceleration
+            self,
+            moment=load * self.moment,
+            angle=turn * self.angle,
+            rate=turn * self.rate,
+            acceleration=turn * self.acceleration,
         )
 
     def load(self) -> Array:
@@ -108,6 +115,8 @@ def find_broadband_faults(campaign: Campaign, runs: Sequence[Run], words: Words)
         states = [force_states(run) for run in alive]
         samples = Samples.of([s for s in states if np.count_nonzero(s.moving) >= PARTS])
         inertia = campaign.joint.inertia
+        scales, samples = find_other_scales(samples, inertia, words)
+        yield from scales
         found, alike = find_odd_runs(samples, inertia, words)
         if not len(alike):
             return

@@ -10,7 +10,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.cycle import Complex, Cycles, synthesise
+from sindyjoint.soundness.cycle import Complex, Cycles, Gains, synthesise
 from sindyjoint.soundness.policy import POLICY
 
 Columns = Callable[[Array, Array], list[Array]]
@@ -93,8 +93,8 @@ class Motions(Protocol):
     def take(self, index: Sequence[int]) -> Self:
         """Return some of the runs."""
 
-    def turned(self, gain: float) -> Self:
-        """Return the runs with their angles times a factor."""
+    def scaled(self, moment: Gains = 1.0, angle: Gains = 1.0) -> Self:
+        """Return the runs with their moments and angles times factors, one for each run or one for all."""
 
     def load(self) -> Array:
         """Return the moment, shape (r, n)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 from sindyjoint.files.units import unit_ratio
@@ -13,7 +14,8 @@ from sindyjoint.source import ColumnUnit
 
 
 def find_unit_mismatches(campaign: Campaign, words: Words) -> Iterator[Finding]:
-    """Yield the channels whose declared unit is not the one that their file states."""
+    """Yield the channels whose declared unit is not the one that their file states, or that of the other runs."""
+    yield from _find_unequal(campaign, words)
     for run in campaign.runs:
         for unit in () if run.source is None else run.source.units:
             ratio = denial(unit)
@@ -35,6 +37,31 @@ def find_unit_mismatches(campaign: Campaign, words: Words) -> Iterator[Finding]:
                 if unit.channel == "moment"
                 else "k1 and c1 are wrong by that factor, k3 by its cube",
                 f"declare unit = {unit.stated!r} for the {words.of(unit.channel)}, or correct the file",
+            )
+
+
+def _find_unequal(campaign: Campaign, words: Words) -> Iterator[Finding]:
+    """Yield runs in which a column that no file gives a unit is declared in another than in most runs."""
+    columns: dict[tuple[str, str], dict[str, str]] = {}
+    for run in campaign.runs:
+        for unit in run.file_units:
+            if unit.column and not unit.stated:
+                columns.setdefault((unit.channel, unit.column), {})[run.name] = unit.unit
+    for (channel, column), declared in columns.items():
+        usual, count = Counter(declared.values()).most_common(1)[0]
+        for run_name, unit in declared.items():
+            ratio = unit_ratio(unit, usual)
+            if not ratio or abs(ratio - 1) < POLICY.same_unit:
+                continue
+            yield Finding(
+                "unit_mismatch",
+                run_name,
+                channel,
+                "biases",
+                f"column {column!r} is declared in {unit!r} here and in {usual!r} in {count} of {len(declared)} runs, "
+                f"and no file states which: {ratio:.4g} between them",
+                "the coefficients are those of two scales",
+                f"declare one unit for the {words.of(channel)} of all runs",
             )
 
 

@@ -242,7 +242,7 @@ def _best_angle_gain(run: Motions, held: Held) -> tuple[float, float]:
     """Return the factor of the angle under which the law fits best, and the RMS that it then leaves."""
     size = float(np.abs(run.motion()[0]).max()) / held.scale.angle
     grid = np.concatenate([np.geomspace(0.5, 2.0, 25), np.geomspace(0.2, 5.0, 25) * size, [-1.0]])
-    return _least(lambda gain: held.left_of(run.turned(1 / gain)), grid, lambda at, width: at * width)
+    return _least(lambda gain: held.left_of(run.scaled(angle=1 / gain)), grid, lambda at, width: at * width)
 
 
 def _best_delay(run: Motions, held: Held) -> tuple[float, float]:

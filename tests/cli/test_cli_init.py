@@ -1,0 +1,261 @@
+"""``sindyjoint init`` from folders that say little: one unit for a test, answers kept, loads that nobody measured."""
+
+import json
+import shlex
+import tomllib
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from sindyjoint.errors import InputError
+from sindyjoint.files.drafting.init import init
+
+RATE = 200.0
+TIME = np.arange(0, 12, 1 / RATE)
+
+
+def table(path, titles, *columns):
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=titles, comments="", fmt="%.9g")
+
+
+def swing(size, frequency=2.0):
+    """Moment and angle of a spring with friction under a sine, in some unit; seed 5, 0.1 % noise."""
+    noise = np.random.default_rng(5).standard_normal((2, TIME.size))
+    phase = 2 * np.pi * frequency * TIME
+    moment = 4 * np.sin(phase) + np.sign(np.cos(phase)) + 4e-3 * noise[0]
+    return moment, size * (np.sin(phase) + 1e-3 * noise[1])
+
+
+def manifest(folder):
+    return tomllib.loads((folder / "campaign.toml").read_text(encoding="utf-8"))
+
+
+def test_a_unit_that_no_file_states_is_one_for_all_files(sindyjoint, tmp_path):
+    # By its own size each file would be another unit: 0.02 is a usual angle in rad, 9 in degrees.
+    for name, size in (("a", 0.02), ("b", 0.3), ("c", 9.0)):
+        table(tmp_path / f"{name}.csv", "time,torque_Nm,q", TIME, *swing(size))
+    done = sindyjoint("init", tmp_path, "--yes")
+    assert done.status == 0
+    written = manifest(tmp_path)
+    assert written["channels"]["angle"]["unit"] == "deg"
+    assert not any("channels" in run for run in written["run"])
+    assert "guessed: angle.unit = deg for all 3 runs" in done.stdout
+    # Without --yes it is asked, once, with what the files hold.
+    asked = sindyjoint("init", tmp_path, "--force")
+    assert asked.status == 2
+    assert asked.stderr.count("angle.unit:") == 1 and "column q, up to 9.0" in asked.stderr
+
+
+def test_a_unit_that_one_file_states_is_that_of_its_column_in_all(sindyjoint, tmp_path):
+    head = "time,torque,q\n"
+    for name, units, size in (("a", "s,N*m,mrad\n", 2.0), ("b", "", 9.0)):
+        table(tmp_path / f"{name}.csv", (head + units).strip(), TIME, *swing(size))
+    assert sindyjoint("init", tmp_path).status == 0
+    assert manifest(tmp_path)["channels"]["angle"] == {"column": "q", "unit": "mrad"}
+
+
+def test_a_table_says_what_each_column_is_and_why_and_ends_with_the_check_and_a_picture(sindyjoint, tmp_path):
+    table(tmp_path / "a.csv", "time_s,torque_Nm,q,pulses_N", TIME, *swing(9.0), np.arange(TIME.size))
+    done = sindyjoint("init", tmp_path, "--yes")
+    rows = [line.split() for line in done.stdout.splitlines()]
+    assert ["file", "column", "quantity", "unit", "why"] in rows
+    assert any(row[:4] == ["a.csv", "q", "angle", "deg"] for row in rows)
+    # A number of pulses is no force in newtons, whatever its name ends in.
+    assert any(row[1:4] == ["pulses_N", "not", "used"] for row in rows)
+    assert "the data are " in done.stdout
+    assert (tmp_path / "runs.svg").read_bytes().startswith(b"<?xml")
+    record = json.loads(sindyjoint("init", tmp_path, "--yes", "--force", "--json").stdout)
+    assert record["check"]["verdict"] in ("sound", "doubtful")
+    assert {"angle", "moment", "time", "not used"} == {column["quantity"] for column in record["columns"]}
+
+
+def test_a_counter_is_not_taken_for_the_force_of_a_drive(sindyjoint, tmp_path, public_data):
+    from scipy.io import loadmat
+
+    held = {k: v for k, v in loadmat(public_data("emps") / "DATA_EMPS.mat").items() if not k.startswith("_")}
+    savemat(tmp_path / "DATA.mat", held | {"pulses_N": np.arange(held["t"].size)[:, None] // 2000})
+    asked = sindyjoint("init", tmp_path)
+    assert asked.status == 2 and "(qg, qm, vir)" in asked.stderr
+    # One round trip: who answers what the force is has said that the joint slides.
+    answers = (
+        "force=vir",
+        "force.unit=V",
+        "force.gain=35.15065188 N/V",
+        "displacement=qm",
+        "displacement.unit=m",
+    )
+    settings = [word for answer in answers for word in ("--set", answer)]
+    assert sindyjoint("init", tmp_path, *settings).status == 0
+    assert manifest(tmp_path)["channels"]["force"]["column"] == "vir"
+
+
+def test_what_the_message_says_to_type_is_enough(sindyjoint, tmp_path):
+    folder = tmp_path / "a folder"
+    folder.mkdir()
+    np.savetxt(folder / "a.txt", np.column_stack([TIME, *swing(9.0)]))
+    asked = sindyjoint("init", folder, "--set", "motion=rotation")
+    assert asked.status == 2
+    words = shlex.split(asked.stderr[asked.stderr.index("sindyjoint init") :])
+    assert "motion=rotation" in words
+    assert sindyjoint(*words[1:]).status == 0
+
+
+@pytest.mark.parametrize(
+    ("answer", "complaint"),
+    [
+        ("moment.unit=mm", "moment.unit: unit 'mm' is not a moment"),
+        ("angle.unit=N", "angle.unit: unit 'N' is not an angle"),
+        ("inertia=3 kg", "inertia"),
+        ("force.unit=N", "'force' is answered, and the joint is one in rotation"),
+    ],
+)
+def test_an_answer_of_another_quantity_is_refused(sindyjoint, tmp_path, answer, complaint):
+    table(tmp_path / "a.csv", "time,torque,q", TIME, *swing(9.0))
+    refused = sindyjoint("init", tmp_path, "--yes", "--set", "motion=rotation", "--set", answer)
+    assert refused.status == 2 and complaint in refused.stderr
+    assert not (tmp_path / "campaign.toml").exists()
+
+
+def test_a_wrong_answer_is_asked_for_again_and_the_others_stay(tmp_path):
+    table(tmp_path / "a.csv", "time,torque,q", TIME, *swing(9.0))
+    answers = {"moment.unit": ["N*m"], "angle.unit": ["N", "furlong", "mrad"]}
+    complaints = []
+
+    def ask(question):
+        complaints.append((question.key, question.complaint))
+        return answers[question.key].pop(0)
+
+    made = init(tmp_path, ask=ask)
+    assert [key for key, _ in complaints] == ["moment.unit", "angle.unit", "angle.unit", "angle.unit"]
+    assert [bool(complaint) for _, complaint in complaints] == [False, False, True, True]
+    assert "mrad" in made.draft.channels["angle"]
+    # A program that answers the same again is told, not asked for ever.
+    with pytest.raises(InputError, match="is not an angle"):
+        init(tmp_path, ask=lambda question: "N*m" if question.key == "moment.unit" else "N", force=True)
+
+
+def test_a_free_decay_without_a_load_is_one_under_no_load(sindyjoint, tmp_path):
+    angle = 0.3 * np.exp(-TIME / 4) * np.cos(8 * TIME)
+    table(tmp_path / "swing.csv", "time_s,angle_rad", TIME, angle)
+    asked = sindyjoint("init", tmp_path)
+    assert asked.status == 2 and "'moment=0 N*m'" in asked.stderr
+    assert sindyjoint("init", tmp_path, "--set", "moment=0 N*m").status == 0
+    written = manifest(tmp_path)
+    assert written["channels"]["moment"] == {"constant": "0 N*m"}
+    # Without a load the equation is known up to a factor: that of the inertia.
+    assert written["joint"]["inertia"] == "1 kg*m^2"
+    done = sindyjoint("init", tmp_path, "--yes", "--force")
+    assert "free decay" in done.stdout and "guessed: moment = 0 N*m" in done.stdout
+    assert sindyjoint("check", tmp_path).status == 0
+
+
+def test_a_driven_motion_without_a_load_says_how_to_declare_none(sindyjoint, tmp_path):
+    table(tmp_path / "a.csv", "time_s,angle_rad", TIME, swing(0.1)[1])
+    refused = sindyjoint("init", tmp_path, "--yes")
+    assert refused.status == 2 and "set moment='0 N*m'" in refused.stderr
+
+
+@pytest.mark.parametrize(("name", "value"), [("fs", RATE), ("Ts", 1 / RATE), ("sampling_rate", RATE)])
+def test_a_single_number_in_a_matlab_file_is_its_rate(sindyjoint, tmp_path, name, value):
+    moment, angle = swing(9.0)
+    savemat(tmp_path / "a.mat", {"torque_Nm": moment, "angle_mrad": angle, name: value, "gain": 7.0})
+    done = sindyjoint("init", tmp_path)
+    assert done.status == 0
+    assert manifest(tmp_path)["channels"]["rate"] == "200 Hz"
+    assert f"the file's {name}" in done.stdout
+
+
+def test_sweeps_and_repeated_runs_are_told(sindyjoint, tmp_path):
+    sweep = np.sin(2 * np.pi * (0.5 * TIME + 0.15 * TIME**2))
+    table(tmp_path / "up.csv", "time_s,torque_Nm,angle_mrad", TIME, 4 * sweep, 9 * sweep)
+    for number in (1, 2):
+        table(tmp_path / f"2Hz-low-{number}.csv", "time_s,torque_Nm,angle_mrad", TIME, *swing(9.0))
+    lines = sindyjoint("init", tmp_path).stdout.splitlines()
+    (told,) = [line for line in lines if line.startswith("  up.csv")]
+    assert "sweep" in told
+    assert sum("2 Hz, level low, one of 2 that repeat" in line for line in lines) == 2
+
+
+def joint(angle, rate, acceleration, inertia):
+    """The paper's kind of law, known by its formula."""
+    return 60 * angle + 0.4 * rate + 0.3 * np.sign(rate) + inertia * acceleration
+
+
+def campaign(folder, runs, inertia='inertia = "0 kg*m^2"', channel=""):
+    """Write runs of (name, frequency, moment, angle, what its channels are) with a manifest."""
+    lines = ['[joint]', 'name = "j"', inertia, "[channels]", f'rate = "{RATE:g} Hz"',
+             'moment = { column = "M", unit = "N*m" }', 'angle = { column = "q", unit = "rad" }']  # fmt: skip
+    for name, frequency, moment, angle, own in runs:
+        table(folder / f"{name}.csv", "M,q", moment, angle)
+        lines += ["[[run]]", f'file = "{name}.csv"', f"frequency = {frequency}", *([own] if own else [])]
+    (folder / "campaign.toml").write_text("\n".join(lines))
+    return folder
+
+
+def nine(inertia=0.0):
+    """Nine runs of that joint, three levels at three frequencies; 0.5 % noise, seed 8."""
+    rng = np.random.default_rng(8)
+    for frequency in (1.0, 2.0, 4.0):
+        for level in (0.02, 0.04, 0.08):
+            turn = 2 * np.pi * frequency
+            angle, rate = level * np.sin(turn * TIME), level * turn * np.cos(turn * TIME)
+            moment = joint(angle, rate, -(turn**2) * angle, inertia)
+            noisy = [x + 5e-3 * np.std(x) * rng.standard_normal(x.size) for x in (moment, angle)]
+            yield f"{frequency:g}Hz-{level:g}".replace(".", "p"), frequency, *noisy
+
+
+@pytest.mark.parametrize("count", [1, 4])
+@pytest.mark.parametrize("channel", ["moment", "angle"])
+@pytest.mark.parametrize("factor", [180 / np.pi, 1e-3, 9.80665, 1 / 4.4482216, 25.4])
+def test_check_finds_the_runs_in_another_unit(sindyjoint, tmp_path, channel, factor, count):
+    odd = [1, 3, 4, 8][:count]
+    runs = list(nine())
+    gains = [factor if i in odd else 1.0 for i in range(9)]
+    scaled = [
+        (name, f, m * (g if channel == "moment" else 1), a * (g if channel == "angle" else 1), "")
+        for g, (name, f, m, a) in zip(gains, runs, strict=True)
+    ]
+    told = sindyjoint("check", campaign(tmp_path, scaled), "--json")
+    assert told.status == 1
+    # What a run of that size is beside, such as more than half a turn, is another finding.
+    found = [f for f in json.loads(told.stdout)["findings"] if f["id"] in ("gain_differs", "run_differs")]
+    assert {(f["id"], f["channel"], f["run"]) for f in found} == {
+        ("gain_differs", channel, runs[i][0]) for i in odd
+    }
+    assert all(f"{factor:.4g} times" in f["extent"] for f in found)
+
+
+def test_check_finds_reversed_runs_and_nothing_in_sound_ones(sindyjoint, tmp_path):
+    runs = [(*run, "") for run in nine()]
+    sound = json.loads(sindyjoint("check", campaign(tmp_path, runs), "--json").stdout)
+    assert sound["verdict"] == "sound"
+    odd = [0, 3, 5, 7]
+    turned = [(n, f, -m if i in odd else m, a, own) for i, (n, f, m, a, own) in enumerate(runs)]
+    told = json.loads(sindyjoint("check", campaign(tmp_path, turned), "--json").stdout)
+    assert {(f["id"], f["run"]) for f in told["findings"] if f["severity"] == "stops"} == {
+        ("reversed_sign", runs[i][0]) for i in odd
+    }
+
+
+def test_check_names_a_column_that_is_declared_in_two_units(sindyjoint, tmp_path):
+    own = '[run.channels]\nangle = { column = "q", unit = "mrad" }'
+    runs = [(*run, own if i == 2 else "") for i, run in enumerate(nine())]
+    told = json.loads(sindyjoint("check", campaign(tmp_path, runs), "--json").stdout)
+    (finding,) = [f for f in told["findings"] if f["id"] == "unit_mismatch"]
+    assert finding["run"] == runs[2][0]
+    assert "'q' is declared in 'mrad' here and in 'rad' in 8 of 9 runs" in finding["extent"]
+
+
+def test_a_negative_inertia_is_called_impossible_everywhere(sindyjoint, tmp_path):
+    runs = [(*run, "") for run in nine(inertia=-0.02)]
+    folder, results = campaign(tmp_path, runs, inertia=""), tmp_path / "results"
+    done = sindyjoint("discover", folder, "--out", results)
+    assert "negative, which is impossible" in done.stdout.replace("\n", " ")
+    record = json.loads(sindyjoint("discover", folder, "--json").stdout)
+    assert record["joint"]["inertia"] == pytest.approx(-0.02, rel=0.05)
+    assert any("is negative" in line and "impossible" in line for line in record["warnings"])
+    assert record["trust"]["answer"] == "poor"
+    assert record["trust"]["lights"]["inertia"]["colour"] == "poor"
+    page = (results / "report.html").read_text(encoding="utf-8")
+    assert "negative, which is impossible" in page
