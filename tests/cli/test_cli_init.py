@@ -256,6 +256,6 @@ def test_a_negative_inertia_is_called_impossible_everywhere(sindyjoint, tmp_path
     assert record["joint"]["inertia"] == pytest.approx(-0.02, rel=0.05)
     assert any("is negative" in line and "impossible" in line for line in record["warnings"])
     assert record["trust"]["answer"] == "poor"
-    assert record["trust"]["lights"]["inertia"]["colour"] == "poor"
+    assert record["trust"]["determined"]["colour"] == "poor"
     page = (results / "report.html").read_text(encoding="utf-8")
     assert "negative, which is impossible" in page
