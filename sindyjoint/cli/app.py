@@ -17,6 +17,7 @@ from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
 from sindyjoint.cli.init import init
+from sindyjoint.cli.limits import limits
 from sindyjoint.cli.plan import plan
 from sindyjoint.cli.plot import plot
 from sindyjoint.cli.rig import rig
@@ -85,6 +86,7 @@ app.command("export", no_args_is_help=True)(export)
 app.command("plot", no_args_is_help=True)(plot)
 app.add_typer(libraries.app, name="libraries")
 app.command("schema")(schema)
+app.command("limits")(limits)
 
 
 @cache

@@ -201,7 +201,9 @@ def _determined(model: JointModel, campaign: Campaign) -> Light:
     light = coverage(campaign)
     if INERTIA in model and model[INERTIA].coefficient < 0:
         q, value = quantities(model.joint.motion), model[INERTIA].coefficient
-        words = f"{q.inertia.lower()} identified as {value:.3g} {q.inertia_unit}: negative, which is impossible"
+        words = (
+            f"{q.inertia.lower()} identified as {value:.3g} {q.inertia_unit}: negative, which is impossible"
+        )
         return Light("determined", "poor", words, {"inertia": value})
     widths = {
         term.symbol: 0.5 * (term.interval95[1] - term.interval95[0]) / abs(term.coefficient)

@@ -1,8 +1,9 @@
-"""The guide's page of limits says what the package decides by, and no limit hides elsewhere in these folders."""
+"""Every limit that decides an answer is explained, printed and used."""
 
 import ast
 import dataclasses
 import importlib.util
+import json
 from functools import cache
 from pathlib import Path
 
@@ -13,21 +14,20 @@ from sindyjoint.policy import described, policies
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def writer():
-    spec = importlib.util.spec_from_file_location("write_policies", ROOT / "docs" / "write_policies.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 POLICIES = policies()
 
 
-def test_the_page_is_what_the_records_say():
-    # After a change of a limit: python docs/write_policies.py
-    text = (ROOT / "docs" / "guide" / "policies.md").read_text(encoding="utf-8")
-    assert text == writer().page()
-    assert "guide/policies\n" in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+def test_limits_are_printed_with_what_set_them(sindyjoint):
+    record = json.loads(sindyjoint("limits", "--json").stdout)
+    assert set(record) == set(POLICIES)
+    told = record["states"]["same_motion"]
+    assert told["value"] == 0.05 and told["source"] and told["meaning"]
+    printed = sindyjoint("limits", "states").stdout
+    assert (
+        "same_motion = 0.05" in printed and "from: convention" in printed and "within_floors" not in printed
+    )
+    wrong = sindyjoint("limits", "kitchen")
+    assert wrong.status == 2 and "no part 'kitchen' has limits; expected one of" in wrong.stderr
 
 
 def test_the_page_of_keys_is_what_reads_the_files():

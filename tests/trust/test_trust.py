@@ -58,7 +58,9 @@ def test_the_floor_is_what_steady_cycles_inside_ramps_differ_by(found):
 
 def test_without_scatter_the_floor_is_the_sensor_s():
     found = sindyjoint.discover(campaign_of(0.0))
-    assert figures(found)["explained"]["floor"] * found.model.fitted.moment_rms == pytest.approx(NOISE, rel=0.5)
+    assert figures(found)["explained"]["floor"] * found.model.fitted.moment_rms == pytest.approx(
+        NOISE, rel=0.5
+    )
 
 
 def test_verbs_never_give_two_answers_of_one_model(scattered, found):
