@@ -16,6 +16,7 @@ from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.inputs import fixed_notes
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.record import Campaign
+from sindyjoint.response.law_in_run import as_followed
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.checked import Checked
@@ -26,10 +27,10 @@ from sindyjoint.text import spelled
 
 def followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
     """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
+    if model is not None:
+        campaign = as_followed(campaign, model)
     if not campaign.inputs or campaign.quasi_static:
         return campaign, ()
-    if model is not None:
-        campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
     lags = find_lags(campaign_states(campaign), campaign.joint.inertia, campaign.inputs)
     return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
 
