@@ -1,0 +1,126 @@
+"""Every verb on joints whose dry friction depends on an input: in V, degC and 1, with a reference and without one."""
+
+import json
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from sindyjoint import Campaign, discover
+
+K1, C1, M_F = 6066.0, 48.0, 1.9
+RATE, NOISE = 500.0, 0.01
+T = np.arange(2000) / RATE
+HEAD = """
+[joint]
+name = "bench joint"
+inertia = "0 kg*m^2"
+[channels]
+rate = "500 Hz"
+moment = { column = "moment", unit = "N*m" }
+angle = { column = "angle", unit = "mrad" }
+[inputs]
+"""
+
+
+class Case(NamedTuple):
+    """An input as a campaign declares it; the friction is M_F + slope (value − middle), in its unit."""
+
+    name: str
+    declared: str
+    slope: float
+    middle: float
+    reference: float
+
+
+CASES = {
+    # Switches within runs, constant in the one that is kept out; tested from 0.5 to 1.7 V, whose middle is the reference.
+    "V": Case("signal", '{ column = "s", unit = "V" }', 0.8, 1.1, 1.1),
+    # One value in each run.
+    "degC": Case("temperature", '{ column = "s", unit = "degC" }', -0.01, 30.0, 30.0),
+    # Swings slowly within runs; a reference at the edge of what is tested.
+    "1": Case("fill", '{ column = "s", unit = "1", reference = 0.3 }', 1.5, 0.5, 0.3),
+}
+
+
+def values_of(case, number, generator):
+    if case.name == "signal":
+        switched = 0.5 + 1.2 * (generator.random(40) > 0.5).repeat(50)
+        return np.full(T.size, 1.7) if number == 5 else switched
+    if case.name == "temperature":
+        return np.full(T.size, (10.0, 30.0, 50.0)[number % 3])
+    return 0.5 + 0.3 * np.sin(2 * np.pi * 0.3 * T + number)
+
+
+def runs_of(case):
+    """Yield frequency, angle, moment and input of six runs in each of which the angle is prescribed."""
+    generator = np.random.default_rng(5)
+    for number in range(6):
+        frequency, size = (2.0, 3.0)[number // 3], (4e-4, 6e-4, 8e-4)[(number + number // 3) % 3]
+        turn = 2 * np.pi * frequency
+        angle, rate = size * np.sin(turn * T + 0.1), size * turn * np.cos(turn * T + 0.1)
+        own = values_of(case, number, generator)
+        moment = K1 * angle + C1 * rate + (M_F + case.slope * (own - case.middle)) * np.sign(rate)
+        yield frequency, angle, moment + NOISE * generator.normal(size=T.size), own
+
+
+@pytest.fixture(params=CASES)
+def case(request):
+    return CASES[request.param]
+
+
+@pytest.fixture
+def folder(case, tmp_path):
+    text = HEAD + f"{case.name} = {case.declared}\n"
+    for number, (frequency, angle, moment, own) in enumerate(runs_of(case)):
+        name, use = f"run{number}.csv", "validate" if number == 5 else "identify"
+        columns = np.column_stack([moment, 1e3 * angle, own])
+        (tmp_path / "bench").mkdir(exist_ok=True)
+        np.savetxt(tmp_path / "bench" / name, columns, delimiter=",", header="moment,angle,s", comments="")
+        text += f'[[run]]\nfile = "{name}"\nfrequency = {frequency}\nuse = "{use}"\n'
+    (tmp_path / "bench" / "campaign.toml").write_text(text)
+    return tmp_path / "bench"
+
+
+def test_what_reads_a_campaign_finds_how_friction_depends_on_the_input(case, folder, sindyjoint, few_effects):
+    assert sindyjoint("check", folder, "--json").status == 0
+    found = folder.parent / "found"
+    assert sindyjoint("discover", folder, "-l", "paper", "--out", found).status == 0
+    model = json.loads((found / "model.json").read_text())
+    own, terms = model["inputs"][0], {term["id"]: term for term in model["terms"]}
+    assert set(terms) == {
+        "linear_stiffness", "linear_damping", "coulomb_friction", f"coulomb_friction_by_{case.name}"
+    }  # fmt: skip
+    shown = (own["reference"] - own["zero"]) / own["factor"]
+    assert shown == pytest.approx(case.reference)
+    slope, friction = terms[f"coulomb_friction_by_{case.name}"], terms["coulomb_friction"]
+    # Four standard errors of the fit, and what the time that a sample lasts does to a friction that changes sign in it.
+    assert slope["coefficient"] == pytest.approx(case.slope, rel=2e-3, abs=4 * slope["standard_error"])
+    at_reference = M_F + case.slope * (case.reference - case.middle)
+    assert friction["coefficient"] == pytest.approx(at_reference, rel=2e-3)
+
+    assert sindyjoint("verify", found, folder, "--draws", 0).status in (0, 1)
+    few_effects("stribeck_friction", "quadratic_damping")
+    told = json.loads(sindyjoint("diagnose", folder, "--json").stdout)
+    steps = [step["effect"] for step in told["steps"]]
+    assert steps == [f"coulomb_friction_by_{case.name}"]
+    # What is left is the noise.
+    assert told["final"]["moment"] < 1.1 * told["noise_floor"]["moment"]
+    again = json.loads(sindyjoint("diagnose", folder, "--model", found, "--json").stdout)
+    assert not again["steps"] and again["initial"]["moment"] < 1.1 * again["noise_floor"]["moment"]
+
+
+def test_python_finds_what_the_command_line_finds(case):
+    frequencies, angles, moments, own = zip(*runs_of(case), strict=True)
+    unit = {"signal": "V", "temperature": "degC", "fill": "1"}[case.name]
+    campaign = Campaign.from_arrays(
+        angle=angles, moment=moments, rate=RATE, frequency=frequencies, inertia=0.0, units={case.name: unit},
+        inputs={case.name: own},
+    )  # fmt: skip
+    (declared,) = campaign.inputs
+    low, high = (declared.shown(value) for value in declared.tested)
+    assert (float(low.split()[0]), float(high.split()[0])) == pytest.approx(
+        (np.min(own), np.max(own)), abs=1e-4
+    )
+    model = discover(campaign, library="paper", correct=False).model
+    assert f"coulomb_friction_by_{case.name}" in model.ids
