@@ -7,14 +7,15 @@ import numpy as np
 import pytest
 
 from sindyjoint import Campaign, discover
+from sindyjoint.files import load_campaign
 
-K1, C1, M_F = 6066.0, 48.0, 1.9
+K1, C1, M_F, INERTIA = 6066.0, 48.0, 1.9, 0.02
 RATE, NOISE = 500.0, 0.01
 T = np.arange(2000) / RATE
 HEAD = """
 [joint]
 name = "bench joint"
-inertia = "0 kg*m^2"
+inertia = "0.02 kg*m^2"
 [channels]
 rate = "500 Hz"
 moment = { column = "moment", unit = "N*m" }
@@ -34,7 +35,7 @@ class Case(NamedTuple):
 
 
 CASES = {
-    # Switches within runs, constant in the one that is kept out; tested from 0.5 to 1.7 V, whose middle is the reference.
+    # Switches within runs, constant in the one that is kept out; the middle of 0.5 to 1.7 V is the reference.
     "V": Case("signal", '{ column = "s", unit = "V" }', 0.8, 1.1, 1.1),
     # One value in each run.
     "degC": Case("temperature", '{ column = "s", unit = "degC" }', -0.01, 30.0, 30.0),
@@ -60,7 +61,11 @@ def runs_of(case):
         turn = 2 * np.pi * frequency
         angle, rate = size * np.sin(turn * T + 0.1), size * turn * np.cos(turn * T + 0.1)
         own = values_of(case, number, generator)
-        moment = K1 * angle + C1 * rate + (M_F + case.slope * (own - case.middle)) * np.sign(rate)
+        moment = (
+            (K1 - INERTIA * turn**2) * angle
+            + C1 * rate
+            + (M_F + case.slope * (own - case.middle)) * np.sign(rate)
+        )
         yield frequency, angle, moment + NOISE * generator.normal(size=T.size), own
 
 
@@ -105,16 +110,18 @@ def test_what_reads_a_campaign_finds_how_friction_depends_on_the_input(case, fol
     steps = [step["effect"] for step in told["steps"]]
     assert steps == [f"coulomb_friction_by_{case.name}"]
     # What is left is the noise.
-    assert told["final"]["moment"] < 1.1 * told["noise_floor"]["moment"]
+    assert told["gap"]["final"]["moment"] < 1.1 * told["gap"]["noise_floor"]["moment"]
     again = json.loads(sindyjoint("diagnose", folder, "--model", found, "--json").stdout)
-    assert not again["steps"] and again["initial"]["moment"] < 1.1 * again["noise_floor"]["moment"]
+    assert (
+        not again["steps"] and again["gap"]["initial"]["moment"] < 1.1 * again["gap"]["noise_floor"]["moment"]
+    )
 
 
 def test_python_finds_what_the_command_line_finds(case):
     frequencies, angles, moments, own = zip(*runs_of(case), strict=True)
     unit = {"signal": "V", "temperature": "degC", "fill": "1"}[case.name]
     campaign = Campaign.from_arrays(
-        angle=angles, moment=moments, rate=RATE, frequency=frequencies, inertia=0.0, units={case.name: unit},
+        angle=angles, moment=moments, rate=RATE, frequency=frequencies, inertia=INERTIA, units={case.name: unit},
         inputs={case.name: own},
     )  # fmt: skip
     (declared,) = campaign.inputs
@@ -124,3 +131,37 @@ def test_python_finds_what_the_command_line_finds(case):
     )
     model = discover(campaign, library="paper", correct=False).model
     assert f"coulomb_friction_by_{case.name}" in model.ids
+
+
+@pytest.mark.parametrize("case", ["V"], indirect=True)
+def test_what_takes_a_model_or_a_folder_takes_one_with_an_input(case, folder, sindyjoint):
+    found = folder.parent / "found"
+    assert sindyjoint("discover", folder, "-l", "paper", "--out", found).status == 0
+    given = ["simulate", "--model", found, "--at", "signal=500 mV", "--frequencies", "3", "--levels", "0.5"]
+    assert sindyjoint(*given, "--duration", 2, "--out", folder.parent / "made").status == 0
+    # At 0.5 V: the value that the runs were made at, in the unit of the model.
+    assert 'signal = { unit = "V"' in (folder.parent / "made" / "campaign.toml").read_text()
+    (run,) = load_campaign(folder.parent / "made").runs
+    assert run.inputs["signal"][0] == pytest.approx(0.5)
+    for target in ("python", "nastran", "latex", "json"):
+        assert sindyjoint("export", found, "--to", target, "--out", folder.parent / target).status == 0
+        held = sindyjoint("export", found, "--to", target, "--at", "signal=0.5 V")
+        assert held.status == 0 and held.stdout
+    assert sindyjoint("curves", found).status == 0
+    assert sindyjoint("changed", folder, folder).status == 0
+    assert sindyjoint("batch", folder, "-l", "paper", "--out", folder.parent / "all").status == 0
+    # A campaign without the input, or with one of another kind, is told what to do.
+    manifest = folder / "campaign.toml"
+    text = manifest.read_text()
+    manifest.write_text(text.replace(f"signal = {case.declared}", ""))
+    for verb in (["verify", found, folder], ["diagnose", folder, "--model", found]):
+        refused = sindyjoint(*verb)
+        assert refused.status == 2 and "declare it in [inputs]" in refused.stderr
+    manifest.write_text(text.replace('unit = "V"', 'unit = "A"'))
+    for verb in (["verify", found, folder], ["diagnose", folder, "--model", found]):
+        refused = sindyjoint(*verb)
+        assert refused.status == 2 and "is in A in the campaign and in V in the model" in refused.stderr
+    # A file without time: the one thing to ask, whatever other columns there are.
+    manifest.unlink()
+    asked = sindyjoint("init", folder, "--yes")
+    assert asked.status == 2 and "answer with --set" in asked.stderr
