@@ -148,6 +148,10 @@ def test_what_takes_a_model_or_a_folder_takes_one_with_an_input(case, folder, si
         held = sindyjoint("export", found, "--to", target, "--at", "signal=0.5 V")
         assert held.status == 0 and held.stdout
     assert sindyjoint("curves", found).status == 0
+    test = ["--drive", "angle", "--time", "40 s", "--rate", "250 Hz", "--limit", "moment=8 N*m"]
+    assert sindyjoint("plan", "--model", found, *test).status == 0
+    refused = sindyjoint("plan", "--campaign", folder, *test)
+    assert refused.status == 2 and "plan with --model of that folder" in refused.stderr
     assert sindyjoint("changed", folder, folder).status == 0
     assert sindyjoint("batch", folder, "-l", "paper", "--out", folder.parent / "all").status == 0
     # A campaign without the input, or with one of another kind, is told what to do.
