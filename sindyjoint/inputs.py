@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -36,7 +37,7 @@ class Input:
     unit : str
         SI unit of its values.
     reference : float
-        At which the coefficients of the law hold that do not depend on it, SI.
+        At which the coefficients of the law hold that do not depend on it, SI. Default: the middle of the tested range.
     label : str
         In reports; default: the name.
     shown_unit : str
@@ -53,7 +54,7 @@ class Input:
 
     name: str
     unit: str = "1"
-    reference: float = 0.0
+    reference: float = math.nan
     label: str = ""
     shown_unit: str = ""
     factor: float = 1.0
@@ -64,28 +65,26 @@ class Input:
 
     def __post_init__(self) -> None:
         check_name(self.name)
-        if not np.isfinite([self.reference, self.factor, self.zero]).all() or self.factor == 0:
+        if math.isinf(self.reference) or not np.isfinite([self.factor, self.zero]).all() or self.factor == 0:
             raise InputError(f"input {self.name!r}: reference and unit are not finite numbers")
         if not self.label:
             object.__setattr__(self, "label", self.name.replace("_", " "))
         if not self.shown_unit:
             object.__setattr__(self, "shown_unit", self.unit)
+        if math.isnan(self.reference) and self.tested is not None:
+            object.__setattr__(self, "reference", sum(self.tested) / 2)
+
+    def tested_by(self, parts: Sequence[Array]) -> Input:
+        """Return it with the range and the levels of its values in the parts of some data, usually runs."""
+        # A constant takes the memory of one value, and the time.
+        parts = [v[:1] if v.strides == (0,) else v for v in parts]
+        low, high = min(float(v.min()) for v in parts), max(float(v.max()) for v in parts)
+        return replace(self, tested=(low, high), levels=levels(parts, (low, high)))
 
     def shown(self, value: float) -> str:
         """Return a value with the unit in which the input was declared."""
         number = f"{(value - self.zero) / self.factor:.6g}"
         return number if self.shown_unit in ("", "1") else f"{number} {self.shown_unit}"
-
-    def parse(self, text: str | float) -> float:
-        """Return the SI value of a number in the declared unit, with or without that unit."""
-        given = str(text).strip().removesuffix(self.shown_unit).strip()
-        try:
-            return self.zero + self.factor * float(given)
-        except ValueError:
-            raise InputError(
-                f"input {self.name!r}: {text!r} is no number; expected one in {self.shown_unit}, such as "
-                f"{self.shown(self.reference)!r}"
-            ) from None
 
 
 def check_name(name: str) -> None:
@@ -125,20 +124,29 @@ def signals_of(run: str, inputs: Mapping[str, ArrayLike], samples: int) -> dict[
     return checked
 
 
-def with_range(declared: Iterable[Input], runs: Iterable[Any], given: Iterable[str]) -> tuple[Input, ...]:
-    """Return inputs with the range that runs test; the reference of those not ``given`` is its middle."""
-    runs, known = list(runs), set(given)
-    runs = [run for run in runs if run.use == "identify"] or runs
-    found = []
-    for each in declared:
-        present = [run.inputs[each.name] for run in runs if each.name in run.inputs]
-        if not present:
-            found.append(each)
-            continue
-        low, high = min(float(v.min()) for v in present), max(float(v.max()) for v in present)
-        each = replace(each, tested=(low, high), levels=levels(present, (low, high)))
-        found.append(each if each.name in known else replace(each, reference=(low + high) / 2))
-    return tuple(found)
+def input_names(inputs: Sequence[str | Input]) -> tuple[str, ...]:
+    """Return the names of inputs, in order."""
+    names = tuple(each if isinstance(each, str) else each.name for each in inputs)
+    if len(set(names)) < len(names):
+        raise InputError(f"inputs: a name is used twice among {', '.join(names)}")
+    return names
+
+
+def tested_inputs(inputs: Sequence[str | Input], parts: Sequence[Array]) -> tuple[Input, ...]:
+    """Return inputs as some data test them; those of a campaign are as its runs tested them.
+
+    Parameters
+    ----------
+    inputs : sequence of str or Input
+        The values of a name alone are plain numbers.
+    parts : sequence of ndarray, shape (m, k)
+        Their values in each run.
+    """
+    made = [Input(each) if isinstance(each, str) else each for each in inputs]
+    return tuple(
+        each if each.tested is not None else each.tested_by([part[:, place] for part in parts])
+        for place, each in enumerate(made)
+    )
 
 
 def check_inputs(declared: Iterable[Input], runs: Iterable[Any]) -> None:
@@ -200,9 +208,23 @@ def fixed_notes(inputs: Iterable[Input], elements: Iterable[str]) -> tuple[str, 
 
 
 def reference_values(inputs: Iterable[Input]) -> tuple[tuple[str, float], ...]:
-    """Return the numbers that formulas use of inputs: each one's reference by its name, and its ``NAME_mid``."""
-    pairs = [(each.name, each.reference, sum(each.tested or (each.reference,) * 2) / 2) for each in inputs]
-    return tuple(pair for name, own, mid in pairs for pair in ((name, own), (f"{name}_mid", mid)))
+    """Return the numbers that formulas use of inputs: each one's reference by its name, and its ``NAME_mid``.
+
+    Raises
+    ------
+    InputError
+        For an input that has neither a reference nor a tested range.
+    """
+    found = []
+    for each in inputs:
+        if math.isnan(each.reference):
+            raise InputError(
+                f"input {each.name!r} has neither a reference nor a tested range; give one: "
+                f"Input({each.name!r}, {each.unit!r}, reference=...)"
+            )
+        middle = sum(each.tested or (each.reference,) * 2) / 2
+        found += [(each.name, each.reference), (f"{each.name}_mid", middle)]
+    return tuple(found)
 
 
 def lagged(values: Array, samples: float) -> Array:

@@ -275,7 +275,8 @@ class Campaign(Shown):
     notes : tuple of str
         What reading the files had to decide; repeated in reports.
     inputs : tuple of Input
-        Declared inputs of the law; every run has a value of each.
+        Declared inputs of the law; every run has a value of each. What the runs for identification test of them is
+        their tested range.
     gain_uncertainty : mapping of str to float
         Relative standard uncertainty of the gain of ``"moment"``, ``"angle"``, ``"rate"``, where declared: an error
         that all runs share.
@@ -304,8 +305,10 @@ class Campaign(Shown):
         if self.quasi_static and self.joint.inertia is None:
             # Nothing accelerates: no test of this kind identifies an inertia.
             object.__setattr__(self, "joint", replace(self.joint, inertia=0.0))
-        object.__setattr__(self, "inputs", tuple(self.inputs))
         check_inputs(self.inputs, self.runs)
+        tested = self.identification_runs or self.runs
+        inputs = [each.tested_by([run.inputs[each.name] for run in tested]) for each in self.inputs]
+        object.__setattr__(self, "inputs", tuple(inputs))
         for name, value in self.gain_uncertainty.items():
             if name not in ("moment", "angle", "rate") or not 0 < value < 1:
                 raise InputError(

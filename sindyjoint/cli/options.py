@@ -242,12 +242,13 @@ def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, fl
         For text that is no such value, or a name that is no input.
     """
     from sindyjoint.equation.held import input_values
+    from sindyjoint.files.inputs import value_in
 
     known = {each.name: each for each in model.inputs}
     values: dict[str, float] = {}
     for name, value in split_inputs(given).items():
         input_values(model, {name: 0.0})
-        values[name] = known[name].parse(value)
+        values[name] = value_in(known[name], value, f"--at {name}")
     return values
 
 

@@ -18,7 +18,7 @@ from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue, term_columns
-from sindyjoint.equation.dependences import dependences
+from sindyjoint.equation.dependences import linear_dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
@@ -122,9 +122,7 @@ def find_delay(
     """
     if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
         return None
-    law = law_of_channels(inertia)
-    moved = [each for each in inputs if each.levels > 1]
-    law = law.union(dependences(moved, {each.name: 2 for each in moved}, law.ids))
+    law = linear_dependences(law_of_channels(inertia), inputs)
     reference = replace(reference_of(states), inputs=reference_values(inputs))
     try:
         return estimate_delay(states, law.resolve(reference), inertia)

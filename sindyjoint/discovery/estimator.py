@@ -16,16 +16,16 @@ from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frame_order import ordered_frame
-from sindyjoint.discovery.inputs import input_names, known_inputs, with_dependences
 from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, row_weights, state_columns
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
+from sindyjoint.equation.dependences import with_dependences
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.inputs import Input, reference_values
+from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 from sindyjoint.numeric import Array
 from sindyjoint.record import Joint, Motion
 from sindyjoint.threads import single_threaded
@@ -181,7 +181,8 @@ class JointRegressor(RegressorMixin, BaseEstimator):
             )
         weight = row_weights(sample_weight, X.shape[0])
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
-        self.inputs_ = known_inputs(self.inputs, X[:, motion:], labels)
+        parts = [X[rows, motion:] for run in labels.runs for rows in run.blocks]
+        self.inputs_ = tested_inputs(self.inputs, parts)
         reference = Reference.of(X[:, 0], X[:, 1], y)
         terms = self.candidates(reference, motion == 3)
         shared = X_replicate is not None and np.array_equal(X_replicate, X)

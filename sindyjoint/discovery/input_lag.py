@@ -11,7 +11,7 @@ from sindyjoint.discovery.delay import ROWS, law_of_channels, reference_of
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import term_columns
-from sindyjoint.equation.dependences import dependences
+from sindyjoint.equation.dependences import linear_dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.inputs import Input, lagged, reference_values
 from sindyjoint.states.record import ForceStates
@@ -77,10 +77,8 @@ def lag_notes(lags: Sequence[InputLag]) -> list[str]:
 def _law(
     states: Sequence[ForceStates], inertia: float | None, inputs: Sequence[Input]
 ) -> tuple[ResolvedTerm, ...]:
-    law = law_of_channels(inertia)
-    law = law.union(dependences(inputs, {each.name: min(each.levels, 2) for each in inputs}, law.ids))
-    references = reference_values(inputs)
-    return law.resolve(replace(reference_of(states), inputs=references))
+    law = linear_dependences(law_of_channels(inertia), inputs)
+    return law.resolve(replace(reference_of(states), inputs=reference_values(inputs)))
 
 
 def _left(

@@ -17,11 +17,11 @@ from pysindy.utils import AxesArray, comprehend_axes
 from sklearn.utils.validation import check_is_fitted
 
 from sindyjoint.discovery.foreign_library import catalogue_of
-from sindyjoint.discovery.inputs import input_names, known_inputs, with_dependences
 from sindyjoint.discovery.rows import state_columns
 from sindyjoint.equation.catalogue import Catalogue, Reference, ResolvedTerm, load_catalogue
+from sindyjoint.equation.dependences import with_dependences
 from sindyjoint.errors import InputError
-from sindyjoint.inputs import Input, reference_values
+from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 
 
 class TermLibrary(BaseFeatureLibrary):
@@ -127,7 +127,7 @@ class TermLibrary(BaseFeatureLibrary):
         catalogue = catalogue_of(self.library)
         if self.include_inertia:
             catalogue = catalogue.union(load_catalogue("inertia"))
-        inputs = known_inputs(self.inputs, np.concatenate(runs)[:, runs[0].shape[1] - len(names) :])
+        inputs = tested_inputs(self.inputs, [x[:, x.shape[1] - len(names) :] for x in runs])
         catalogue = with_dependences(catalogue, inputs)
         own = reference_values(inputs)
         self.reference_ = replace(self._reference(runs), inputs=own)

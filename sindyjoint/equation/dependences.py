@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -16,14 +16,25 @@ TEMPLATE = "inputs"
 WORD = "input"
 
 
-def dependences(inputs: Iterable[Input], levels: Mapping[str, int], offered: Iterable[str]) -> Catalogue:
+def with_dependences(catalogue: Catalogue, inputs: Iterable[Input]) -> Catalogue:
+    """Return a catalogue with the dependences of its terms on inputs that it does not have itself."""
+    offered = dependences(inputs, catalogue.ids)
+    new = offered.without([term for term in offered.ids if term in catalogue])
+    return catalogue.union(new) if new.terms else catalogue
+
+
+def linear_dependences(catalogue: Catalogue, inputs: Iterable[Input]) -> Catalogue:
+    """Return a catalogue with each of its terms linear in the inputs that were tested at more than one level."""
+    return with_dependences(catalogue, [replace(each, levels=2) for each in inputs if each.levels > 1])
+
+
+def dependences(inputs: Iterable[Input], offered: Iterable[str]) -> Catalogue:
     """Return the candidates that declared inputs bring.
 
     Parameters
     ----------
     inputs : iterable of Input
-    levels : mapping of str to int
-        At how many levels each was tested.
+        With the levels at which they were tested.
     offered : iterable of str
         Ids of the other candidates: a dependence of a term that is not among them is left out.
     """
@@ -32,10 +43,8 @@ def dependences(inputs: Iterable[Input], levels: Mapping[str, int], offered: Ite
     for each in inputs:
         for term in _named(each.name, each.unit):
             own = term.inputs[0]
-            fits = levels.get(each.name, 1) >= own.levels and (
-                not own.offered_for or each.unit in own.offered_for
-            )
-            if fits and set(term.within) <= known:
+            fits = not own.offered_for or each.unit in own.offered_for
+            if fits and each.levels >= own.levels and set(term.within) <= known:
                 found.append(term)
                 known.add(term.id)
     return Catalogue(TEMPLATE, "dependences on declared inputs", tuple(found))

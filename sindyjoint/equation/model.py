@@ -140,6 +140,12 @@ class JointModel:
         elements = tuple(each.with_numbers([next(rest) for _ in each.numbers]) for each in self.elements)
         return replace(self, terms=terms, elements=elements, covariance=tuple(map(tuple, matrix)))
 
+    @property
+    def used_inputs(self) -> tuple[Input, ...]:
+        """Inputs on which terms depend."""
+        used = {name for term in self.terms for name in term.inputs}
+        return tuple(each for each in self.inputs if each.name in used)
+
     def at(self, **inputs: float) -> JointModel:
         """Return the law at values of its inputs, SI; those not given are at their reference.
 

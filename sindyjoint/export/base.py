@@ -293,7 +293,7 @@ def fidelity_table(
 def held_rows(model: JointModel, held: JointModel) -> tuple[Fidelity, ...]:
     """Return a row for each input that an export holds at a value: what the law misses at the ends of its range."""
     cycles, rows = Cycles.of(model), []
-    used = {name for term in model.terms for name in term.inputs}
+    used = {each.name for each in model.used_inputs}
     whole = held.without_elements().moment(cycles.angle, cycles.rate)
     at = {each.name: each.reference for each in held.inputs}
     for each in held.inputs:

@@ -24,7 +24,7 @@ from sindyjoint.equation.formula import parameter_symbol, state_symbol, variable
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.export.base import Cycles, Fidelity, Represented, fidelity_table
 from sindyjoint.export.elements import speeds
-from sindyjoint.export.parts import Parts, corners, softening_limits, steepness, used_inputs
+from sindyjoint.export.parts import Parts, corners, softening_limits, steepness
 from sindyjoint.export.text import ascii_line, number, one_line, words_of
 from sindyjoint.inputs import Input
 
@@ -116,7 +116,7 @@ def law_of(model: JointModel) -> Law:
         (sympy.Symbol(name) * at_slip(term.expression) for name, term in zip(names, terms, strict=False)),
         sympy.Integer(0),
     )
-    inputs = tuple((input_identifier(each.name), each) for each in used_inputs(model))
+    inputs = tuple((input_identifier(each.name), each) for each in model.used_inputs)
     moment = moment.xreplace({state_symbol(each.name): sympy.Symbol(name) for name, each in inputs})
     states: list[str] = []
     rates: list[Any] = []

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sindyjoint.export.base import ALL_TERMS, Cycles, Export, Fidelity, shares
-from sindyjoint.export.parts import used_inputs
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
@@ -31,7 +30,7 @@ def lookup(model: JointModel, write: Callable[[JointModel], Export]) -> Export:
     write : callable
         Writes a law without inputs.
     """
-    inputs = used_inputs(model)
+    inputs = model.used_inputs
     points = POINTS if len(inputs) == 1 else POINTS_OF_SEVERAL
     nodes = {each.name: np.linspace(*(each.tested or (0.0, 0.0)), points) for each in inputs}
     files: dict[str, str | bytes] = {}

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     import sympy
 
     from sindyjoint.equation.model import JointModel, ModelTerm
-    from sindyjoint.inputs import Input
 
 # Full friction is reached at this share of the tested rate where a target has no set-valued friction.
 RAMP = 1e-3
@@ -139,17 +138,11 @@ class Parts:
         return self.model.fitted.rate * np.concatenate([-positive[::-1], [0.0], positive])
 
 
-def used_inputs(model: JointModel) -> tuple[Input, ...]:
-    """Return the inputs that terms of a model depend on."""
-    used = {name for term in model.terms for name in term.inputs}
-    return tuple(each for each in model.inputs if each.name in used)
-
-
 def corners(model: JointModel) -> tuple[JointModel, ...]:
     """Return a law held at its inputs' reference and at the ends of their tested ranges, in every combination."""
     values = [
         [(each.name, value) for value in sorted({each.reference, *(each.tested or ())})]
-        for each in used_inputs(model)
+        for each in model.used_inputs
     ]
     return tuple(model.at(**dict(chosen)) for chosen in product(*values)) if values else (model,)
 

@@ -13,7 +13,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.export.base import Export, check_exportable, held_rows
 from sindyjoint.export.lookup import lookup
-from sindyjoint.export.parts import used_inputs
 
 TARGETS = {
     "ansys": "APDL: COMBIN39, COMBIN40 and COMBIN37 elements, and a rig of beams around them",
@@ -78,7 +77,7 @@ def export_model(
         raise UnknownNameError(f"target {target!r} is not known{hint} Known are {', '.join(TARGETS)}")
     check_exportable(model)
     write: Callable[..., Export] = import_module(f"sindyjoint.export.{target}").export
-    used = used_inputs(model)
+    used = model.used_inputs
     if used and not at and target not in WITH_INPUTS and all(each.levels > 1 for each in used):
         return lookup(model, partial(write, **options))
     held = model.at(**(at or {})) if at or (used and target not in WITH_INPUTS) else model

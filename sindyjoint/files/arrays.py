@@ -20,7 +20,6 @@ from sindyjoint.files.inputs import inputs_of_runs
 from sindyjoint.files.stated_units import unit_in_name
 from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity
-from sindyjoint.inputs import with_range
 from sindyjoint.measured import measured_run, travelled_run
 from sindyjoint.numeric import Array
 from sindyjoint.options import refuse_unknown
@@ -220,9 +219,7 @@ def campaign_from_frames(
         known["frequency"] = _frequency(asked, signals, sample_rate, title)
         made.append(measured_run(title, signals, sample_rate, inputs=values[i], **known))
     joint = Joint(name, found, _inertia(inertia, found))
-    return Campaign(
-        joint, tuple(made), simulated=simulated, inputs=with_range(declared, made, references or {})
-    )
+    return Campaign(joint, tuple(made), simulated=simulated, inputs=tuple(declared))
 
 
 def _as_runs(values: Any) -> list[Array]:

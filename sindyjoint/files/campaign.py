@@ -64,14 +64,13 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
     notes = tuple(dict.fromkeys([*manifest.notes, *loader.notes]))
     try:
         simulated = manifest.simulated or loader.simulated
-        inputs = loader.inputs.tested(runs)
         return Campaign(
             joint,
             runs,
             simulated=simulated,
             skew=loader.declared_skew(),
             notes=notes,
-            inputs=inputs,
+            inputs=tuple(loader.inputs.inputs.values()),
             gain_uncertainty=declared_gains(manifest.channels, joint.motion, f"{file}: [channels]"),
         )
     except InputError as error:

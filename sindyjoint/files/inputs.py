@@ -11,7 +11,7 @@ import numpy as np
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.manifest import InputTable, Manifest, RunTable
 from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
-from sindyjoint.inputs import Input, lagged, with_range
+from sindyjoint.inputs import Input, lagged
 from sindyjoint.numeric import Array
 
 
@@ -70,7 +70,9 @@ class DeclaredInputs:
         try:
             si, factor, zero = input_unit(unit or "1", where)
             lag = 0.0 if table.lag is None else parse_quantity(table.lag, "s", f"{where}.lag")
-            each = Input(name, si, 0.0, table.name or "", unit or "1", factor, zero, lag=lag)
+            each = Input(
+                name, si, label=table.name or "", shown_unit=unit or "1", factor=factor, zero=zero, lag=lag
+            )
         except InputError as error:
             raise type(error)(f"{where}: {error}") from None
         if table.reference is None:
@@ -111,11 +113,6 @@ class DeclaredInputs:
                 values = np.interp(grid + samples, grid, values)
             found[name] = lagged(values, each.lag * rate)
         return found
-
-    def tested(self, runs: Iterable[Any]) -> tuple[Input, ...]:
-        """Return the inputs with the range that the runs test."""
-        given = [name for name, table in self.tables.items() if table.reference is not None]
-        return with_range(self.inputs.values(), runs, given)
 
 
 def _first_value(name: str, table: InputTable, runs: Iterable[RunTable]) -> Any:
@@ -161,7 +158,8 @@ def inputs_of_runs(
             )
         texts = [value for value in (*own, references.get(name)) if isinstance(value, str)]
         unit = units.get(name) or (split_quantity(texts[0], f"inputs {name}", "K")[1] if texts else "1")
-        each = Input(name, *_swapped(*input_unit(unit, f"inputs {name}"), unit))
+        si, factor, zero = input_unit(unit, f"inputs {name}")
+        each = Input(name, si, shown_unit=unit, factor=factor, zero=zero)
         for run, value in zip(runs, own, strict=True):
             array = None if isinstance(value, str) else np.asarray(value, dtype=np.float64)
             run[name] = (
@@ -171,7 +169,3 @@ def inputs_of_runs(
             each = replace(each, reference=value_in(each, references[name], f"references {name}"))
         declared.append(each)
     return declared, runs
-
-
-def _swapped(si: str, factor: float, zero: float, unit: str) -> tuple[str, float, str, str, float, float]:
-    return si, 0.0, "", unit, factor, zero

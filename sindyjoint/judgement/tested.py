@@ -18,6 +18,7 @@ from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.judgement.trust import assess
 from sindyjoint.record import Campaign
+from sindyjoint.response.law_in_run import as_followed
 from sindyjoint.response.nuisances import Nuisance, TestNuisances
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.checked import Checked
@@ -29,10 +30,10 @@ from sindyjoint.trust import Trust
 
 def followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
     """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
+    if model is not None:
+        campaign = as_followed(campaign, model)
     if not campaign.inputs or campaign.quasi_static:
         return campaign, ()
-    if model is not None:
-        campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
     lags = find_lags(campaign_states(campaign), campaign.joint.inertia, campaign.inputs)
     return with_lags(campaign, {lag.name: lag.time for lag in lags}), lags
 

@@ -13,9 +13,11 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import Law, SumLaw, softening_limit
 from sindyjoint.numeric import Array
+from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
+from sindyjoint.states.campaigns import with_lags
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +74,35 @@ def with_added(law: Law | LawInRun, added: Law | None) -> Law | LawInRun:
     return SumLaw(law, added)
 
 
+def as_followed(campaign: Campaign, model: JointModel) -> Campaign:
+    """Return a campaign whose inputs are as a model takes them: its references, and the lags of its joint.
+
+    Raises
+    ------
+    InputError
+        If the campaign has no input that the law depends on, or has it in a unit of another kind.
+    """
+    declared = {each.name: each for each in campaign.inputs}
+    for each in model.used_inputs:
+        other = declared.get(each.name)
+        if other is None:
+            raise InputError(
+                f"the model depends on the input {each.name!r}, which the campaign does not have (it has "
+                f"{', '.join(declared) or 'none'}); declare it in [inputs], or use the model at a value of it"
+            )
+        if other.unit != each.unit:
+            raise InputError(
+                f"the input {each.name!r} is in {other.shown_unit} in the campaign and in {each.shown_unit} in the "
+                "model; state in [inputs] of the campaign a unit of the model's kind"
+            )
+    # One reference for the coefficients that the model has and for those that are added.
+    of_model = {each.name: each.reference for each in model.inputs if each.name in declared}
+    inputs = tuple(
+        replace(each, reference=of_model.get(each.name, each.reference)) for each in campaign.inputs
+    )
+    return with_lags(replace(campaign, inputs=inputs), {each.name: each.lag for each in model.inputs})
+
+
 def law_in_run(model: JointModel, states: ForceStates) -> Law | LawInRun:
     """Return the law of a model in a run.
 
@@ -82,7 +113,7 @@ def law_in_run(model: JointModel, states: ForceStates) -> Law | LawInRun:
     InputError
         If the run has no value of an input on which the model depends.
     """
-    used = sorted({name for term in model.terms for name in term.inputs})
+    used = [each.name for each in model.used_inputs]
     if not used:
         return model_law(model)
     lacking = [name for name in used if name not in states.inputs]

@@ -303,7 +303,7 @@ def law_numbers(model: JointModel, states: ForceStates) -> tuple[NDArray[np.intp
 
     The inputs of the law are held at their means in the run.
     """
-    used = sorted({name for term in model.terms for name in term.inputs})
+    used = [each.name for each in model.used_inputs]
     if not used:
         return number_places(model), None
     at = {name: float(np.mean(states.inputs[name])) for name in used}

@@ -15,6 +15,7 @@ from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import compare_run, compared_states
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.free_run import free_run_states, simulate_free
+from sindyjoint.response.law_in_run import as_followed
 from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
@@ -28,7 +29,6 @@ from sindyjoint.response.verification import (
     judged,
 )
 from sindyjoint.states import ForceStates
-from sindyjoint.states.campaigns import with_lags
 from sindyjoint.text import Quantities, in_words_of, quantities
 
 
@@ -44,7 +44,7 @@ def verify_campaign(
     Channels are put right already; of the ``test`` the moments of time and frequency and the inertia are still to come.
     """
     test = test or TestNuisances("")
-    campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
+    campaign = as_followed(campaign, model)
     warnings = _compare_joints(model, campaign)
     runs, independent = campaign.validation_runs, True
     if not runs:

@@ -60,12 +60,15 @@ class Cycles:
         Hz.
     moment, angle : ndarray of complex, shape (r, h + 1)
         Coefficients of mean and harmonics.
+    inputs : ndarray, shape (r, POINTS, k)
+        Mean cycles of the declared inputs.
     """
 
     names: tuple[str, ...]
     frequency: Array
     moment: Complex
     angle: Complex
+    inputs: Array
     repeats: ClassVar[bool] = True
 
     def __len__(self) -> int:
@@ -80,7 +83,7 @@ class Cycles:
         """Return some of the runs."""
         rows = list(index)
         names = tuple(self.names[i] for i in rows)
-        return Cycles(names, self.frequency[rows], self.moment[rows], self.angle[rows])
+        return Cycles(names, self.frequency[rows], self.moment[rows], self.angle[rows], self.inputs[rows])
 
     def scaled(self, moment: Gains = 1.0, angle: Gains = 1.0) -> Cycles:
         """Return the runs with their moments and angles times factors, one for each run or one for all."""
@@ -163,9 +166,28 @@ def cycles_of(profiles: Sequence[Profile], spectra: Sequence[dict[str, Spectrum]
         np.array([_padded(s[name].harmonics) for _, s in both]).reshape(-1, MOST_HARMONICS + 1)
         for name in ("moment", "angle")
     )
+    inputs = [np.reshape(_input_cycles(p), (-1, POINTS)).T for p, _ in both]
     return Cycles(
-        tuple(p.run.name for p, _ in both), np.array([p.frequency or 0.0 for p, _ in both]), moment, angle
+        tuple(p.run.name for p, _ in both),
+        np.array([p.frequency or 0.0 for p, _ in both]),
+        moment,
+        angle,
+        np.array(inputs).reshape(len(both), POINTS, -1) if both else np.zeros((0, POINTS, 0)),
     )
+
+
+def _input_cycles(profile: Profile) -> list[Array]:
+    """Return the mean cycles of the inputs of a run, over the same periods as those of its channels."""
+    per, first = profile.samples_per_period or 0.0, int((1 - STEADY) * profile.run.n_samples)
+    found = []
+    for values in profile.run.inputs.values():
+        spectrum = None if np.ptp(values) == 0 else spectrum_of(values, per, first)
+        if spectrum is None:
+            found.append(np.full(POINTS, np.mean(values)))
+            continue
+        kept = spectrum.bins[:: spectrum.periods]
+        found.append(synthesise(_padded(kept[: MOST_HARMONICS + 1])[None])[0])
+    return found
 
 
 def _padded(harmonics: Complex) -> Complex:

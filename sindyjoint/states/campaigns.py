@@ -64,7 +64,7 @@ def with_lags(campaign: Campaign, lags: Mapping[str, float]) -> Campaign:
     """
     own = {each.name: lags.get(each.name, 0.0) for each in campaign.inputs if not each.lag}
     own = {name: time for name, time in own.items() if time}
-    if not own:
+    if not own or campaign.quasi_static:
         return campaign
     runs = tuple(
         replace(run, inputs={n: lagged(v, own.get(n, 0.0) * run.sample_rate) for n, v in run.inputs.items()})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -21,7 +22,6 @@ from sindyjoint.states.harmonics import (
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
-from sindyjoint.states.smoothing import filtered_inputs
 
 REPLICATES = 8
 # Harmonics above this share of the sampling rate are never used: anti-alias filters live there.
@@ -38,7 +38,7 @@ def periodic_states(
     """Return the force states of a single-frequency run.
 
     The angle is the least-squares Fourier series over whole steady periods, cut where its harmonics sink into
-    the noise; rate and acceleration are its exact derivatives. Moment samples are kept as measured.
+    the noise; rate and acceleration are its exact derivatives. Samples of moment and inputs are kept as measured.
 
     Parameters
     ----------
@@ -74,7 +74,11 @@ def periodic_states(
     if run.valid is not None:
         moving &= run.valid[start:stop]
     moment = run.moment[start:stop]
-    moment_noise = max(repeat_noise(moment, run.sample_rate, frequency, moving), run.noise.moment or 0.0)
+    inputs = {name: values[start:stop] for name, values in run.inputs.items()}
+    moved = _moved_law(inputs, made.motion)
+    moment_noise = max(
+        repeat_noise(moment, run.sample_rate, frequency, moving, moved), run.noise.moment or 0.0
+    )
     # That of one sensor is not the noise of the angle of several.
     declared = (run.noise.angle or 0.0) if run.fusion is None else 0.0
     return ForceStates(
@@ -103,7 +107,7 @@ def periodic_states(
         slowest=slowest,
         guard=guard,
         series=made.series,
-        inputs=filtered_inputs(run.inputs, slice(start, stop), angle.highest, run.sample_rate),
+        inputs=inputs,
         fusion=run.fusion,
     )
 
@@ -250,12 +254,26 @@ def _cut_blocks(periods: int, per: float, n: int) -> NDArray[np.intp]:
     return edges
 
 
-def repeat_noise(signal: Array, sample_rate: float, frequency: float, where: NDArray[np.bool_]) -> float:
+def _moved_law(inputs: Mapping[str, Array], motion: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+    """Return what inputs that move within a run add to the moment: its elastic, viscous and dry parts in proportion."""
+    angle, rate, _ = motion
+    parts = (np.ones(angle.size), angle, rate, np.sign(rate))
+    return tuple(values * part for values in inputs.values() if np.ptp(values) > 0 for part in parts)
+
+
+def repeat_noise(
+    signal: Array,
+    sample_rate: float,
+    frequency: float,
+    where: NDArray[np.bool_],
+    explained: Sequence[Array] = (),
+) -> float:
     """Return the RMS of what does not repeat from one period to a later one, per sample.
 
     The lag is the whole number of periods, up to half the record, that is nearest to a whole number of samples;
     the remainder is interpolated linearly. Only samples marked in ``where`` are compared, so a friction
-    step that falls between samples is not taken for noise.
+    step that falls between samples is not taken for noise. Nor is what the ``explained`` signals, which
+    need not repeat, account for by least squares.
     """
     per = sample_rate / frequency
     lags = np.arange(1, max(2, int(signal.size / per) // 2 + 1))
@@ -263,11 +281,18 @@ def repeat_noise(signal: Array, sample_rate: float, frequency: float, where: NDA
     lag = lags[int(np.argmin(np.round(distance, 3)))] * per
     whole, part = int(np.floor(lag + 1e-9)), lag - np.floor(lag + 1e-9)
     n = signal.size - whole - 1
-    later = (1 - part) * signal[whole : whole + n] + part * signal[whole + 1 : whole + 1 + n]
     both = where[:n] & where[whole : whole + n]
     if not np.any(both):
         return 0.0
-    difference = later[both] - signal[:n][both]
+
+    def change(of: Array) -> Array:
+        later = (1 - part) * of[whole : whole + n] + part * of[whole + 1 : whole + 1 + n]
+        return (later - of[:n])[both]
+
+    difference = change(signal)
+    if explained:
+        columns = np.column_stack([change(each) for each in explained])
+        difference = difference - columns @ np.linalg.lstsq(columns, difference, rcond=None)[0]
     # Interpolation averages two samples: its variance is ((1−p)² + p²)σ².
     share = 1 + (1 - part) ** 2 + part**2
     return float(np.sqrt(np.mean((difference - np.mean(difference)) ** 2) / share))

@@ -293,7 +293,8 @@ def _make_prior(
         raise InputError("a model and a joint that it is like were given; expected one of them")
     before = None
     if model is not None:
-        before = like_model(as_model(model))
+        # Runs are planned of angle and rate: inputs are held at their reference.
+        before = like_model(as_model(model).at())
     elif like is not None or campaign is None:
         law = named_joint(like or LIKE)
         assert isinstance(law, PaperLaw)
@@ -318,4 +319,10 @@ def _discovered(
     found = discover(campaign, forced=forced, random_state=random_state, progress=say)
     if not found.found:
         raise InputError(f"no model was discovered from the campaign: {found.reason}; plan without it")
+    used = ", ".join(each.name for each in found.model.used_inputs)
+    if used:
+        raise InputError(
+            f"the law of the campaign depends on {used}, which a plan does not choose; discover it with --out, and "
+            f"plan with --model of that folder: at the reference of {used}"
+        )
     return found, sum(run.duration for run in (found.measured or found.campaign).identification_runs)

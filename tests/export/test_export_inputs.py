@@ -32,7 +32,7 @@ DRIVE = (2.8 * np.sin(0.02 * np.arange(400))).tolist()
 @pytest.fixture(scope="module")
 def model():
     paper = load_catalogue("paper")
-    offered = dependences([WARM, SLOPE], {"temperature": 5, "slope": 5}, paper.ids)
+    offered = dependences([WARM, SLOPE], paper.ids)
     catalogue, values = paper.union(offered), PAPER | OWN
     reference = Reference(ANGLE, RATE, 2 * MOMENT_RMS, inputs=reference_values([WARM, SLOPE]))
     resolved = [catalogue[name].resolve(reference) for name in values]

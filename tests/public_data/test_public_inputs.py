@@ -17,7 +17,7 @@ rate = "3004.8 Hz"
 force = {{ column = "force_N", unit = "N" }}
 displacement = {{ column = "displacement_cm", unit = "cm" }}
 [inputs]
-signal = {{ column = "signal_V", unit = "V", reference = "0 V" }}
+signal = {{ column = "signal_V", unit = "V" }}
 [[run]]
 file = "{file}"
 """

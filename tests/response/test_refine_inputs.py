@@ -7,7 +7,7 @@ import pytest
 
 from sindyjoint import JointRegressor
 from sindyjoint.equation.held import held_numbers
-from sindyjoint.inputs import Input, with_range
+from sindyjoint.inputs import Input
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.response.refine import refine
@@ -32,7 +32,7 @@ def campaign():
             random_state=generator,
         )
         runs += [replace(r, name=f"{r.name} {value}", inputs={"temperature": value}) for r in made.runs]
-    return replace(made, runs=tuple(runs), inputs=with_range([Input("temperature", "K")], runs, []))
+    return replace(made, runs=tuple(runs), inputs=(Input("temperature", "K"),))
 
 
 @pytest.fixture(scope="module")

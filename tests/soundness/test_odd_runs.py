@@ -21,7 +21,7 @@ def cycles_of(extra, plan):
         angles.append(np.fft.rfft(angle) / POINTS)
     names = tuple(f"{f:g} Hz {level:g}" for f, level in plan)
     moment, angle = (np.array(x)[:, : MOST_HARMONICS + 1] for x in (moments, angles))
-    return Cycles(names, np.array([f for f, _ in plan]), moment, angle)
+    return Cycles(names, np.array([f for f, _ in plan]), moment, angle, np.zeros((len(plan), POINTS, 0)))
 
 
 def told(extra, plan=PLAN):

@@ -80,12 +80,13 @@ class _EffectFile(StrictEntry):
 
 @dataclass(frozen=True)
 class Variant(Form):
-    """One way in which an effect may act."""
+    """One way in which an effect may act; ``references`` are the numbers that its formulas use of its inputs."""
 
     columns: tuple[Column, ...]
     parameters: tuple[Parameter, ...]
     states: tuple[State, ...]
     inputs: tuple[str, ...] = ()
+    references: tuple[tuple[str, float], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
-from sindyjoint.equation import dimensions
 from sindyjoint.equation.dependences import dependences
 from sindyjoint.equation.element import Column
-from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.inputs import Input, reference_values
@@ -23,17 +21,14 @@ def input_effects(inputs: Sequence[Input], model: JointModel) -> tuple[Effect, .
         Of the campaign; one with a single level shows nothing.
     model : JointModel
     """
-    levels = {each.name: each.levels for each in inputs}
-    reference = reference_values(inputs)
+    references = Reference(inputs=reference_values(inputs))
     found = []
-    for term in dependences(inputs, levels, model.ids):
+    for term in dependences(inputs, model.ids):
         if term.id in model:
             continue
-        own = term.inputs[0]
-        expression = term.resolve(Reference(inputs=reference)).expression
-        units = {own.name: own.unit}
-        unit = dimensions.coefficient_unit(expression, units, model.joint.motion)
-        column = Column(term.symbol, formula_text(expression), unit, False, expression)
+        # The formula keeps the name of the reference: a number in its place has no unit.
+        resolved, unit = term.resolve(references), term.unit_for(model.joint.motion)
+        column = Column(term.symbol, term.formula, unit, False, resolved.expression)
         found.append(
             Effect(
                 id=term.id,
@@ -43,7 +38,7 @@ def input_effects(inputs: Sequence[Input], model: JointModel) -> tuple[Effect, .
                 source="",
                 confused_with=(),
                 enters="moment",
-                variants=(Variant((column,), (), (), (own.name,)),),
+                variants=(Variant((column,), (), (), (term.inputs[0].name,), resolved.values),),
             )
         )
     return tuple(found)

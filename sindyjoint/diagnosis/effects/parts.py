@@ -42,7 +42,7 @@ def parts_of_law(
     units, known = variant.units(motion), name or effect.replace("_", " ")
     if variant.states:
         return [], element_of(effect, known, variant, coefficients, values, motion)
-    inner = tuple(zip(variant.names, map(float, values), strict=True))
+    inner = (*zip(variant.names, map(float, values), strict=True), *variant.references)
     return [
         ModelTerm(
             id=effect if k == 0 else f"{effect}_{k + 1}",

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from sindyjoint.discovery.factors import Factor
-from sindyjoint.discovery.inputs import input_names
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import row_arguments
 from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import compile_terms
+from sindyjoint.inputs import input_names
 from sindyjoint.parallel import Executor, ordered_map
 
 if TYPE_CHECKING:

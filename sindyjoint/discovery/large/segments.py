@@ -16,13 +16,13 @@ import numpy as np
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
-from sindyjoint.discovery.inputs import input_names
 from sindyjoint.discovery.large.passes import Segment, largest_of, pass_over
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, hierarchy, run_factors
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.files.campaign import FEWEST, load_segment
+from sindyjoint.inputs import input_names
 from sindyjoint.parallel import Executor
 from sindyjoint.record import Campaign
 from sindyjoint.source import LongRecord

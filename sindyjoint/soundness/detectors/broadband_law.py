@@ -37,6 +37,8 @@ class Samples:
     angle, rate, acceleration, moment : ndarray, shape (r, n)
     part : ndarray of int, shape (r, n)
         In which of the parts of its run a sample lies.
+    inputs : ndarray, shape (r, n, k)
+        Declared inputs.
     """
 
     names: tuple[str, ...]
@@ -45,6 +47,7 @@ class Samples:
     acceleration: Array
     moment: Array
     part: NDArray[np.intp]
+    inputs: Array
     repeats: ClassVar[bool] = False
     frequency: ClassVar[None] = None
 
@@ -56,12 +59,14 @@ class Samples:
             every = np.flatnonzero(each.moving)
             kept = every[np.linspace(0, every.size - 1, SAMPLES).astype(int)]
             part = kept * PARTS // each.n_samples
+            inputs = np.array([values[kept] for values in each.inputs.values()]).reshape(-1, SAMPLES).T
             columns.append(
-                [each.angle[kept], each.rate[kept], each.acceleration[kept], each.moment[kept], part]
+                [each.angle[kept], each.rate[kept], each.acceleration[kept], each.moment[kept], part, inputs]
             )
         stacked = [np.array(rows) for rows in zip(*columns, strict=True)]
-        angle, rate, acceleration, moment, part = stacked
-        return cls(tuple(s.run for s in states), angle, rate, acceleration, moment, part.astype(np.intp))
+        angle, rate, acceleration, moment, part, inputs = stacked
+        names = tuple(s.run for s in states)
+        return cls(names, angle, rate, acceleration, moment, part.astype(np.intp), inputs)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -76,6 +81,7 @@ class Samples:
             self.acceleration[rows],
             self.moment[rows],
             self.part[rows],
+            self.inputs[rows],
         )
 
     def scaled(self, moment: Gains = 1.0, angle: Gains = 1.0) -> Samples:

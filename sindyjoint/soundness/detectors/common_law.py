@@ -18,10 +18,11 @@ Columns = Callable[[Array, Array], list[Array]]
 
 @dataclass(frozen=True)
 class Scale:
-    """Largest angle and rate of a campaign, by which the columns are scaled."""
+    """Largest angle and rate of a campaign, and least and largest inputs, by which the columns are scaled."""
 
     angle: float
     rate: float
+    inputs: tuple[tuple[float, float], ...] = ()
 
 
 def flexible_columns(a: Array, v: Array) -> list[Array]:
@@ -88,6 +89,10 @@ class Motions(Protocol):
     def frequency(self) -> Array | None:
         """Of the runs, Hz; None of runs that do not repeat."""
 
+    @property
+    def inputs(self) -> Array:
+        """Declared inputs along the motion, shape (r, n, k)."""
+
     def __len__(self) -> int: ...
 
     def take(self, index: Sequence[int]) -> Self:
@@ -129,17 +134,19 @@ def rows_of(
     """Return the moving rows of mean cycles; other harmonics of the channels may be put in."""
     measured = cycles.load()
     load = measured if moment is None else synthesise(moment)
-    return _rows(cycles.motion(angle), load, measured, law)
+    return _rows(cycles.motion(angle), load, measured, cycles.inputs, law)
 
 
 def rows_of_motions(motions: Motions, scale: Scale, inertia: float | None) -> Rows:
     """Return the moving rows of runs under a flexible law: where they do not repeat, a wide one."""
     load = motions.load()
     columns = flexible_columns if motions.repeats else wide_columns
-    return _rows(motions.motion(), load, load, CommonLaw(scale, inertia, columns))
+    return _rows(motions.motion(), load, load, motions.inputs, CommonLaw(scale, inertia, columns))
 
 
-def _rows(motion: tuple[Array, Array, Array], load: Array, measured: Array, law: CommonLaw) -> Rows:
+def _rows(
+    motion: tuple[Array, Array, Array], load: Array, measured: Array, inputs: Array, law: CommonLaw
+) -> Rows:
     (theta, rate, acceleration), scale, inertia = motion, law.scale, law.inertia
     norm = np.std(measured, axis=1, keepdims=True)
     norm[norm == 0] = 1.0
@@ -147,6 +154,10 @@ def _rows(motion: tuple[Array, Array, Array], load: Array, measured: Array, law:
     moving = np.abs(rate) > law.slowest * np.abs(rate).max(axis=1, keepdims=True)
     weight = moving / norm
     built = law.columns(theta / scale.angle, rate / scale.rate)
+    # Each of the paper's coefficients may depend on each input.
+    offered = plain_columns(theta / scale.angle, rate / scale.rate)
+    for values, (low, high) in zip(np.moveaxis(inputs, 2, 0), scale.inputs, strict=True):
+        built += [column * (values - low) / (high - low) for column in offered if high > low]
     if inertia is None:
         built.append(acceleration * scale.angle / scale.rate**2)
     return Rows(np.stack(built, axis=2) * weight[:, :, None], load * weight)
@@ -161,7 +172,12 @@ def scale_of(cycles: Motions) -> Scale:
     """Return the scale of a campaign: medians, so that one run in another unit does not set it."""
     angle, rate, _ = cycles.motion()
     swing = np.abs(angle - angle.mean(axis=1, keepdims=True)).max(axis=1)
-    return Scale(float(np.median(swing)) or 1.0, float(np.median(np.abs(rate).max(axis=1))) or 1.0)
+    ends = np.moveaxis(cycles.inputs, 2, 0)
+    return Scale(
+        float(np.median(swing)) or 1.0,
+        float(np.median(np.abs(rate).max(axis=1))) or 1.0,
+        tuple((float(values.min()), float(values.max())) for values in ends),
+    )
 
 
 def solve(products: Array) -> tuple[Array, float]:

@@ -162,7 +162,7 @@ class Held:
         )
 
     def _covered(self, run: int) -> NDArray[np.bool_]:
-        """Return the rows whose angle and rate lie in the convex hull of the others'.
+        """Return the rows whose angle and rate lie in the convex hull of the others', and inputs in their range.
 
         None where no other run has as small an amplitude: a law with memory depends on it.
         """
@@ -172,6 +172,9 @@ class Held:
         others, their_rate, _ = self.runs.take(self.alike).motion()
         furthest = (np.stack([others.ravel(), their_rate.ravel()], axis=1) @ ways).max(axis=0)
         inside: NDArray[np.bool_] = np.all(np.stack([angle[0], rate[0]], axis=1) @ ways <= furthest, axis=1)
+        low, high = np.reshape(self.scale.inputs, (-1, 2)).T
+        own = self.runs.inputs[run]
+        inside &= np.all((own >= low) & (own <= high), axis=1)
         smallest = float(np.ptp(others, axis=1).min())
         return inside & (smallest <= POLICY.same_level * float(np.ptp(angle)))
 
