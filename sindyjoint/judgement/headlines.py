@@ -22,7 +22,7 @@ from sindyjoint.judgement.headline import (
     judge_soundness,
 )
 from sindyjoint.judgement.policy import POLICY
-from sindyjoint.response.verification import Verification
+from sindyjoint.response.verification import Verification, seen_words
 from sindyjoint.soundness.checked import Checked
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.soundness.structure.check import RigCheck
@@ -83,12 +83,12 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         fit = Light("response", colour, f"error {percent(result.response_nrmse)}, {floor}; {tolerated}")
     lights.append(fit)
     if result.kind == "campaign" or any(run.drive != "pulse" for run in result.runs):
+        known = {run.name: run.seen for run in result.runs}
+        words = seen_words(known)
         lights.append(
-            Light("held out", "good", "no run is compared that the model was fitted to")
-            if result.independent
-            else Light(
-                "held out", "fair", "no run is kept for validation: the model may have been fitted to these"
-            )
+            Light("held out", "fair", "; ".join(words))
+            if words
+            else Light("held out", "good", "no fit of the model has seen the runs that are compared")
         )
     lights.append(
         Light("range", "fair", f"beyond what was tested: {list_some(result.beyond_range)}")
