@@ -10,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.discovery.delay import align_channels
-from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
-from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.policy import POLICY
+from sindyjoint.judgement.refined import estimated_errors
 from sindyjoint.record import Campaign
-from sindyjoint.response.drive import prescribed
 from sindyjoint.response.nuisances import corrected, put_right
 from sindyjoint.response.output_error_parts import Nuisance as Kind
 from sindyjoint.response.refine import Refinement
@@ -32,14 +31,6 @@ from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.verify import CheckedVerification
-
-# What the estimated errors of the channels are in the record of a test, by what the response is.
-STORED: dict[tuple[str, str], tuple[str, Enters, str]] = {
-    ("delay", "angle"): ("channel_delay", "time shift", "tau"),
-    ("gain", "angle"): ("angle_gain", "angle gain", "g"),
-    ("gain", "moment"): ("moment_gain", "moment gain", "g"),
-    ("offset", "angle"): ("angle_offset", "angle zero", "theta_0"),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +137,7 @@ def refine(
     notes = (*notes, *beyond_tested(model, *states, whose=GIVEN))
     later, shown = result.model, usable
     if result.refined:
-        responses = {"moment" if prescribed(s, spurious=True) else "angle" for s in states}
-        estimated, lost = _stored(result, responses)
+        estimated, lost = estimated_errors(result, states)
         known = model.test or TestNuisances(content_hash(given), given.joint.name)
         test = replace(known, nuisances=(*known.nuisances, *estimated))
         later = fitted_to(
@@ -182,21 +172,3 @@ def tested_on(model: JointModel, states: Sequence[ForceStates], campaign: Campai
         simulated=campaign.simulated,
     )
     return replace(model, fitted=fitted)
-
-
-def _stored(result: Refinement, responses: set[str]) -> tuple[list[Nuisance], list[str]]:
-    """Return estimated errors of channels as nuisances, and what is said of those that no one channel has."""
-    found, lost = [], []
-    for name, (value, error) in result.nuisance.items():
-        # Of angle and moment together a number is of neither; a delay lies between them.
-        channel = "angle" if name == "delay" else "".join(responses)
-        if (name, channel) not in STORED:
-            lost.append(f"the {name} that was estimated is not applied where model and campaign are compared")
-            continue
-        id, enters, symbol = STORED[name, channel]
-        unit = {"delay": "s", "gain": "1"}.get(
-            name, "rad" if result.model.joint.motion == "rotation" else "m"
-        )
-        ends = (value - 1.96 * error, value + 1.96 * error)
-        found.append(Nuisance(id, enters, Value(symbol, value, error, ends, unit)))
-    return found, lost
