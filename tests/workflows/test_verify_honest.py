@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 from sindyjoint import Campaign, Joint, Run, discover, load_campaign, verify
+from sindyjoint.equation.element import Value
+from sindyjoint.equation.test_record import Nuisance, TestNuisances, channel_delay
 from sindyjoint.files import write_campaign
+from sindyjoint.states.campaigns import content_hash
 from sindyjoint.workflows.diagnose import diagnose
 from tests.equation.test_element import MAXWELL
 from tests.made_models import model_of, term
@@ -179,10 +182,6 @@ def test_a_delay_that_discovery_removed_goes_with_the_model_to_other_runs_of_the
 def test_a_zero_belongs_to_a_run_and_is_estimated_anew_in_each():
     drives, frequencies = sines(4, 2.2)
     first = recorded(drives, 0.003, 1, frequencies, zeros=1.2e-4)
-    from sindyjoint.equation.element import Value
-    from sindyjoint.equation.test_record import Nuisance, TestNuisances
-    from sindyjoint.states.campaigns import content_hash
-
     zero = Nuisance("angle_offset", "angle zero", Value("theta_0", 1.2e-4, 0.0, (1.2e-4, 1.2e-4), "rad"))
     model = replace(law(), test=TestNuisances(content_hash(first), "joint", (zero,)))
     assert verify(model, first, draws=0).response_nrmse < 0.01
@@ -263,3 +262,22 @@ def test_the_delay_of_the_first_part_of_emps_goes_to_its_last(public_data):
     free = verify(model, last, draws=0, free_run=20)
     # Measured 4.5 mm.
     assert free.runs[0].rmse < 6e-3
+
+
+def test_a_simulated_test_of_a_model_has_the_delay_of_its_rig(sindyjoint, tmp_path):
+    known = replace(law(), test=TestNuisances("", "joint", (channel_delay(2e-3, 0.0),)))
+    (tmp_path / "model.json").write_text(known.to_json())
+    answer = sindyjoint(
+        "simulate", "--model", tmp_path / "model.json", "--frequencies", 3, "--levels", 0.8, "--duration", 2,
+        "--noise", 0, "--out", tmp_path / "runs",
+    )  # fmt: skip
+    assert "the moment lags by 0.002 s, as the model knows of its rig" in answer.stderr
+    (run,) = load_campaign(tmp_path / "runs").runs
+    # What the law and the inertia make of the angle, 2 ms later: by second differences of noise-free samples.
+    step = 1 / run.sample_rate
+    rate, acceleration = np.gradient(run.angle, step), np.gradient(np.gradient(run.angle, step), step)
+    moment = K1 * run.angle + K3 * run.angle**3 + C1 * rate + INERTIA * acceleration
+    late = np.interp(run.time - 2e-3, run.time, moment)
+    inside = slice(20, -20)
+    assert np.std((run.moment - late)[inside]) < 0.01 * np.std(run.moment)
+    assert np.std((run.moment - moment)[inside]) > 0.03 * np.std(run.moment)
