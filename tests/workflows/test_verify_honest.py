@@ -212,7 +212,7 @@ def test_a_diagnosis_of_another_campaign_starts_from_what_the_model_knows_of_the
 
 @pytest.mark.parametrize("kind", ["sines", "multisines"])
 def test_no_run_near_the_softening_limit_loses_its_figure_to_a_noisy_first_sample(kind):
-    """Six runs up to 0.97 of the limit at 3 % noise; their records begin anywhere in a cycle."""
+    """Six runs up to 0.99 of the limit at 3 % noise; their records begin anywhere in a cycle."""
     frequencies = None
     drives = multisines(6, 1.0, 3)
     if kind == "sines":
@@ -222,7 +222,7 @@ def test_no_run_near_the_softening_limit_loses_its_figure_to_a_noisy_first_sampl
         for _ in range(8):
             level = (low + high) / 2
             peak = np.nan_to_num(np.abs(move(level[:, None] * drives, BRANCH)).max(axis=1), nan=1.0)
-            low, high = np.where(peak > 0.97 * LIMIT, low, level), np.where(peak > 0.97 * LIMIT, level, high)
+            low, high = np.where(peak > 0.99 * LIMIT, low, level), np.where(peak > 0.99 * LIMIT, level, high)
     campaign = recorded(low[:, None] * drives, 0.03, 1, frequencies, branch=BRANCH)
     branch = replace(MAXWELL, columns=(replace(MAXWELL.columns[0], value=BRANCH),))
     result = verify(law((branch,)), campaign, draws=0)
