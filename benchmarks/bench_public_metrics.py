@@ -138,8 +138,6 @@ def by_diagnosis(campaign, folder: Path, refine: bool = False) -> str:
     found = diagnose(campaign, advise=False, refine=refine)
     model = found.whole or found.model
     (folder / "model.json").write_text(model.to_json())
-    if found.test:
-        (folder / "test.json").write_text(found.test.to_json())
     return " ".join([*model.ids, *(each.id for each in model.elements)])
 
 

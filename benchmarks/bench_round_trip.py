@@ -4,7 +4,7 @@ python -m benchmarks round-trip --seeds 0 1               # virtual tests with h
 python -m benchmarks round-trip --data ../shared/data     # public data
 python -m benchmarks round-trip --names channel_delay jenkins_element --tests usual multisine
 
-Every second run is kept out; of a campaign with one run its last third. model.json and test.json are written and read.
+Every second run is kept out; of a campaign with one run its last third. model.json is written and read.
 """
 
 from __future__ import annotations
@@ -64,11 +64,7 @@ def saved_and_verified(campaign, folder: Path):
 
     accept = accepted(campaign)
     found = diagnose(campaign, accept=accept, advise=False)
-    for name in ("model.json", "test.json"):
-        (folder / name).unlink(missing_ok=True)
     (folder / "model.json").write_text((found.whole or found.model).to_json())
-    if found.test:
-        (folder / "test.json").write_text(found.test.to_json())
     return found, verify(folder / "model.json", campaign, accept=accept, draws=0)
 
 

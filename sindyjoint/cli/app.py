@@ -17,11 +17,10 @@ from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
 from sindyjoint.cli.init import init
-from sindyjoint.cli.limits import limits
 from sindyjoint.cli.plan import plan
 from sindyjoint.cli.plot import plot
 from sindyjoint.cli.rig import rig
-from sindyjoint.cli.schema import schema
+from sindyjoint.cli.schema import limits, schema
 from sindyjoint.cli.simulate import simulate
 from sindyjoint.cli.verify import verify
 

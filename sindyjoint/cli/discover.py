@@ -91,7 +91,7 @@ def discover(
     """Find which terms the joint's equation has, with coefficients and evidence.
 
     With --refine --model no terms are sought: the numbers of that model, elements among them, are fitted to the
-    simulated response, and the result stands beside the measured one. A test.json beside it is applied to its campaign.
+    simulated response, and the result stands beside the measured one. What it knows of the rig's channels is put right.
 
     Of a rig.toml with sensors and runs, the law of the joints inside the structure is found.
 

@@ -63,7 +63,6 @@ TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
 FREQUENCIES = _text(default_of(TEST, "frequencies"))
 LEVELS = _text(default_of(TEST, "levels"))
 NOISE: float = default_of(TEST, "noise")
-SKEW: float = default_of(PLAN, "skew")
 FORMAT = _Format(default_of("files.writers:write_campaign", "format"))
 
 
@@ -119,7 +118,13 @@ def simulate(
     settling: Annotated[
         float, typer.Option(help="Time in s that passes before the record begins; 0 keeps the start-up.")
     ] = default_of(PLAN, "settling"),
-    skew: Annotated[float, typer.Option(help="Time in s by which the moment lags the angle.")] = SKEW,
+    skew: Annotated[
+        float | None,
+        typer.Option(
+            help="Time in s by which the moment lags the angle. Default: what the model knows of its rig, or none.",
+            show_default=False,
+        ),
+    ] = None,
     raw: Annotated[
         bool, typer.Option("--raw", help="Write strain gauges and laser spots, not moment and angle.")
     ] = default_of(TEST, "raw_channels"),
@@ -161,6 +166,12 @@ def simulate(
     if known is None and at:
         raise InputError(f"--at {at[0]} is given without --model; the paper's joints have no inputs")
     held = None if known is None else known.at(**given_inputs(known, at))
+    if skew is None:
+        skew = 0.0 if known is None or known.test is None else known.test.total("time shift")
+        if skew:
+            typer.echo(
+                f"the moment lags by {skew:.3g} s, as the model knows of its rig (--skew 0: not)", err=True
+            )
     test = virtual_test(
         joint.value if held is None else model_law(held),
         angle_limit=None if known is None else known.fitted.angle,

@@ -12,8 +12,8 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.in_place import InPlace
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.numeric import Array
-from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness

@@ -13,8 +13,15 @@ from typing import TYPE_CHECKING
 
 from sindyjoint.equation.dimensions import formula_unit
 from sindyjoint.equation.evaluation import TermFunction, compile_terms
-from sindyjoint.equation.parsing import FUNCTIONS, build_expression
-from sindyjoint.equation.symbols import ALIASES, VARIABLES, parameter_symbol, state_symbol, variable_symbols
+from sindyjoint.equation.parsing import (
+    ALIASES,
+    FUNCTIONS,
+    VARIABLES,
+    build_expression,
+    parameter_symbol,
+    state_symbol,
+    variable_symbols,
+)
 
 if TYPE_CHECKING:
     import sympy

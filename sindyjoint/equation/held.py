@@ -106,7 +106,7 @@ def _plan(
     from sympy import Float
 
     from sindyjoint.equation.formula import formula_text, parse_formula, state_symbol, variable_symbols
-    from sindyjoint.equation.symbols import parameter_symbol
+    from sindyjoint.equation.parsing import parameter_symbol
 
     motion = variable_symbols()
     held = {state_symbol(name): Float(value, 17) for name, value in values}

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, range_warnings
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input
 from sindyjoint.record import Joint
@@ -40,6 +41,8 @@ class JointModel:
     elements : tuple of JointElement
     inputs : tuple of Input
         On which the terms depend beside angle and rate, with the range that was tested.
+    test : TestNuisances, optional
+        Errors of the test that it was found in: those of the rig hold in every campaign of that.
     """
 
     joint: Joint
@@ -48,6 +51,7 @@ class JointModel:
     fitted: Fitted
     elements: tuple[JointElement, ...] = ()
     inputs: tuple[Input, ...] = ()
+    test: TestNuisances | None = None
 
     def __getitem__(self, term_id: str) -> ModelTerm:
         for term in self.terms:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     import sympy
 
 INERTIA = "inertia"
+# Among what a model has seen: nobody wrote down all of it.
+UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,9 @@ class Fitted:
         Whether the mean angle was measured; otherwise zero is where the elastic moment is zero.
     quasi_static : bool
         Whether the samples had no time: the rate is then that of the path, one.
+    seen : tuple of str
+        Runs that any fit of it used, by :func:`~sindyjoint.states.campaigns.run_hash`; with ``"unknown"`` among them
+        there may be others.
     """
 
     moment_rms: float
@@ -110,6 +115,7 @@ class Fitted:
     gains: tuple[tuple[str, float], ...] = ()
     mean_known: bool = True
     quasi_static: bool = False
+    seen: tuple[str, ...] = (UNKNOWN,)
 
     @property
     def misfit(self) -> float:
@@ -117,6 +123,11 @@ class Fitted:
         floor = self.noise_floor if math.isfinite(self.noise_floor) else 0.0
         beyond = max(self.residual_rms**2 - floor**2, 0.0)
         return float(np.sqrt(beyond)) / self.moment_rms if self.moment_rms > 0 else 0.0
+
+
+def has_seen(fitted: Fitted, run: str) -> bool | None:
+    """Return whether a fit has used a run, known by its hash; None where that is not known."""
+    return True if run in fitted.seen else None if UNKNOWN in fitted.seen else False
 
 
 def range_warnings(

@@ -8,31 +8,32 @@ from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
-from sindyjoint.equation.element import ElementState, JointElement, Value
-from sindyjoint.equation.model_parts import Fitted, ModelTerm
+from sindyjoint.equation.model_parts import UNKNOWN, Fitted, ModelTerm
+from sindyjoint.equation.record_parts import (
+    ElementRecord,
+    Interval,
+    Number,
+    Part,
+    Size,
+    Text,
+    element_of_record,
+    element_record,
+    validated,
+)
+from sindyjoint.equation.test_record import TestNuisances, TestRecord
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input
 from sindyjoint.record import Joint
-from sindyjoint.text import expectation
 
 SCHEMA = 2
 KIND: Literal["JointModel"] = "JointModel"
 # Of what a model was fitted on; NaN inside, null in JSON.
 MAY_BE_UNKNOWN = ("noise_floor", "moment_rms", "residual_rms", "moving_fraction", "angle", "rate")
 
-Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e200, le=1e200)]
-Size = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0, le=1e200)]
-Text = Annotated[str, Field(max_length=2000)]
-Interval = tuple[Number, Number]
 
-
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
-
-class TermRecord(_Part):
+class TermRecord(Part):
     """A term of angle and rate with its coefficient."""
 
     id: Text
@@ -49,37 +50,7 @@ class TermRecord(_Part):
     inputs: list[Text] = []
 
 
-class ColumnRecord(_Part):
-    """A moment of an element, and its coefficient."""
-
-    symbol: Text
-    formula: Text
-    coefficient: Number
-    unit: Text
-    standard_error: Size
-    interval95: Interval
-
-
-class ParameterRecord(_Part):
-    """A nonlinear parameter of an element."""
-
-    name: Text
-    value: Number
-    unit: Text
-    standard_error: Size
-    interval95: Interval
-
-
-class StateRecord(_Part):
-    """An internal state: its rate, and the value that it cannot pass."""
-
-    name: Text
-    unit: Text
-    rate: Text
-    limit: Text | None = None
-
-
-class InputRecord(_Part):
+class InputRecord(Part):
     """An input of the law: SI unit, reference, the unit that it was declared in, and the range tested."""
 
     name: Text
@@ -94,19 +65,7 @@ class InputRecord(_Part):
     lag: Size = 0.0
 
 
-class ElementRecord(_Part):
-    """A part of the law that has a memory."""
-
-    id: Text
-    effect: Text
-    symbol: Text
-    name: Text = ""
-    columns: Annotated[list[ColumnRecord], Field(min_length=1)]
-    parameters: list[ParameterRecord]
-    states: list[StateRecord]
-
-
-class JointRecord(_Part):
+class JointRecord(Part):
     """The joint under test."""
 
     name: Text
@@ -117,7 +76,7 @@ class JointRecord(_Part):
     labels: dict[Text, Text] = {}
 
 
-class FittedRecord(_Part):
+class FittedRecord(Part):
     """On what data the model was fitted, and the range that they cover."""
 
     moment_rms: Size | None
@@ -135,9 +94,10 @@ class FittedRecord(_Part):
     gains: dict[Text, Size] = {}
     mean_known: bool = True
     quasi_static: bool = False
+    seen: list[Text] = [UNKNOWN]
 
 
-class ModelRecord(_Part):
+class ModelRecord(Part):
     """``model.json``: the equation of a joint with the covariance of all its numbers."""
 
     schema_: Annotated[Literal[1, 2], Field(alias="schema")]
@@ -148,6 +108,7 @@ class ModelRecord(_Part):
     fitted: FittedRecord
     elements: Annotated[list[ElementRecord], Field(max_length=50)] = []
     inputs: Annotated[list[InputRecord], Field(max_length=20)] = []
+    test: TestRecord | None = None
     fidelity: list[dict[str, Any]] = []  # of an export to JSON
 
 
@@ -175,36 +136,13 @@ def to_record(model: Any) -> dict[str, Any]:
             **({"gains": dict(model.fitted.gains)} if model.fitted.gains else {}),
         },
         **({"inputs": [asdict(each) for each in model.inputs]} if model.inputs else {}),
+        **({"test": model.test.to_dict()} if model.test else {}),
     }
 
 
 def _without_empty(term: dict[str, Any]) -> dict[str, Any]:
     """Return the record of a term; one that depends on no input does not speak of them."""
     return {key: value for key, value in term.items() if key != "inputs" or value}
-
-
-def element_record(element: JointElement) -> dict[str, Any]:
-    """Return an element as plain JSON data."""
-    return {
-        "id": element.id,
-        "effect": element.effect,
-        "symbol": element.symbol,
-        "name": element.name,
-        "columns": [
-            {"symbol": n.name, "formula": n.formula, "coefficient": n.value, **_certainty(n)}
-            for n in element.columns
-        ],
-        "parameters": [{"name": n.name, "value": n.value, **_certainty(n)} for n in element.parameters],
-        "states": [asdict(state) for state in element.states],
-    }
-
-
-def _certainty(number: Value) -> dict[str, Any]:
-    return {
-        "unit": number.unit,
-        "standard_error": number.standard_error,
-        "interval95": list(number.interval95),
-    }
 
 
 def from_record(data: Any) -> dict[str, Any]:
@@ -238,24 +176,13 @@ def from_record(data: Any) -> dict[str, Any]:
                 "frequencies": tuple(fitted["frequencies"]),
                 "versions": tuple(fitted["versions"].items()),
                 "gains": tuple(fitted["gains"].items()),
+                "seen": tuple(fitted["seen"]),
             }
         ),
         "elements": elements,
         "inputs": tuple(Input(**each.model_dump()) for each in record.inputs),
+        "test": None if record.test is None else TestNuisances.of_record(record.test),
     }
-
-
-def validated(schema: Any, data: Any, wanted: str) -> Any:
-    """Return data as a schema has it; InputError names the first field that is not so."""
-    try:
-        return schema.model_validate(data)
-    except ValidationError as error:
-        fault = sorted(error.errors(), key=lambda each: each["type"] == "extra_forbidden")[0]
-        place = ".".join(str(step + 1) if isinstance(step, int) else str(step) for step in fault["loc"])
-        words = {"missing": "is missing", "extra_forbidden": "is unknown"}
-        given = f" is {str(fault['input'])[:40]!r};" if fault["type"] not in words else ""
-        reason = words.get(fault["type"]) or expectation(fault)
-        raise InputError(f"not {wanted}: {place}{given} {reason}") from None
 
 
 def _term(record: TermRecord) -> ModelTerm:
@@ -263,27 +190,6 @@ def _term(record: TermRecord) -> ModelTerm:
     term = ModelTerm(**{**record.model_dump(), **tuples})
     _ = term.expression  # a formula that cannot be read is said at once
     return term
-
-
-def element_of_record(record: ElementRecord, signals: tuple[str, ...] = ()) -> JointElement:
-    """Return the element of a record; its formulas are read, so that a fault is said at once."""
-    element = JointElement(
-        id=record.id,
-        effect=record.effect,
-        symbol=record.symbol,
-        name=record.name or record.effect.replace("_", " "),
-        columns=tuple(
-            Value(c.symbol, c.coefficient, c.standard_error, c.interval95, c.unit, c.formula)
-            for c in record.columns
-        ),
-        parameters=tuple(
-            Value(p.name, p.value, p.standard_error, p.interval95, p.unit) for p in record.parameters
-        ),
-        states=tuple(ElementState(s.name, s.unit, s.rate, s.limit) for s in record.states),
-        signals=signals,
-    )
-    _ = element.form
-    return element
 
 
 def _covariance(rows: list[list[float]], size: int) -> tuple[tuple[float, ...], ...]:

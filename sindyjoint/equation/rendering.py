@@ -14,8 +14,7 @@ from sympy.printing.latex import LatexPrinter
 from sympy.printing.precedence import precedence
 from sympy.printing.str import StrPrinter
 
-from sindyjoint.equation.parsing import MAXIMUM_ARGUMENTS
-from sindyjoint.equation.symbols import ALIASES, variable_symbols
+from sindyjoint.equation.parsing import ALIASES, MAXIMUM_ARGUMENTS, variable_symbols
 
 # In this order sympy's alphabetical sorting of factors gives θ before θ̇ (dots are combining characters).
 _NAMES = {

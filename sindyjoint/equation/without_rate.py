@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.element import Form
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.symbols import variable_symbols
+from sindyjoint.equation.parsing import variable_symbols
 from sindyjoint.errors import InputError
 from sindyjoint.text import list_some, spelled
 

@@ -141,7 +141,7 @@ class GivenModel:
     response : float
         Error of the simulated response relative to its RMS; NaN where it cannot be simulated.
     seen : bool
-        Whether its numbers were fitted to this campaign.
+        Whether a fit of it has used runs of this campaign.
     """
 
     terms: tuple[str, ...]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,7 @@ from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
-from sindyjoint.states.campaigns import content_hash
+from sindyjoint.states.campaigns import content_hash, run_hash
 from sindyjoint.text import in_words_of
 from sindyjoint.trust import Light, Trust
 from sindyjoint.versions import versions
@@ -97,7 +98,8 @@ class Discovery(Shown):
         if self.stopped is not None:
             lights: tuple[Light, ...] = (judge_soundness(self.soundness, self.campaign.simulated),)
         else:
-            lights = assess(self.model, self.campaign, self.soundness, known=True, states=self.states)
+            seen = {run.name: run.use == "identify" for run in self.campaign.runs}
+            lights = assess(self.model, self.campaign, self.soundness, seen, states=self.states)
         return of_discovery(lights, Excitations.of(self.campaign), self.found)
 
     @property
@@ -218,6 +220,8 @@ def _reach(model: JointModel) -> tuple[float | None, float | None]:
     return (model.fitted.angle, float(np.sqrt(k1 / (-3 * k3)))) if k3 < 0 < k1 else (None, None)
 
 
-def fitted_to(model: JointModel, campaign: Campaign) -> JointModel:
-    """Return a model that knows the campaign it was fitted to, as it was given, and by which versions."""
-    return replace(model, fitted=replace(model.fitted, data=content_hash(campaign), versions=versions()))
+def fitted_to(model: JointModel, campaign: Campaign, earlier: Sequence[str] = ()) -> JointModel:
+    """Return a model that knows the campaign it was fitted to, as it was given, its runs, and by which versions."""
+    runs = {*earlier, *map(run_hash, campaign.identification_runs)}
+    fitted = replace(model.fitted, data=content_hash(campaign), versions=versions(), seen=tuple(sorted(runs)))
+    return replace(model, fitted=fitted)

@@ -17,7 +17,7 @@ from sindyjoint.judgement.headline import (
 )
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
-from sindyjoint.response.verification import Verification
+from sindyjoint.response.verification import Verification, seen_words
 from sindyjoint.soundness.checked import Checked
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.soundness.structure.check import RigCheck
@@ -81,12 +81,12 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         fit = Light("response", colour, f"error {percent(result.response_nrmse)}, {floor}; {tolerated}")
     own = [fit]
     if result.kind == "campaign" or any(run.drive != "pulse" for run in result.runs):
+        known = {run.name: run.seen for run in result.runs}
+        words = seen_words(known)
         own.append(
-            Light("held out", "good", "no run is compared that the model was fitted to")
-            if result.independent
-            else Light(
-                "held out", "fair", "no run is kept for validation: the model may have been fitted to these"
-            )
+            Light("held out", "fair", "; ".join(words))
+            if words
+            else Light("held out", "good", "no fit of the model has seen the runs that are compared")
         )
     own.append(
         Light("range", "fair", f"beyond what was tested: {list_some(result.beyond_range)}")
@@ -104,7 +104,7 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
     if not result.passed:
         subject = "CAMPAIGN" if result.kind == "campaign" else "RIG"
         steps.append((f"sindyjoint diagnose {subject} --model MODEL", "find and name what the model lacks"))
-    if weak & {"held out", "predicts"} and not result.independent:
+    if any(run.seen is not False for run in result.runs) and weak & {"held out", "predicts"}:
         steps.append(
             (
                 f'write use = "validate" to a run in {result.kind}.toml',

@@ -35,6 +35,7 @@ from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
 from sindyjoint.response.model_law import model_law
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows
+from sindyjoint.states.campaigns import signals_hash
 from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
@@ -314,7 +315,7 @@ def _judged(
     terms = _terms_of(regressor)
     fixed = corrected_model(model, terms, campaign, states, replicated=replicated)
     return Discovery(
-        model=fitted_to(fixed.model, campaign),
+        model=_recorded(fitted_to(fixed.model, campaign), recovered),
         verdict=verdict,
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
@@ -384,3 +385,10 @@ def _test_alike(law: JointLaw) -> str:
     if p < LIMITS.differ:
         return f"{joints} are declared alike and differ (p = {p:.1g}): give them kinds of their own"
     return f"{joints} have one law within their errors (p = {p:.2g})"
+
+
+def _recorded(model: JointModel, recovered: Sequence[Recovered]) -> JointModel:
+    """Return a model that has seen the runs of the structure, not those that were recovered of them."""
+    runs = [each.recovery.run for each in recovered]
+    seen = {signals_hash(run.sample_rate, [run.signals]) for run in runs}
+    return replace(model, fitted=replace(model.fitted, seen=tuple(sorted(seen))))

@@ -11,15 +11,16 @@ from sindyjoint.diagnosis.verdict import UNDECIDED
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.equation.calibration import with_gain_uncertainty
-from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.inputs import fixed_notes
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.judgement.trust import assess
 from sindyjoint.record import Campaign
 from sindyjoint.response.law_in_run import as_followed
-from sindyjoint.response.nuisances import Nuisance, TestNuisances
+from sindyjoint.response.nuisances import corrected
+from sindyjoint.response.verify_campaign import seen_runs
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.checked import Checked
 from sindyjoint.states import campaign_states
@@ -54,6 +55,10 @@ class Tested:
         What a virtual test hides.
     beyond : tuple of str
         What to say of runs beyond what a given model was tested to.
+    carried : TestNuisances
+        Errors of the rig's channels that a given model knows, put right beforehand.
+    earlier : tuple of str
+        Hashes of the runs that fits of a given model have seen.
     """
 
     campaign: Campaign
@@ -62,16 +67,18 @@ class Tested:
     lags: tuple[InputLag, ...]
     hidden: Any
     beyond: tuple[str, ...] = ()
+    carried: TestNuisances = TestNuisances("")
+    earlier: tuple[str, ...] = ()
 
     def complete(self, result: Diagnosis) -> Diagnosis:
         """Return a diagnosis that knows the campaign, and is no surer than its data allow."""
-        whole = None if result.whole is None else self._fitted(result.whole)
         test = self.nuisances(result.test or TestNuisances(""))
+        whole = None if result.whole is None else self._fitted(result.whole, test)
         elements = () if result.whole is None else result.whole.elements
         named = [spelled(each.effect, self.campaign.joint.motion) for each in elements]
         notes = (*lag_notes(self.lags), *fixed_notes(self.campaign.inputs, named))
         result = replace(
-            result, test=test, model=self._fitted(result.model), whole=whole, hidden=self.hidden,
+            result, test=test, model=self._fitted(result.model, test), whole=whole, hidden=self.hidden,
             warnings=(*self.beyond, *result.warnings, *notes),
         )  # fmt: skip
         return self._with_trust(no_surer_than(result, self.checked, self.delay is not None))
@@ -80,24 +87,23 @@ class Tested:
         """Return a diagnosis with the answer to whether its model, effects and all, can be trusted."""
         if result.whole is None or result.test is None or result.soundness is None:
             return result
-        put_right = result.test.corrected(self.checked.usable)
-        lights = assess(result.whole, put_right, result.soundness, True, result.test)
+        put_right = corrected(result.test, self.checked.usable)
+        seen = seen_runs(result.whole, self.campaign)
+        lights = assess(result.whole, put_right, result.soundness, seen, result.test)
         result = replace(result, trust=Trust(lights))
         return replace(result, trust=judge_diagnosis(result, self.campaign.simulated))
 
     def nuisances(self, test: TestNuisances) -> TestNuisances:
         """Return what belongs to a test as that of its campaign; a delay removed beforehand is the test's."""
-        found = test.nuisances
+        found = (*self.carried.nuisances, *test.nuisances)
         if self.delay is not None:
-            time, error = self.delay.time, self.delay.standard_error
-            known = Value("tau", time, error, (time - 1.96 * error, time + 1.96 * error), "s")
-            found = (Nuisance("channel_delay", "time shift", known), *found)
-        kept = tuple(run.name for run in self.campaign.validation_runs)
+            found = (channel_delay(self.delay.time, self.delay.standard_error), *found)
         digest = content_hash(self.campaign)
-        return replace(test, campaign=digest, joint=self.campaign.joint.name, nuisances=found, kept_out=kept)
+        return replace(test, campaign=digest, joint=self.campaign.joint.name, nuisances=found)
 
-    def _fitted(self, model: JointModel) -> JointModel:
-        return with_gain_uncertainty(fitted_to(model, self.campaign), self.campaign.gain_uncertainty)
+    def _fitted(self, model: JointModel, test: TestNuisances) -> JointModel:
+        known = fitted_to(replace(model, test=test or None), self.campaign, self.earlier)
+        return with_gain_uncertainty(known, self.campaign.gain_uncertainty)
 
 
 def no_surer_than(result: Diagnosis, checked: Checked, aligned: bool = False) -> Diagnosis:

@@ -8,7 +8,7 @@ the measured motion explained to within what does not repeat? *Predicts*: is tha
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,16 +16,17 @@ import numpy as np
 
 from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
 from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SindyJointError
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.measurement.floor import Floor, larger_moment, moment_floor
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.response.law_in_run import as_followed
+from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.response.run import along_motion, cut_states, settling
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, one_after_another, states_of
-from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.states.rows import group_labels
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import Colour, Light
@@ -78,7 +79,7 @@ def assess(
     model: JointModel,
     campaign: Campaign,
     soundness: Soundness,
-    known: bool,
+    seen: Mapping[str, bool | None],
     test: TestNuisances | None = None,
     states: Sequence[ForceStates] | None = None,
 ) -> tuple[Light, ...]:
@@ -90,8 +91,8 @@ def assess(
     campaign : Campaign
         Its channels put right, and without the samples that the check leaves out.
     soundness : Soundness
-    known : bool
-        Whether the model was fitted to the runs of this campaign that are not kept for validation.
+    seen : mapping of str to bool or None
+        Whether a fit of the model has used a run; None where that is not known.
     test : TestNuisances, optional
         Moments of the test that belong to no joint.
     states : sequence of ForceStates, optional
@@ -105,7 +106,7 @@ def assess(
             Light("predicts", "poor", "there is no model"),
             coverage(campaign),
         )
-    campaign = with_lags(campaign, {each.name: each.lag for each in model.inputs})
+    campaign = as_followed(campaign, model)
     test = test or TestNuisances("")
     runs = campaign.identification_runs or campaign.validation_runs
     try:
@@ -116,16 +117,11 @@ def assess(
             _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
         ]
         gap = Gap.of(fitted)
-        predicts = _predicts(model, campaign, test, known, states, gap)
+        predicts = _predicts(model, campaign, test, seen, states, gap)
     except SindyJointError as error:
         lost = Light("explained", "poor", f"the model cannot be held against these runs: {error}")
         return data, lost, Light("predicts", "poor", "nothing could be predicted"), coverage(campaign)
     return data, judge_gap(gap, floor, model.joint.motion), predicts, _determined(model, campaign)
-
-
-def is_known(model: JointModel, campaign: Campaign) -> bool:
-    """Return whether a model was fitted to a campaign, by its content."""
-    return model.fitted.data == content_hash(campaign)
 
 
 def judge_soundness(soundness: Soundness, simulated: bool) -> Light:
@@ -224,7 +220,7 @@ def _groups(states: Sequence[ForceStates]) -> list[str]:
 
 def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tuple[ForceStates, Array]:
     """Return the states that count and the moment along their motion less the measured one, N·m."""
-    skip, law = settling(states), test.law(model, states)
+    skip, law = settling(states), law_of_test(test, model, states)
     moment, _ = along_motion(law, states, states.sample_rate)
     moment = moment + getattr(law, "added", 0.0)
     return cut_states(states, skip), (moment - states.moment)[skip:]
@@ -243,7 +239,7 @@ def _predicts(
     model: JointModel,
     campaign: Campaign,
     test: TestNuisances,
-    known: bool,
+    seen: Mapping[str, bool | None],
     states: Sequence[ForceStates],
     gap: Gap,
 ) -> Light:
@@ -252,14 +248,15 @@ def _predicts(
     That is the runs kept for validation; or all of them, where it was fitted to others; or each group of runs in turn
     under the coefficients of the others, internal states with the shapes that they have.
     """
-    kept = campaign.validation_runs if campaign.identification_runs else ()
+    kept = [run for run in campaign.validation_runs if seen[run.name] is False]
+    kept = kept if campaign.identification_runs else []
     if kept:
         others = one_after_another(campaign, states_of(campaign, kept))
         error = Gap.of([_explained(model, test, each, each.run) for each in others]).value
         floor = moment_floor(others, model.inertia).relative
         what = f"on {len(kept)} run{'s' * (len(kept) != 1)} kept for validation"
         return _of_unseen(error, gap.value, floor, what)
-    if not known:
+    if all(seen[each.run] is False for each in states):
         floor = moment_floor(states, model.inertia).relative
         return _of_unseen(gap.value, gap.value, floor, "on these runs, which no fit has seen")
     error, inside = left_out_error(model, test, states)

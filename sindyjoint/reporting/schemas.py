@@ -53,12 +53,10 @@ def _records() -> dict[str, type[BaseModel]]:
         structure,
         verification,
     )
-    from sindyjoint.response.nuisances import TestRecord
 
     return {
         "campaign": Manifest,
         "model": ModelRecord,
-        "test": TestRecord,
         "plan": plan.PlanRecord,
         "check": check.CheckRecord,
         "discovery": discovery.DiscoveryRecord,

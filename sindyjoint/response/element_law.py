@@ -9,13 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sindyjoint.equation.element import Form, JointElement
+from sindyjoint.equation.test_record import TEST_SIGNALS
 from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
 
 CLOCK = "clock"  # the state that gives a law the time
-#: What a moment of one test may depend on beside the joint's own motion.
-TEST_SIGNALS = ("frequency", "time", "elapsed")
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
 from sindyjoint.response.drive import Drive, prescribed
-from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import pooled_nrmse, simulate_run
 from sindyjoint.states import one_after_another, states_of
@@ -22,7 +23,7 @@ def _gap_and_floor(model: JointModel, campaign: Campaign, test: TestNuisances) -
     runs = {run.name: run for run in campaign.validation_runs or campaign.runs}
     errors, floors = [], []
     for states in one_after_another(campaign, states_of(campaign, list(runs.values()))):
-        law = test.law(model, states)
+        law = law_of_test(test, model, states)
         motion = prescribed(states, inertia=law.inertia)
         drive: Drive | None = "motion" if motion else None
         run = simulate_run(law, runs[states.run], states, drive=drive, response_only=True)

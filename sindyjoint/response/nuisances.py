@@ -1,260 +1,161 @@
-"""What belongs to one test and not to the joint: errors of channels and inertia, moments of time and frequency.
+"""A test put right before a model is compared with it: errors of channels, and moments of time and frequency.
 
-They are found by a diagnosis, stored in ``test.json`` beside the model, and applied to the campaign that they were
-found in and to no other.
+Delay and gain belong to the rig and are carried with the model. A zero and a drift belong to a run: in another campaign
+than theirs they are estimated anew in each run, the law held.
 """
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
-from sindyjoint.checksums import read_json
-from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_record import (
-    ElementRecord,
-    Interval,
-    Number,
-    Size,
-    Text,
-    element_of_record,
-    element_record,
-    validated,
-)
-from sindyjoint.errors import InputError
+from sindyjoint.equation.test_record import OF_CHANNELS, OF_RIG, TestNuisances
 from sindyjoint.mechanics.laws import FormulaLaw, Law
-from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.response.element_law import TEST_SIGNALS, Instant, parts_of, sum_law
-from sindyjoint.response.law_in_run import law_in_run, with_added
-from sindyjoint.states import ForceStates
+from sindyjoint.numeric import Array, scaled_least_squares
+from sindyjoint.record import Campaign, Run
+from sindyjoint.response.element_law import Instant, parts_of, sum_law
+from sindyjoint.response.law_in_run import LawInRun, law_in_run, with_added
+from sindyjoint.response.run import along_motion
+from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.campaigns import aligned_run, content_hash
+from sindyjoint.states.repetition import mean_slope
 
-SCHEMA = 1
-KIND = "TestNuisances"
-FILE = "test.json"
-Enters = Literal["time shift", "angle zero", "angle drift", "inertia"]
+# Gauss–Newton steps of a run's zero and drift: their columns change with the law's slope alone.
+STEPS = 4
 
 
-@dataclass(frozen=True)
-class Nuisance:
-    """An error of a channel, or of the declared inertia.
+def belongs_to(test: TestNuisances, campaign: Campaign) -> bool:
+    """Return whether this is the campaign that a test's nuisances were found in."""
+    return content_hash(campaign) == test.campaign
 
-    Parameters
-    ----------
-    id : str
-        In the catalogue of effects.
-    enters : {"time shift", "angle zero", "angle drift", "inertia"}
-        What it corrects: a lag of the moment, s; the zero of the angle, rad; its drift, rad/s; the inertia, kg·m².
-    number : Value
+
+def corrected(test: TestNuisances, campaign: Campaign) -> Campaign:
+    """Return the campaign with channels and inertia put right."""
+    runs = tuple(_corrected_run(test, run) for run in campaign.runs)
+    return replace(campaign, joint=test.joint_of(campaign.joint), runs=runs)
+
+
+def _corrected_run(test: TestNuisances, run: Run) -> Run:
+    ramp = test.slopes.get(run.name, 0.0) * run.time
+    moment, angle = run.moment, run.angle - test.total("angle zero") - test.total("angle drift") * run.time
+    if test.drift == "moment_drift":
+        moment = moment - ramp
+    elif test.drift == "angle_drift":
+        angle = angle - ramp
+    moment, angle, gain = moment / test.gain("moment"), angle / test.gain("angle"), test.gain("angle")
+    if np.any(angle != run.angle) or np.any(moment != run.moment):
+        run = replace(run, angle=angle, moment=moment, rate=None if run.rate is None else run.rate / gain)
+    delay = test.total("time shift")
+    return aligned_run(run, delay) if delay else run
+
+
+def carried_errors(model: JointModel | None, campaign: Campaign) -> tuple[TestNuisances, tuple[str, ...]]:
+    """Return the errors of channels that a model knows of the rig of a campaign, and what is said of them."""
+    none = TestNuisances("")
+    if model is None or model.test is None or model.test.joint != campaign.joint.name:
+        return none, ()
+    carried = model.test.only(OF_CHANNELS)
+    return carried, (f"put right, as the given model knows of this rig: {carried.words}",) if carried else ()
+
+
+def put_right(
+    usable: Campaign, given: Campaign, model: JointModel
+) -> tuple[Campaign, TestNuisances, tuple[str, ...]]:
+    """Return a campaign with what a model knows of its test put right, what is applied of that, and words for it.
+
+    ``given`` is the campaign before anything was left out of it: by its content it is known. In another one of the same
+    rig its errors are put right, and zero and drift of every run estimated anew.
     """
-
-    id: str
-    enters: Enters
-    number: Value
-
-
-@dataclass(frozen=True)
-class TestNuisances:
-    """What is to be put right in one campaign before a model is compared with it.
-
-    Parameters
-    ----------
-    campaign : str
-        Content hash of the campaign; see :func:`~sindyjoint.states.campaigns.content_hash`.
-    joint : str
-        Its joint's name.
-    nuisances : tuple of Nuisance
-    drift : {"moment_drift", "angle_drift", ""}
-        Channel whose mean moves along each run.
-    slopes : dict of str to float
-        Of that channel by run, N·m/s or rad/s.
-    moments : tuple of JointElement
-        Moments that depend on time or on the excitation's frequency.
-    kept_out : tuple of str
-        Runs that no number was fitted to.
-    """
-
-    __test__ = False  # no test of pytest's
-
-    campaign: str
-    joint: str = ""
-    nuisances: tuple[Nuisance, ...] = ()
-    drift: str = ""
-    slopes: Mapping[str, float] = field(default_factory=dict)
-    moments: tuple[JointElement, ...] = ()
-    kept_out: tuple[str, ...] = ()
-
-    def __bool__(self) -> bool:
-        return bool(self.nuisances or self.drift or self.moments or self.kept_out)
-
-    @property
-    def words(self) -> str:
-        """What is put right, in words."""
-        names = [each.id for each in self.nuisances] + [each.id for each in self.moments]
-        names += [self.drift] * bool(self.drift)
-        return ", ".join(name.replace("_", " ") for name in names)
-
-    def belongs_to(self, campaign: Campaign) -> bool:
-        """Whether this is the campaign that they were found in."""
-        return content_hash(campaign) == self.campaign
-
-    def total(self, enters: Enters) -> float:
-        """Return the sum of the nuisances of one kind, SI."""
-        return sum(each.number.value for each in self.nuisances if each.enters == enters)
-
-    def joint_of(self, joint: Joint) -> Joint:
-        """Return a joint with its declared inertia put right."""
-        error = self.total("inertia")
-        if not error or joint.inertia is None:
-            return joint
-        return replace(joint, inertia=max(joint.inertia + error, 0.0))
-
-    def corrected(self, campaign: Campaign) -> Campaign:
-        """Return the campaign with channels and inertia put right, and the runs kept out marked for validation."""
-        out = () if campaign.validation_runs else self.kept_out
-        runs = tuple(self._corrected_run(run) for run in campaign.runs)
-        runs = tuple(replace(run, use="validate") if run.name in out else run for run in runs)
-        return replace(campaign, joint=self.joint_of(campaign.joint), runs=runs)
-
-    def _corrected_run(self, run: Run) -> Run:
-        ramp = self.slopes.get(run.name, 0.0) * run.time
-        if self.drift == "moment_drift":
-            run = replace(run, moment=run.moment - ramp)
-        angle = run.angle - self.total("angle zero") - self.total("angle drift") * run.time
-        if self.drift == "angle_drift":
-            angle = angle - ramp
-        if np.any(angle != run.angle):
-            run = replace(run, angle=angle)
-        delay = self.total("time shift")
-        return aligned_run(run, delay) if delay else run
-
-    @property
-    def timed(self) -> bool:
-        """Whether a moment of the test changes in time."""
-        used = {symbol.name for each in self.moments for symbol in each.form.symbols}
-        return bool({"time", "elapsed"} & used)
-
-    def law(self, model: JointModel, states: ForceStates) -> Law:
-        """Return the law of a model in one run of this test."""
-        law = law_in_run(replace(model, joint=self.joint_of(model.joint)), states)
-        return with_added(law, self.added(states))
-
-    def added(self, states: ForceStates) -> FormulaLaw | None:
-        """Return the moments that the test adds in one of its runs; None where it adds none."""
-        return sum_law(parts_of(self.moments), states.frequency or 0.0, Instant.of(states))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``test.json`` holds."""
-        return {
-            "schema": SCHEMA,
-            "kind": KIND,
-            "campaign": {"hash": self.campaign, "joint": self.joint},
-            "nuisances": [
-                {
-                    "id": each.id,
-                    "enters": each.enters,
-                    "symbol": each.number.name,
-                    "value": each.number.value,
-                    "unit": each.number.unit,
-                    "standard_error": each.number.standard_error,
-                    "interval95": list(each.number.interval95),
-                }
-                for each in self.nuisances
-            ],
-            "drift": {"channel": self.drift, "slopes": dict(self.slopes)} if self.drift else None,
-            "moments": [element_record(each) for each in self.moments],
-            "kept_out": list(self.kept_out),
-        }
-
-    def to_json(self) -> str:
-        """Return ``test.json`` as text."""
-        return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
-
-    @classmethod
-    def from_dict(cls, data: Any) -> TestNuisances:
-        """Return the nuisances that :meth:`to_dict` wrote; InputError names the field that is at fault."""
-        record = validated(TestRecord, data, "a record of a test")
-        return cls(
-            campaign=record.campaign.hash,
-            joint=record.campaign.joint,
-            nuisances=tuple(
-                Nuisance(n.id, n.enters, Value(n.symbol, n.value, n.standard_error, n.interval95, n.unit))
-                for n in record.nuisances
-            ),
-            drift=record.drift.channel if record.drift else "",
-            slopes=record.drift.slopes if record.drift else {},
-            moments=tuple(element_of_record(each, TEST_SIGNALS) for each in record.moments),
-            kept_out=tuple(record.kept_out),
+    test, none = model.test, TestNuisances("")
+    if not test:
+        return usable, none, ()
+    if belongs_to(test, given):
+        return corrected(test, usable), test, (f"put right, as found in this campaign: {test.words}",)
+    if test.joint != given.joint.name:
+        line = f"what was found in the test of {test.joint!r} is not applied to a campaign of {given.joint.name!r}"
+        return usable, none, (f"{line}: {test.words}",)
+    rig = test.only(OF_RIG)
+    usable = corrected(rig, usable)
+    usable, lines = _estimated_in_each(test.varies, rig, model, usable)
+    if rig:
+        lines = (f"put right, as found in another campaign of this rig: {rig.words}", *lines)
+    if test.moments:
+        moments = ", ".join(each.id.replace("_", " ") for each in test.moments)
+        lines = (
+            *lines,
+            f"belongs to the campaign that it was found in, and is not applied to this one: {moments}",
         )
+    return usable, rig, lines
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid")
+def _estimated_in_each(
+    varies: Sequence[str], rig: TestNuisances, model: JointModel, campaign: Campaign
+) -> tuple[Campaign, tuple[str, ...]]:
+    """Return a campaign with zero and drift of its channels estimated anew in each run, and what they came to.
 
-
-class CampaignRecord(_Part):
-    """The campaign that the nuisances were found in."""
-
-    hash: Text
-    joint: Text
-
-
-class NuisanceRecord(_Part):
-    """An error of a channel, or of the declared inertia."""
-
-    id: Text
-    enters: Enters
-    symbol: Text
-    value: Number
-    unit: Text
-    standard_error: Size
-    interval95: Interval
-
-
-class DriftRecord(_Part):
-    """A channel whose mean moves along each run."""
-
-    channel: Literal["moment_drift", "angle_drift"]
-    slopes: dict[Text, Number]
-
-
-class TestRecord(_Part):
-    """``test.json``: what belongs to one test and not to the joint."""
-
-    __test__ = False
-
-    schema_: Annotated[Literal[1], Field(alias="schema")]
-    kind: Literal["TestNuisances"]
-    campaign: CampaignRecord
-    nuisances: list[NuisanceRecord]
-    drift: DriftRecord | None
-    moments: list[ElementRecord]
-    kept_out: list[Text]
-
-
-def read_test(path: str | os.PathLike[str]) -> TestNuisances | None:
-    """Return the nuisances in ``test.json`` beside a model (or in its folder); None where there is none.
-
-    Raises
-    ------
-    InputError
-        If the file is none; the message names file and field.
+    A drift of a run that repeats is that of the means of its periods. Otherwise zero and drift of the angle are those
+    with which the law, its numbers held, comes nearest to the moment where the joint moves.
     """
-    file = Path(path)
-    file = file / FILE if file.is_dir() else file.with_name(FILE)
-    if not file.is_file():
-        return None
-    data = read_json(file)
-    try:
-        return TestNuisances.from_dict(data)
-    except (ValueError, AttributeError) as error:
-        reason = str(error) if isinstance(error, InputError) else f"not a record of a test: {error}"
-        raise InputError(f"{file}: {reason}") from error
+    if not varies:
+        return campaign, ()
+    found = [_estimated_run(varies, rig, model, run) for run in campaign.runs]
+    words = "; ".join(f"{run.name}: {text}" for run, text in found if text)
+    return campaign.with_runs(tuple(run for run, _ in found)), (f"estimated anew in each run ({words})",)
+
+
+def _estimated_run(varies: Sequence[str], rig: TestNuisances, model: JointModel, run: Run) -> tuple[Run, str]:
+    states = force_states(run)
+    known: dict[str, float] = {}
+    for channel in ("moment", "angle"):
+        if f"{channel} drift" in varies and states.method == "periodic":
+            slope = mean_slope(getattr(run, channel), run.sample_rate, states)[3]
+            run = replace(run, **{channel: getattr(run, channel) - slope * run.time})
+            known[f"{channel} drift"] = slope
+    left = [name for name in varies if name.startswith("angle") and name not in known]
+    if left:
+        values = np.zeros(len(left))
+        for _ in range(STEPS):
+            states = force_states(run)
+            step = _zero_step(law_of_test(rig, model, states), states, left)
+            values += step
+            run = replace(run, angle=run.angle - _line(left, step, run.time))
+        known |= dict(zip(left, values.tolist(), strict=True))
+    return run, ", ".join(f"{name} {value:.3g}" for name, value in known.items())
+
+
+def _line(names: Sequence[str], values: Array, time: Array) -> Array:
+    """Return the zero and drift of an angle over time."""
+    powers = {"angle zero": 0, "angle drift": 1}
+    return np.sum([v * time ** powers[n] for n, v in zip(names, values, strict=True)], axis=0)
+
+
+def _zero_step(law: Law | LawInRun, states: ForceStates, names: Sequence[str]) -> Array:
+    """Return the step of zero and drift of the angle that brings a law nearest to the moment."""
+    size, states = 1e-3 * float(np.std(states.angle)), replace(states, lead=None)
+
+    def moment(zero: Array) -> Array:
+        values = along_motion(law, replace(states, angle=states.angle - zero), states.sample_rate)[0]
+        return (values + law.added if isinstance(law, LawInRun) else values)[states.moving]
+
+    here = moment(np.zeros(states.n_samples))
+    ends = size / np.array([1.0 if name == "angle zero" else states.time[-1] for name in names])
+    units = np.diag(ends)
+    columns = [
+        (moment(_line(names, unit, states.time)) - here) / end for unit, end in zip(units, ends, strict=True)
+    ]
+    return scaled_least_squares(np.column_stack(columns), states.moment[states.moving] - here, 1e-9)
+
+
+def law_of_test(test: TestNuisances, model: JointModel, states: ForceStates) -> Law | LawInRun:
+    """Return the law of a model in one run of a test."""
+    return with_added(
+        law_in_run(replace(model, joint=test.joint_of(model.joint)), states), added_law(test, states)
+    )
+
+
+def added_law(test: TestNuisances, states: ForceStates) -> FormulaLaw | None:
+    """Return the moments that a test adds in one of its runs; None where it adds none."""
+    return sum_law(parts_of(test.moments), states.frequency or 0.0, Instant.of(states))

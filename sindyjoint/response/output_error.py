@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.laws import LawWithNumbers, as_compiled
 from sindyjoint.mechanics.segments import simulate_segments
@@ -17,7 +18,6 @@ from sindyjoint.mechanics.stickslip import Motion, simulate_many
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import law_terms, with_coefficients
-from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.response.output_error_parts import (
     NUISANCE,
     Nuisance,

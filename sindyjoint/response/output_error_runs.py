@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.held import held_numbers
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, PaperLaw, as_compiled
 from sindyjoint.mechanics.segments import segment_starts
@@ -22,7 +23,7 @@ from sindyjoint.record import Motion, Run
 from sindyjoint.response.drive import Drive, choose_drive, prescribed
 from sindyjoint.response.element_law import number_names, parts_of, sum_law
 from sindyjoint.response.model_law import law_terms, model_law
-from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.response.nuisances import added_law, law_of_test
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import (
@@ -253,7 +254,7 @@ def record_of(
     prescribed is the drive. Where the states are a mean period, a law with internal states runs through it twice:
     these are not known at its start.
     """
-    law, span = test.law(model, states), span_of(run, states)
+    law, span = law_of_test(test, model, states), span_of(run, states)
     drive = "motion" if prescribed(states, spurious=True) else choose_drive(law, states)
     skip, moment = settling(states), run.moment[span]
     measured = (moment if drive == "motion" else run.angle[span])[skip:]
@@ -269,7 +270,7 @@ def record_of(
         starts = (0,)
     many = states.frequency is not None and states.n_samples >= MANY * states.sample_rate / states.frequency
     steady = drive == "moment" and states.method == "periodic" and many
-    added = test.added(states) if drive == "motion" else None
+    added = added_law(test, states) if drive == "motion" else None
     places, held = law_numbers(model, states)
     return Record(
         run=run,

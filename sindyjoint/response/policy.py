@@ -48,7 +48,7 @@ class ResponsePolicy:
         1e-3, "relative difference up to which model and campaign have the same inertia"
     )
     fewest_initial: int = limit(
-        8, "half as many samples as a free run estimates its initial state from, at least", unit="samples"
+        4, "fewest samples from which a free run estimates its initial state", unit="samples"
     )
     initial_range: float = limit(
         0.5, "widest correction of the measured initial angle and rate of a free run, in their RMS"

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.response.kept_out import predicts_worse
-from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.response.nuisances import added_law
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
 from sindyjoint.response.policy import POLICY
@@ -274,7 +275,7 @@ def _update_residual(
         # Samples that move are as measured; internal states follow what the joint does while it sticks.
         angle, rate = followed_motion(state)
         modelled = widely.moment(angle, rate, 1 / state.sample_rate, state.inputs, rest)
-        added = None if test is None else test.added(state)
+        added = None if test is None else added_law(test, state)
         if added is not None:
             modelled = modelled + transfer_moment(added, angle, rate, state.sample_rate, rest=rest)[0]
         residual = (state.transfer_moment(inertia) - modelled)[keep]

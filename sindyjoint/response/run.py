@@ -18,6 +18,7 @@ from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.policy import POLICY
+from sindyjoint.response.start import cycle_of, fitted_start, steady_start
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.standstill import without_noise_travel
 
@@ -175,8 +176,9 @@ def simulate_run(
 ) -> SimulatedRun:
     """Simulate a law against a measured run.
 
-    The simulation starts from the measured state where the force states begin, after the start-up transient. The
-    first period of a periodic run is simulated and not compared: there, a wrong initial state has not died out.
+    The simulation starts where the force states begin, after the start-up transient: of a run that repeats in its
+    steady state, of another from the angle and rate with which the law follows its first cycle best. The first period
+    of a periodic run is simulated and not compared.
 
     Parameters
     ----------
@@ -342,26 +344,28 @@ def _simulate_motion(
     law: Law, run: Run, states: ForceStates, drive: Drive, window: float, options: dict[str, Any]
 ) -> Any:
     """Simulate the joint under the measured moment."""
-    moment = run.moment[span_of(run, states)]
+    span = span_of(run, states)
+    moment = run.moment[span]
     if "limits" not in options:
         options["limits"] = angle_limits(law, states, drive)
-    if states.repeated:
-        # What internal states are at the start is known roughly; they settle within one period.
-        periods = repeated(states.moment, states.n_samples / run.sample_rate)
-        at = (states.angle[0], states.rate[0])
-        duration = 2 * states.n_samples / run.sample_rate
-        both = simulate(law, periods, duration, run.sample_rate, initial=at, **options)
-        return replace(both, angle=both.angle[-states.n_samples :], rate=both.rate[-states.n_samples :])
     if drive == "windows":
         start = np.column_stack([states.angle, states.rate])
         return simulate_segments(
             law, moment, run.sample_rate, window, start, interpolation="cubic", **options
         )
-    return simulate(
-        law,
-        measured_drive(run, states),
-        moment.size / run.sample_rate,
-        run.sample_rate,
-        initial=(states.angle[0], states.rate[0]),
-        **options,
+    excitation = (
+        repeated(states.moment, states.n_samples / run.sample_rate)
+        if states.repeated
+        else measured_drive(run, states)
     )
+    start, reach = np.array([states.angle[0], states.rate[0]]), angle_limits(law, states, "windows")
+    if excitation.periodic:
+        start, inner = steady_start(law, excitation, start, reach, **options)
+        options["initial_state"] = inner
+    else:
+        size = np.array([np.std(states.angle), rms(states.rate)])
+        # A start is known little better by what comes after a cycle.
+        first = run.angle[span][: max(round(cycle_of(states) * run.sample_rate), POLICY.fewest_initial)]
+        around = options | {"limits": reach}
+        start = fitted_start(law, excitation, first, run.sample_rate, start, size, **around)
+    return simulate(law, excitation, moment.size / run.sample_rate, run.sample_rate, initial=start, **options)

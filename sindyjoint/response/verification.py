@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +15,7 @@ from sindyjoint.response.oscillation import Oscillation
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, pooled_nrmse
 from sindyjoint.shown import Shown
+from sindyjoint.text import list_some
 from sindyjoint.trust import Trust
 
 
@@ -98,6 +99,8 @@ class RunVerification:
         RMS error of the response in ``rmse_unit``.
     rmse_unit : str
         In which the channel stands in its file, before a gain; SI for one that was read from none.
+    seen : bool or None
+        Whether a fit of the model has used the run; None where that is not known.
     """
 
     name: str
@@ -119,6 +122,7 @@ class RunVerification:
     moment_scale: float | None = None
     rmse: float | None = None
     rmse_unit: str = ""
+    seen: bool | None = None
 
     @property
     def beyond_noise(self) -> float:
@@ -135,6 +139,7 @@ class RunVerification:
             "moment_nrmse": self.moment_nrmse,
             "rmse": self.rmse,
             "rmse_unit": self.rmse_unit,
+            "seen": self.seen,
         }
 
 
@@ -159,8 +164,6 @@ class Verification(Shown):
     warnings : tuple of str
     free_run : int, optional
         Samples from which the initial state of each run was estimated, that was then simulated without restart.
-    independent : bool
-        Whether no run is compared that may have been fitted to.
     beyond_range : tuple of str
         Runs that go beyond what the model was tested to.
     beside : tuple of JointModel
@@ -183,7 +186,6 @@ class Verification(Shown):
     runs: tuple[RunVerification, ...] = field(repr=False)
     warnings: tuple[str, ...] = ()
     free_run: int | None = None
-    independent: bool = True
     beyond_range: tuple[str, ...] = ()
     beside: tuple[JointModel, ...] = ()
     trust: Trust | None = None
@@ -206,6 +208,18 @@ class Verification(Shown):
             "runs": [run.to_dict() for run in self.runs],
             "warnings": list(self.warnings),
         }
+
+
+def seen_words(seen: Mapping[str, bool | None]) -> list[str]:
+    """Return what to say of runs that fits of the model have seen, or may have."""
+    used = [name for name, known in seen.items() if known]
+    unknown = [name for name, known in seen.items() if known is None]
+    lines = [f"seen by the fit, so that their errors are no prediction: {list_some(used)}"] if used else []
+    if unknown:
+        lines.append(
+            f"the model has no record of all runs that it was fitted to: unknown of {list_some(unknown)}"
+        )
+    return lines
 
 
 def band_of(responses: Sequence[Array | None]) -> Band | None:

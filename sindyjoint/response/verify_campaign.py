@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_parts import range_warnings
+from sindyjoint.equation.model_parts import has_seen, range_warnings
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array, finite
 from sindyjoint.record import Campaign, Run
@@ -16,7 +17,7 @@ from sindyjoint.response.compared import compare_run, compared_states
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.free_run import free_run_states, simulate_free
 from sindyjoint.response.law_in_run import as_followed
-from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import SimulatedRun
@@ -27,8 +28,10 @@ from sindyjoint.response.verification import (
     Verification,
     band_of,
     judged,
+    seen_words,
 )
 from sindyjoint.states import ForceStates
+from sindyjoint.states.campaigns import run_hash
 from sindyjoint.text import Quantities, in_words_of, quantities
 
 
@@ -37,21 +40,21 @@ def verify_campaign(
     campaign: Campaign,
     settings: Settings,
     say: Callable[[str], None],
-    test: TestNuisances | None = None,
+    test: TestNuisances,
+    seen: Mapping[str, bool | None],
 ) -> Verification:
-    """Compare the validation runs, or all runs where none is kept for validation.
+    """Compare the validation runs; where none is marked those that no fit has seen, or all.
 
     Channels are put right already; of the ``test`` the moments of time and frequency and the inertia are still to come.
+    ``seen`` is what :func:`seen_runs` says of the campaign as it was recorded.
     """
-    test = test or TestNuisances("")
     campaign = as_followed(campaign, model)
     warnings = _compare_joints(model, campaign)
-    runs, independent = campaign.validation_runs, True
-    if not runs:
-        runs, independent = campaign.runs, False
-        warnings.append(
-            "no run is marked use = 'validate': all runs are compared, those the model was fitted to among them"
-        )
+    unseen = tuple(run for run in campaign.runs if seen[run.name] is False)
+    runs = campaign.validation_runs or unseen or campaign.runs
+    if len(runs) < len(campaign.runs) and not campaign.validation_runs:
+        warnings.append(f"compared are the runs that no fit has seen: {', '.join(run.name for run in runs)}")
+    warnings += seen_words({run.name: seen[run.name] for run in runs})
     drawn, free_run = settings.drawn(model), settings.free_run
     results: list[RunVerification] = []
     beyond: list[str] = []
@@ -73,9 +76,14 @@ def verify_campaign(
         band = None
         if drawn and simulated.simulated_response is not None:
             band = band_of([simulate(other).simulated_response for other in drawn])
-        results.append(_compare_run(simulated, campaign, run, band))
+        results.append(replace(_compare_run(simulated, campaign, run, band), seen=seen[run.name]))
     result = judged(model, "campaign", campaign.joint.name, settings.tolerance, results, warnings)
-    return replace(result, free_run=free_run, independent=independent, beyond_range=tuple(beyond))
+    return replace(result, free_run=free_run, beyond_range=tuple(beyond))
+
+
+def seen_runs(model: JointModel, campaign: Campaign) -> dict[str, bool | None]:
+    """Return of each run whether a fit of a model has used it; None where the model has no record of that."""
+    return {run.name: has_seen(model.fitted, run_hash(run)) for run in campaign.runs}
 
 
 def beyond_tested(model: JointModel, *states: ForceStates, whose: str = "") -> tuple[str, ...]:
@@ -105,8 +113,12 @@ def _way_of(
     if free_run is not None:
         driven = prescribed(states)
         whole = replace(free_run_states(run), began=states.began)
-        return lambda model: simulate_free(test.law(model, whole), run, whole, free_run, by_motion=driven)
-    return lambda model: compare_run(lambda known: test.law(model, known), run, states, settings.window)
+        return lambda model: simulate_free(
+            law_of_test(test, model, whole), run, whole, free_run, by_motion=driven
+        )
+    return lambda model: compare_run(
+        lambda known: law_of_test(test, model, known), run, states, settings.window
+    )
 
 
 def _by_motion(campaign: Campaign) -> str:

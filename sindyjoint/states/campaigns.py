@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from sindyjoint.inputs import lagged
-from sindyjoint.numeric import delayed
+from sindyjoint.numeric import Array, delayed
 from sindyjoint.record import Campaign, Run
+
+# Of a run's hash: two of a million runs would share so many in one of 10⁷ cases.
+HASH_DIGITS = 16
 
 
 def content_hash(campaign: Campaign) -> str:
@@ -21,13 +24,30 @@ def content_hash(campaign: Campaign) -> str:
     digest = hashlib.sha256(campaign.joint.motion.encode())
     for run in campaign.runs:
         digest.update(repr((run.name, float(run.sample_rate), run.frequency, run.n_samples)).encode())
-        for signal in (run.moment, run.angle, run.rate):
-            digest.update(b"-" if signal is None else np.ascontiguousarray(signal).tobytes())
-        for name, values in sorted(run.inputs.items()):
-            digest.update(name.encode() + np.ascontiguousarray(values).tobytes())
-        if run.whole is not None and run.source is not None:
-            digest.update(run.source.sha256.encode())
+        digest.update(b"".join(_content(run)))
     return f"sha256:{digest.hexdigest()}"
+
+
+def run_hash(run: Run) -> str:
+    """Return the hash by which a run is known, whatever its name: of its samples and their rate."""
+    return signals_hash(run.sample_rate, _content(run))
+
+
+def signals_hash(sample_rate: float, signals: Iterable[bytes | Array]) -> str:
+    """Return the hash of what was recorded at a rate, Hz."""
+    digest = hashlib.sha256(repr(float(sample_rate)).encode())
+    for signal in signals:
+        digest.update(signal if isinstance(signal, bytes) else np.ascontiguousarray(signal).tobytes())
+    return digest.hexdigest()[:HASH_DIGITS]
+
+
+def _content(run: Run) -> list[bytes]:
+    parts = [b"-" if signal is None else np.ascontiguousarray(signal).tobytes()
+             for signal in (run.moment, run.angle, run.rate)]  # fmt: skip
+    parts += [
+        name.encode() + np.ascontiguousarray(values).tobytes() for name, values in sorted(run.inputs.items())
+    ]
+    return parts + ([run.source.sha256.encode()] if run.whole is not None and run.source is not None else [])
 
 
 def aligned_run(run: Run, delay: float) -> Run:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sindyjoint.numeric import Array
 from sindyjoint.record import Run
 from sindyjoint.states.policy import POLICY
+from sindyjoint.states.record import ForceStates
 
 
 def repetition(run: Run) -> int | None:
@@ -100,6 +101,28 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
     noise, fusion = run.noise.scaled(fewer), run.fusion and run.fusion.scaled(fewer)
     found = replace(run, source=None, noise=noise, valid=valid, inputs=inputs, fusion=fusion, **mean)
     return found, skipped * period
+
+
+def mean_slope(signal: Array, sample_rate: float, states: ForceStates) -> tuple[float, float, float, float]:
+    """Return slope per RMS, its standard error, the duration and the slope itself, from means of whole periods."""
+    assert states.frequency is not None
+    start = int(round(states.dropped * sample_rate))
+    part = signal[start : start + states.n_samples]
+    edges = np.round(np.arange(0, part.size + 1, sample_rate / states.frequency)).astype(int)
+    edges = edges[edges <= part.size]
+    means = np.add.reduceat(part[: edges[-1]], edges[:-1]) / np.diff(edges)
+    if means.size < 4:
+        return 0.0, np.inf, 0.0, 0.0
+    time = (edges[:-1] + edges[1:]) / 2 / sample_rate
+    centred = time - time.mean()
+    spread = centred @ centred
+    slope = float(centred @ means / spread)
+    residual = means - means.mean() - slope * centred
+    error = float(np.sqrt(residual @ residual / max(means.size - 2, 1) / spread)) + 1e-12 * float(
+        np.std(part)
+    )
+    rms = float(np.std(part))
+    return slope / rms, error / rms, part.size / sample_rate, slope
 
 
 def _autocorrelation(signal: Array) -> Array:

@@ -118,6 +118,7 @@ def diagnose(
     """
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.diagnosis.campaign.start import kept_out
+    from sindyjoint.response.nuisances import carried_errors, corrected
     from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 
     say = progress or (lambda stage: None)
@@ -140,14 +141,16 @@ def diagnose(
         if checked.stopping:
             return replace(stopped(checked, model), hidden=hidden)
         say("force states")
-        usable = checked.usable
+        carried, notes = carried_errors(model, campaign)
+        usable = corrected(carried, checked.usable)
         delay = delay_to_remove(usable) if align else None
         if delay is not None:
             usable = without_delay(usable, delay)
         usable, lags = followed(usable, model)
         problem = CampaignProblem.build(usable, model, base, known, policy, actuator)
         beyond = () if model is None else beyond_tested(model, *problem.states, whose=GIVEN)
-        tested = Tested(campaign, checked, delay, lags, hidden, beyond)
+        seen = () if model is None else model.fitted.seen
+        tested = Tested(campaign, checked, delay, lags, hidden, (*notes, *beyond), carried, seen)
         keep = before_advice or (lambda result: None)
 
         def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:

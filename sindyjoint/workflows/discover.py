@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +17,7 @@ from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
+from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
@@ -41,7 +43,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.states.campaigns import with_lags
+from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.threads import single_threaded
 
 if TYPE_CHECKING:
@@ -155,6 +157,9 @@ def discover(
     delay = prepared.delay if align else left_in
     left = (best.note, *lag_notes(prepared.lags), unused, unmeasured_bias(fixed))
     warnings = list_warnings(prepared.campaign, best.states, model, delay, align, best.regressor.indistinct_)
+    if prepared.lag and prepared.delay is not None:
+        removed = channel_delay(prepared.lag, prepared.delay.standard_error)
+        model = replace(model, test=TestNuisances(content_hash(campaign), campaign.joint.name, (removed,)))
     return Discovery(
         model=fitted_to(model, campaign),
         verdict=verdict,

@@ -5,40 +5,32 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sindyjoint.discovery.delay import align_channels
-from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.policy import POLICY
+from sindyjoint.judgement.refined import estimated_errors
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import Enters, Nuisance, TestNuisances, read_test
+from sindyjoint.response.nuisances import corrected, put_right
 from sindyjoint.response.output_error_parts import Nuisance as Kind
 from sindyjoint.response.refine import Refinement
 from sindyjoint.response.refine import refine as refine_response
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings
-from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, verify_campaign
+from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
 from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
-from sindyjoint.workflows.verify import CheckedVerification, put_right
-
-if TYPE_CHECKING:
-    pass
-
-# What the estimated errors of the channels are in test.json; a gain has no place there.
-STORED: dict[str, tuple[str, Enters, str]] = {
-    "delay": ("channel_delay", "time shift", "tau"),
-    "offset": ("angle_offset", "angle zero", "theta_0"),
-}
+from sindyjoint.workflows.verify import CheckedVerification
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,13 +42,10 @@ class RefinedModel(CheckedVerification):
     before : JointModel, optional
         As it was given.
     refinement : Refinement, optional
-    test : TestNuisances, optional
-        Of this campaign: what was given with the model, and the errors of channels estimated with it.
     """
 
     before: JointModel | None = None
     refinement: Refinement | None = None
-    test: TestNuisances | None = None
 
     @property
     def refined(self) -> bool:
@@ -99,7 +88,6 @@ def refine(
     model: JointModel | str | Path,
     campaign: Campaign | str | Path | None,
     *,
-    test: TestNuisances | None = None,
     nuisance: Sequence[Kind] = (),
     accept: Sequence[str] = (),
     align: bool = False,
@@ -117,11 +105,9 @@ def refine(
     campaign : Campaign, path of a campaign.toml, or None
         Fitted are the runs that may be used for identification; compared are those marked ``use = "validate"``, or all
         where none is. ``None``: the built-in virtual test.
-    test : TestNuisances, optional
-        As in :func:`~sindyjoint.workflows.verify.verify`: default, those of ``test.json`` beside the model.
     nuisance : sequence of {"delay", "gain", "offset"}
-        What to estimate with the numbers; see :func:`sindyjoint.response.refine.refine`. Delay and offset become a part
-        of the result's ``test``.
+        What to estimate with the numbers; see :func:`sindyjoint.response.refine.refine`. They become a part of the
+        model's ``test``.
     accept, align, window, tolerance, draws, random_state, progress
         As in :func:`~sindyjoint.workflows.verify.verify`.
 
@@ -135,14 +121,13 @@ def refine(
     """
     say = progress or (lambda stage: None)
     if not isinstance(model, JointModel):
-        test = read_test(model) if test is None else test
         model = read_model(model)
     if not (model.terms or model.elements):
         raise InputError("the model has no terms: there is nothing to refine; run discover first")
     given = the_campaign(campaign)
     say("checking the data")
     checked = require_sound(check_campaign(given, accept))
-    usable, applied, notes = put_right(checked.usable, given, test)
+    usable, applied, notes = put_right(checked.usable, given, model)
     late, usable = usable, align_channels(usable) if align else usable
     say("force states")
     states = one_after_another(usable, campaign_states(usable))
@@ -150,20 +135,23 @@ def refine(
         model, usable, states=states, nuisance=nuisance, test=applied, window=window, progress=say
     )
     notes = (*notes, *beyond_tested(model, *states, whose=GIVEN))
-    later = result.model
+    later, shown = result.model, usable
     if result.refined:
-        later = fitted_to(tested_on(later, states, usable), given)
-    found = _stored(result, applied or TestNuisances(content_hash(given), given.joint.name))
-    shown = found.corrected(checked.usable) if found else usable
+        estimated, lost = estimated_errors(result, states)
+        known = model.test or TestNuisances(content_hash(given), given.joint.name)
+        test = replace(known, nuisances=(*known.nuisances, *estimated))
+        later = fitted_to(
+            replace(tested_on(later, states, usable), test=test or None), given, model.fitted.seen
+        )
+        shown = corrected(TestNuisances("", nuisances=tuple(estimated)), usable)
+        notes = (*notes, *lost)
     settings = Settings(tolerance, draws, np.random.default_rng(random_state), window)
-    verified = verify_campaign(later, align_channels(shown) if align else shown, settings, say, found)
-    known = {each.name: getattr(verified, each.name) for each in fields(verified)}
-    if "gain" in result.nuisance:
-        notes = (*notes, "the gain that was estimated is not applied where model and campaign are compared")
-    known["warnings"] = (*checked.warned(usable is not late), *notes, *result.notes, *verified.warnings)
-    return RefinedModel(
-        **known, soundness=checked.soundness, before=model, refinement=result, test=found if found else None
+    verified = verify_campaign(
+        later, align_channels(shown) if align else shown, settings, say, applied, seen_runs(later, given)
     )
+    shared = {each.name: getattr(verified, each.name) for each in fields(verified)}
+    shared["warnings"] = (*checked.warned(usable is not late), *notes, *result.notes, *verified.warnings)
+    return RefinedModel(**shared, soundness=checked.soundness, before=model, refinement=result)
 
 
 def tested_on(model: JointModel, states: Sequence[ForceStates], campaign: Campaign) -> JointModel:
@@ -184,15 +172,3 @@ def tested_on(model: JointModel, states: Sequence[ForceStates], campaign: Campai
         simulated=campaign.simulated,
     )
     return replace(model, fitted=fitted)
-
-
-def _stored(result: Refinement, test: TestNuisances) -> TestNuisances:
-    """Return a test with the errors of the channels that were estimated; what was applied before stays."""
-    found = list(test.nuisances)
-    for name, (value, error) in result.nuisance.items() if result.refined else ():
-        if name in STORED:
-            id, enters, symbol = STORED[name]
-            unit = "s" if name == "delay" else ("rad" if result.model.joint.motion == "rotation" else "m")
-            ends = (value - 1.96 * error, value + 1.96 * error)
-            found.append(Nuisance(id, enters, Value(symbol, value, error, ends, unit)))
-    return replace(test, nuisances=tuple(found))

@@ -13,28 +13,29 @@ from sindyjoint.discovery.delay import align_channels
 from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model, read_models
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.policy import POLICY
-from sindyjoint.judgement.trust import assess, is_known
+from sindyjoint.judgement.trust import assess
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import has_measured_runs, load_rig_test
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import TestNuisances, read_test
+from sindyjoint.response.nuisances import put_right
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
-from sindyjoint.response.verify_campaign import verify_campaign
+from sindyjoint.response.verify_campaign import seen_runs, verify_campaign
 from sindyjoint.response.verify_rig import PLACEHOLDERS, verify_rig
 from sindyjoint.soundness.check import check_campaign, require_sound, summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.soundness.structure.check import check_rig_test
-from sindyjoint.states.campaigns import content_hash
 from sindyjoint.substructure.simulated.verified import verify_runs
+from sindyjoint.text import percent
 from sindyjoint.threads import single_threaded
 from sindyjoint.trust import Trust
 
@@ -63,7 +64,6 @@ def verify(
     model: JointModel | Sequence[JointModel] | str | Path,
     against: Rig | RigTest | Campaign | str | Path,
     *,
-    test: TestNuisances | None = None,
     accept: Sequence[str] = (),
     align: bool = False,
     tolerance: float = POLICY.verification_tolerance,
@@ -83,13 +83,11 @@ def verify(
     model : JointModel, several of them, or path of a model.json
         Several only of a rig with runs: of its kinds of joint, as a folder that ``discover RIG`` wrote holds them.
     against : Rig, RigTest, Campaign, or path
-        A campaign: its runs marked ``use = "validate"``, or all of them where none is. A rig (or the name of a
+        A campaign: its runs marked ``use = "validate"``; where none is those that no fit of the model has seen, or all.
+        Errors of channels that the model knows of the rig are put right first. A rig (or the name of a
         shipped one): the response it names as measured; without one, a virtual pulse test of the rig as it is
         written, in which the model then replaces the joint. A rig with sensors and recorded runs: those marked
         ``use = "validate"``, or all of them.
-    test : TestNuisances, optional
-        Channel errors and the like that a diagnosis found in one campaign; put right in that campaign, and in no other.
-        Default: those of ``test.json`` beside a model that is read from a file.
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     align : bool
@@ -129,7 +127,6 @@ def verify(
         raise InputError(f"draws is {draws!r}; expected a number that is not negative")
     against = _open_input(against)
     if not isinstance(model, JointModel | Sequence) or isinstance(model, str):
-        test = read_test(model) if test is None else test
         model = read_models(model) if isinstance(against, RigTest) else read_model(model)
     models = [model] if isinstance(model, JointModel) else list(model)
     if not all(each.terms or each.elements for each in models):
@@ -146,7 +143,7 @@ def verify(
             raise InputError(
                 f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given"
             )
-        return _of_campaign(models[0], against, test, accept, align, settings, say)
+        return _of_campaign(models[0], against, accept, align, settings, say)
     if free_run is not None:
         raise InputError(
             f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
@@ -175,7 +172,6 @@ def verify(
 def _of_campaign(
     model: JointModel,
     against: Campaign,
-    test: TestNuisances | None,
     accept: Sequence[str],
     align: bool,
     settings: Settings,
@@ -188,13 +184,23 @@ def _of_campaign(
         if align or settings.free_run is not None:
             raise InputError(f"align: {NO_DELAY}" if align else f"free_run: {NO_RESPONSE}")
         model, untimed = without_rate(model)
-    usable, applied, note = put_right(checked.usable, against, test)
-    late, usable = usable, align_channels(usable) if align else usable
-    result = verify_campaign(model, usable, settings, say, applied)
-    before = (*checked.warned(usable is not late), *note, *filter(None, (untimed,)))
+    seen = seen_runs(model, against)
+
+    def compared(campaign: Campaign, test: TestNuisances, with_band: Settings) -> tuple[Verification, bool]:
+        aligned = align_channels(campaign) if align else campaign
+        return verify_campaign(model, aligned, with_band, say, test, seen), aligned is not campaign
+
+    usable, applied, notes = put_right(checked.usable, against, model)
+    result, aligned = compared(usable, applied, settings)
+    if usable is not checked.usable or applied:
+        bare, _ = compared(checked.usable, TestNuisances(""), replace(settings, draws=0))
+        notes = (*notes, f"without what was put right the response error is {percent(bare.response_nrmse)}, with it "
+                         f"{percent(result.response_nrmse)}")  # fmt: skip
+    before = (*checked.warned(aligned), *notes, *filter(None, (untimed,)))
     result = _with_check(result, checked.soundness, before)
     say("whether to trust the model")
-    lights = assess(model, usable, checked.soundness, is_known(model, against), applied)
+    put = align_channels(usable) if align else usable
+    lights = assess(model, put, checked.soundness, seen, applied)
     result = replace(result, trust=Trust(lights))
     return replace(result, trust=judge_verification(result, against.simulated, checked.soundness))
 
@@ -203,23 +209,6 @@ def _with_check(result: Verification, soundness: Soundness, before: Sequence[str
     known = {each.name: getattr(result, each.name) for each in fields(result)}
     known["warnings"] = (*before, *result.warnings)
     return CheckedVerification(**known, soundness=soundness)
-
-
-def put_right(
-    usable: Campaign, given: Campaign, test: TestNuisances | None
-) -> tuple[Campaign, TestNuisances | None, tuple[str, ...]]:
-    """Return a campaign with the nuisances of its test put right, these, and what is said of it.
-
-    ``given`` is the campaign before anything was left out of it: by its content it is known.
-    """
-    if test is None or not test:
-        return usable, None, ()
-    if not test.belongs_to(given):
-        line = f"what was found in the test of the campaign of {test.joint!r} is not applied to this other campaign"
-        return usable, None, (f"{line} ({test.words})",) if test.words else ()
-    words = f"put right, as found in this campaign: {test.words}" if test.words else ""
-    kept = f"compared are the runs that the fit left out: {', '.join(test.kept_out)}" if test.kept_out else ""
-    return test.corrected(usable), test, tuple(filter(None, (words, kept)))
 
 
 def _open_input(against: Rig | RigTest | Campaign | str | Path) -> Rig | RigTest | Campaign:
@@ -264,5 +253,5 @@ def given_model(model: JointModel | str | Path, campaign: Campaign, accept: Sequ
         tuple(element.id for element in known.elements),
         np.nan if checked.moment_nrmse is None else checked.moment_nrmse,
         np.nan if checked.response_nrmse is None else checked.response_nrmse,
-        known.fitted.data == content_hash(campaign),
+        any(seen_runs(known, campaign).values()),
     )

@@ -56,7 +56,7 @@ REACHED = {
     "reproduce": {"random_state": ("workflows.reproduce:reproduce", "random_state")},
     "simulate": {
         **{name: (TEST, name) for name in ("joint", "noise", "frequencies", "levels")},
-        **{name: (PLAN, name) for name in ("drive", "sample_rate", "duration", "settling", "skew")},
+        **{name: (PLAN, name) for name in ("drive", "sample_rate", "duration", "settling")},
         "bits": (TEST, "quantisation"),
         "drift": (PLAN, "angle_drift"),
         "raw": (TEST, "raw_channels"),
@@ -130,6 +130,7 @@ OWN = {
     ("simulate", "random_state"): 0,
     ("curves", "levels"): None,
     ("simulate", "accelerometer"): None,
+    ("simulate", "skew"): None,  # that of the model's rig
     ("changed", "random_state"): 0,
     ("init", "answers"): None,
     ("init", "yes"): False,

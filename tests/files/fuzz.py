@@ -91,7 +91,7 @@ def read_folder(path: Path) -> None:
 
 
 def read_test(path: Path) -> None:
-    from sindyjoint.response.nuisances import read_test as read
+    from sindyjoint.equation.test_record import read_test as read
 
     read(path)
 
@@ -246,7 +246,7 @@ def made_test() -> Any:
     """Return errors of channels, a drift, and a moment of the frequency."""
     from dataclasses import replace
 
-    from sindyjoint.response.nuisances import Nuisance, TestNuisances
+    from sindyjoint.equation.test_record import Nuisance, TestNuisances
     from tests.equation.test_element import JENKINS, value
 
     stiffer = replace(
@@ -254,7 +254,7 @@ def made_test() -> Any:
     )  # fmt: skip
     delay = Nuisance("channel_delay", "time shift", value("channel_delay", 2e-3, unit="s"))
     slopes = {"run": 1e-3}
-    return TestNuisances("0" * 64, "a", (delay,), "moment_drift", slopes, (stiffer,), ("run",))
+    return TestNuisances("0" * 64, "a", (delay,), "moment_drift", slopes, (stiffer,))
 
 
 def _results(folder: Path, wanted: str) -> dict[str, Target]:

@@ -57,7 +57,7 @@ def test_of_data():
 def test_of_a_verification():
     made = verification()
     assert judge_verification(made, True, None).answer == "Yes"
-    runs = replace(made, kind="campaign", independent=False, beyond_range=("3Hz",))
+    runs = replace(made, kind="campaign", beyond_range=("3Hz",))
     headline = judge_verification(runs, False, Soundness((fault("biases"),)))
     assert lights(headline) == {"data": "fair", "explained": "good", "predicts": "fair", "determined": "fair"}
     missed = judge_verification(replace(made, verdict="failed", response_nrmse=0.4), False, None)

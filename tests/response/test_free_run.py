@@ -94,7 +94,7 @@ def test_without_inertia_the_moment_is_compared():
     assert found.measured_response.size == found.simulated_moment.size
 
 
-@pytest.mark.parametrize("samples", [0, 20, 5990, 100_000])
+@pytest.mark.parametrize("samples", [0, 3, 5999, 100_000])
 def test_too_few_samples_or_too_many_are_refused(samples):
     with pytest.raises(InputError, match=rf"run 'one': free_run is {samples} samples; expected \d+ to \d+"):
         free(SPRING, run_of(SPRING), samples)

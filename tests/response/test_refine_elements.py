@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from sindyjoint.equation.element import ElementState, JointElement, Value
+from sindyjoint.equation.test_record import Nuisance, TestNuisances
 from sindyjoint.mechanics.laws import FunctionLaw, LawWithNumbers, PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Run
 from sindyjoint.response import refine as refine_module
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.element_law import parts_of, sum_law
-from sindyjoint.response.nuisances import Nuisance, TestNuisances
+from sindyjoint.response.nuisances import corrected
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.output_error_runs import term_columns
 from sindyjoint.response.refine import refine
@@ -228,7 +229,7 @@ def test_what_belongs_to_the_test_is_no_number_of_the_joint():
     error = Nuisance("inertia_error", "inertia", value("dI", -0.1, "kg*m^2"))
     test = TestNuisances("", nuisances=(error,))
     model = model_with(jenkins(), inertia=0.12)
-    found = refine(model, test.corrected(wrong), test=replace(test, nuisances=()))
+    found = refine(model, corrected(test, wrong), test=replace(test, nuisances=()))
     right = refine(model, wrong, test=test)
     assert np.all(np.abs(right.model.numbers - TRUTH) < 4 * right.model.number_errors)
     assert right.model.joint.inertia == 0.12

@@ -7,13 +7,14 @@ import pytest
 
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model_parts import range_warnings
+from sindyjoint.equation.test_record import Nuisance, TestNuisances, read_test
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import FunctionLaw, SumLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.response.model_law import draw_models, model_law
-from sindyjoint.response.nuisances import Nuisance, TestNuisances, read_test
+from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.states import force_states
-from sindyjoint.states.campaigns import content_hash
+from sindyjoint.states.campaigns import content_hash, run_hash
 from sindyjoint.workflows.verify import verify
 from tests.equation.test_element import JENKINS, MAXWELL, with_elements
 from tests.made_models import paper_model
@@ -85,24 +86,31 @@ def nuisances(campaign, **options):
     )
 
 
-def test_nuisances_are_put_right_in_their_campaign_and_in_no_other(with_slider):
+def test_nuisances_are_put_right_in_their_campaign(with_slider):
     model, faulty = with_elements(JENKINS), lagging(with_slider, 2e-3, 2e-4)
-    test = nuisances(faulty)
-    right = verify(model, faulty, test=test, draws=0)
+    right = verify(replace(model, test=nuisances(faulty)), faulty, draws=0)
     # The moment was delayed by linear interpolation: a little of it is lost.
     assert right.response_nrmse < 0.02 < 0.05 < verify(model, faulty, draws=0).response_nrmse
-    assert "put right, as found in this campaign: channel delay, angle offset" in right.warnings
-    other = verify(model, with_slider, test=test, draws=0)
+    assert (
+        "put right, as found in this campaign: channel delay 0.002 s, angle offset 0.0002 rad"
+        in right.warnings
+    )
+
+
+def test_a_campaign_of_another_joint_is_left_as_it_is(with_slider):
+    model, test = with_elements(JENKINS), nuisances(lagging(with_slider, 2e-3, 2e-4))
+    other = verify(replace(model, test=replace(test, joint="another")), with_slider, draws=0)
     assert other.response_nrmse == verify(model, with_slider, draws=0).response_nrmse
-    assert any("is not applied to this other campaign" in line for line in other.warnings)
+    assert any("is not applied to a campaign of" in line for line in other.warnings)
 
 
-def test_runs_that_the_fit_left_out_are_what_is_compared(with_slider):
+def test_runs_that_no_fit_has_seen_are_what_is_compared(with_slider):
     names = tuple(run.name for run in with_slider.runs)[1:3]
-    test = TestNuisances(content_hash(with_slider), kept_out=names)
-    result = verify(with_elements(JENKINS), with_slider, test=test, draws=0)
+    model = with_elements(JENKINS)
+    seen = tuple(run_hash(run) for run in with_slider.runs if run.name not in names)
+    result = verify(replace(model, fitted=replace(model.fitted, seen=seen)), with_slider, draws=0)
     assert tuple(run.name for run in result.runs) == names
-    assert any("compared are the runs that the fit left out" in line for line in result.warnings)
+    assert any("compared are the runs that no fit has seen" in line for line in result.warnings)
 
 
 def test_the_content_of_a_campaign_is_known_by_its_samples_alone(with_slider):
@@ -124,7 +132,7 @@ def test_a_moment_of_the_frequency_belongs_to_the_test(with_slider):
     )
     test = TestNuisances("", moments=(stiffer,))
     states = force_states(with_slider.runs[0])
-    law = test.law(paper_model(), states)
+    law = law_of_test(test, paper_model(), states)
     base = model_law(paper_model())
     assert isinstance(law, SumLaw)
     theta, still, one = np.array([1e-4]), np.zeros(1), np.ones(1)
@@ -132,7 +140,7 @@ def test_a_moment_of_the_frequency_belongs_to_the_test(with_slider):
 
 
 def test_the_record_of_a_test_is_read_back(tmp_path, with_slider):
-    test = nuisances(with_slider, drift="moment_drift", slopes={"3Hz-0.9": 0.1}, kept_out=("5Hz-0.5",))
+    test = nuisances(with_slider, drift="moment_drift", slopes={"3Hz-0.9": 0.1})
     (tmp_path / "test.json").write_text(test.to_json(), encoding="utf-8")
     assert read_test(tmp_path) == test and read_test(tmp_path / "model.json") == test
     assert read_test(tmp_path / "elsewhere" / "model.json") is None

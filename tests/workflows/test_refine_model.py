@@ -10,9 +10,9 @@ from sindyjoint.diagnosis.campaign.numbers import refined as refined_numbers
 from sindyjoint.diagnosis.campaign.numbers.refined import simulated_gap
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.model_file import read_model
+from sindyjoint.equation.test_record import Nuisance, TestNuisances
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
-from sindyjoint.response.nuisances import Nuisance, TestNuisances, read_test
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.workflows.diagnose import diagnose
 from sindyjoint.workflows.refine import refine
@@ -56,19 +56,19 @@ def test_a_given_model_is_refined_and_stands_beside_the_response():
     ]
 
 
-def test_a_test_beside_the_model_is_applied_to_its_campaign_alone(tmp_path):
+def test_a_test_beside_the_model_as_earlier_versions_left_it_is_applied(tmp_path):
     shifted, delay = made(skew=1e-3), value("tau", 1e-3, "s")
     test = TestNuisances(content_hash(shifted), LAW.name, (Nuisance("channel_delay", "time shift", delay),))
     (tmp_path / "model.json").write_text(wrong_model().to_json())
     (tmp_path / "test.json").write_text(test.to_json())
     right = refine(tmp_path, shifted)
     assert np.all(np.abs(right.model.numbers - TRUTH) < 4 * right.model.number_errors)
-    assert right.test == test and any("put right, as found in this campaign" in w for w in right.warnings)
+    assert right.model.test == test and any(
+        "put right, as found in this campaign" in w for w in right.warnings
+    )
     # A millisecond that nobody takes out looks like damping.
-    left = refine(read_model(tmp_path), shifted)
-    assert abs(left.model.numbers[1] - LAW.c1) > 10 * left.model.number_errors[1] and left.test is None
-    other = refine(tmp_path, made())
-    assert any("is not applied to this other campaign" in w for w in other.warnings)
+    left = refine(wrong_model(), shifted)
+    assert abs(left.model.numbers[1] - LAW.c1) > 10 * left.model.number_errors[1] and left.model.test is None
 
 
 def test_an_estimated_delay_becomes_a_part_of_the_test(sindyjoint, tmp_path):
@@ -84,7 +84,7 @@ def test_an_estimated_delay_becomes_a_part_of_the_test(sindyjoint, tmp_path):
         "theta y of jenkins element" in text.lower()
         and "estimated together with the coefficients: delay" in text
     )
-    (found,) = read_test(tmp_path / "out").nuisances
+    (found,) = read_model(tmp_path / "out").test.nuisances
     assert found.enters == "time shift" and found.number.value == pytest.approx(1e-3, abs=5e-5)
     later = read_model(tmp_path / "out")
     assert np.all(np.abs(later.numbers - TRUTH) < 4 * later.number_errors)
@@ -112,7 +112,7 @@ def test_a_diagnosis_is_refined_unless_its_response_gap_would_grow(monkeypatch):
     assert gap == pytest.approx(before.final.response, rel=0.02)
     assert after.final.response == pytest.approx(simulated_gap(after.whole, runs, after.test), rel=1e-12)
     assert after.final.response <= 1.005 * gap
-    verified = verify(after.whole, runs, test=after.test, draws=0)
+    verified = verify(after.whole, runs, draws=0)
     assert verified.response_nrmse == pytest.approx(after.final.response, rel=1e-9)
 
     honest = refined_numbers.refine

@@ -17,6 +17,7 @@ from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, campaign_states
+from sindyjoint.states.repetition import mean_slope
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
@@ -53,7 +54,7 @@ def find_drift(
         return None
     found = {}
     for name, signal in (("moment_drift", "moment"), ("angle_drift", "angle")):
-        fits = {run.name: _slope(getattr(run, signal), run.sample_rate, s) for run, s in periodic}
+        fits = {run.name: mean_slope(getattr(run, signal), run.sample_rate, s) for run, s in periodic}
         ratio = float(np.median([abs(f[0]) / f[1] for f in fits.values()]))
         moved = float(np.median([abs(f[0]) * f[2] for f in fits.values()]))
         if ratio > policy.drift_ratio and moved > policy.drift_share:
@@ -84,33 +85,11 @@ def _with_kept_runs(drift: ChannelDrift, runs: Sequence[Run], states: Sequence[F
     """Return a drift with the slopes of runs kept out of the fit, too: their means give them, and no model."""
     signal = drift.effect.removesuffix("_drift")
     own = {
-        run.name: _slope(getattr(run, signal), run.sample_rate, s)[3]
+        run.name: mean_slope(getattr(run, signal), run.sample_rate, s)[3]
         for run, s in zip(runs, states, strict=True)
         if s.method == "periodic" and s.frequency
     }
     return replace(drift, slopes={**drift.slopes, **own})
-
-
-def _slope(signal: np.ndarray, sample_rate: float, states: ForceStates) -> tuple[float, float, float, float]:
-    """Return slope per RMS, its standard error, the duration and the slope itself, from means of whole periods."""
-    assert states.frequency is not None
-    start = int(round(states.dropped * sample_rate))
-    part = signal[start : start + states.n_samples]
-    edges = np.round(np.arange(0, part.size + 1, sample_rate / states.frequency)).astype(int)
-    edges = edges[edges <= part.size]
-    means = np.add.reduceat(part[: edges[-1]], edges[:-1]) / np.diff(edges)
-    if means.size < 4:
-        return 0.0, np.inf, 0.0, 0.0
-    time = (edges[:-1] + edges[1:]) / 2 / sample_rate
-    centred = time - time.mean()
-    spread = centred @ centred
-    slope = float(centred @ means / spread)
-    residual = means - means.mean() - slope * centred
-    error = float(np.sqrt(residual @ residual / max(means.size - 2, 1) / spread)) + 1e-12 * float(
-        np.std(part)
-    )
-    rms = float(np.std(part))
-    return slope / rms, error / rms, part.size / sample_rate, slope
 
 
 def _without_drift(run: Run, drift: ChannelDrift) -> Run:

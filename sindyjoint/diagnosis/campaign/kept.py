@@ -8,17 +8,18 @@ from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.response.compared import compare_run, compared_states
-from sindyjoint.response.nuisances import Enters, Nuisance, TestNuisances
+from sindyjoint.response.nuisances import corrected
 from sindyjoint.response.run import SimulatedRun
 from sindyjoint.states import ForceStates
 
 
 def kept_runs(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> list[SimulatedRun]:
     """Return the runs kept for validation beside their simulation; without those that no simulation can follow."""
-    campaign = _channels(effects).corrected(work.campaign)
+    campaign = corrected(_channels(effects), work.campaign)
     runs = {run.name: run for run in campaign.validation_runs}
     timed = any(each.variant.uses & {"time", "elapsed"} for each in effects if each.effect.enters == "moment")
 

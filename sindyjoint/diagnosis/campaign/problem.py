@@ -49,9 +49,9 @@ from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import TestNuisances
 from sindyjoint.soundness.identifiability import identifiability_notes
 from sindyjoint.soundness.warnings import warn_of_negative_damping, warn_of_negative_inertia
 from sindyjoint.states import ForceStates, campaign_states, one_after_another

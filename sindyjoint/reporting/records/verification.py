@@ -31,13 +31,14 @@ class BothEnergies(Part):
 
 
 class VerifiedRun(Part):
-    """A run against its simulation; ``--json`` has the first five keys, ``verification.json`` all."""
+    """A run against its simulation; ``--json`` has the first six keys, ``verification.json`` all."""
 
     name: str
     response_nrmse: Maybe
     moment_nrmse: Maybe
     rmse: Maybe
     rmse_unit: str
+    seen: bool | None = None
     drive: Literal["moment", "windows", "motion", "free run", "pulse", "steady", "standstill"] | None = None
     channel: Literal["angle", "moment", "displacement", "force", "velocity", "acceleration"] | None = None
     noise_floor: Maybe = None

@@ -19,7 +19,6 @@ from sindyjoint.reporting.style import amount, pretty_unit
 from sindyjoint.reporting.tables import model_table
 from sindyjoint.reporting.text_table import DASH, TextTable, aligned, terminal_table
 from sindyjoint.reporting.view import View
-from sindyjoint.response.nuisances import FILE
 from sindyjoint.text import in_words_of, percent, quantities, spelled
 
 if TYPE_CHECKING:
@@ -149,9 +148,8 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         }
 
     def files(self, result: Diagnosis, data: Diagnosis) -> dict[str, str]:
-        """Return the model with what the effects add to the joint's law, and what belongs to the test alone."""
-        texts = {"model.json": (result.whole or result.model).to_json() + "\n"}
-        return texts if not result.test else texts | {FILE: result.test.to_json() + "\n"}
+        """Return the model with what the effects add to the joint's law, and what belongs to the test."""
+        return {"model.json": (result.whole or result.model).to_json() + "\n"}
 
     def headline(self, result: Diagnosis) -> Trust:
         """Return whether to believe the diagnosis."""

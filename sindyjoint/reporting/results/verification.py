@@ -25,7 +25,6 @@ from sindyjoint.reporting.text_table import (
     terminal_table,
 )
 from sindyjoint.reporting.view import View
-from sindyjoint.response.nuisances import FILE
 from sindyjoint.response.verification import RunVerification, Verification
 from sindyjoint.text import in_words_of_origin, percent, quantities, rounded, spelled
 from sindyjoint.workflows.refine import RefinedModel, number_labels
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
 PREFIXED = ("rad", "m", "N", "N*m", "V", "A")
 # Of each run, as it is.
 NUMBERS = "Numbers of the model before and after the refinement, with one standard error."
+SEEN = {True: "seen", False: "not seen", None: "unknown"}
 PRINTED = ("drive", "channel", "noise_floor", "amplitude_rms_error", "mean_period_difference")
 
 
@@ -110,6 +110,7 @@ class VerificationView(View[Verification, Verification]):
                 percent(run.moment_nrmse),
                 percent(run.amplitude_rms_error),
                 milliseconds(run.mean_period_difference),
+                DASH if run.drive == "pulse" else SEEN[run.seen],
             )
             for run in result.runs
         )
@@ -122,6 +123,7 @@ class VerificationView(View[Verification, Verification]):
             f"{load} error",
             "Amplitude",
             "Period",
+            "Seen by the fit",
         )
         caption = in_words_of_origin(
             self.simulated(result), "Errors relative to the RMS of what was measured."
@@ -195,6 +197,7 @@ class VerificationView(View[Verification, Verification]):
         load = quantities(result.model.joint.motion).moment.lower()
         columns = (
             "run", "simulated by", "response NRMSE", "RMSE", "noise", f"{load} NRMSE", "amplitude", "period",
+            "seen by fit",
         )  # fmt: skip
         rows = [(shortened(name), *others) for name, *others in self.tables(result)[0].rows]
         print_whole(terminal_table(columns, rows, "llr"), console)
@@ -258,12 +261,6 @@ class RefinementView(VerificationView):
             )
         )
         return *tables, TextTable("numbers", NUMBERS, ("Number", "Before", "After", "Unit"), rows)
-
-    def files(self, result: Verification, data: Verification) -> dict[str, str]:
-        """Return the model, and what belongs to the test."""
-        texts = super().files(result, data)
-        test = result.test if isinstance(result, RefinedModel) else None
-        return texts if test is None else {**texts, FILE: test.to_json() + "\n"}
 
     def show_result(self, result: Verification, console: Console) -> None:
         """Print the numbers before and after, then what a verification prints."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_parts import range_warnings
+from sindyjoint.equation.model_parts import has_seen, range_warnings
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
@@ -32,7 +32,9 @@ from sindyjoint.response.verification import (
     Verification,
     band_of,
     judged,
+    seen_words,
 )
+from sindyjoint.states.campaigns import signals_hash
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.simulated.runs import SteadyRun
@@ -199,8 +201,11 @@ def verify_runs(
     if not models:
         raise InputError("no model was given")
     kept = [run for run in test.runs if run.use == "validate"]
-    chosen = kept or [run for run in test.runs if run.use != "update"]
-    warnings = _origin(test, bool(kept))
+    seen = {run.name: _has_seen(models, run) for run in test.runs}
+    driven = [run for run in test.runs if run.use != "update"]
+    chosen = kept or [run for run in driven if seen[run.name] is False] or driven
+    warnings = ["the response is simulated (a virtual test of the rig), not measured"] * test.simulated
+    warnings += seen_words({run.name: seen[run.name] for run in chosen})
     draws = [_replaced(structure, standing, models, drawn) for drawn in _drawn(models, settings)]
     entries: list[RunVerification] = []
     beyond: list[str] = []
@@ -227,20 +232,15 @@ def verify_runs(
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
         bands = [_attempt(measured, other) for other in draws] if motion is not None else []
-        entries += _entries(measured, motion, bands, failure)
+        entries += (replace(e, seen=seen[run.name]) for e in _entries(measured, motion, bands, failure))
     result = judged(models[0], "rig", test.name, settings.tolerance, entries, warnings)
-    return replace(result, beside=tuple(models[1:]), independent=bool(kept), beyond_range=tuple(beyond))
+    return replace(result, beside=tuple(models[1:]), beyond_range=tuple(beyond))
 
 
-def _origin(test: RigTest, kept: bool) -> list[str]:
-    warnings = []
-    if test.simulated:
-        warnings.append("the response is simulated (a virtual test of the rig), not measured")
-    if not kept:
-        warnings.append(
-            "no run is marked use = 'validate': all runs are compared, those the model was fitted to among them"
-        )
-    return warnings
+def _has_seen(models: Sequence[JointModel], run: RigRun) -> bool | None:
+    """Return whether a fit of any model has used a run; None where that is not known of one of them."""
+    known = {has_seen(model.fitted, signals_hash(run.sample_rate, [run.signals])) for model in models}
+    return True if True in known else None if None in known else False
 
 
 def _drawn(models: Sequence[JointModel], settings: Settings) -> Iterator[tuple[JointModel, ...]]:

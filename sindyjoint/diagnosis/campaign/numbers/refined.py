@@ -11,9 +11,10 @@ import numpy as np
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
 from sindyjoint.response.kept_out import simulated_gap
-from sindyjoint.response.nuisances import TestNuisances
+from sindyjoint.response.nuisances import corrected
 from sindyjoint.response.refine import refine
 from sindyjoint.states import campaign_states, one_after_another
 
@@ -47,7 +48,7 @@ def refined_problem(
     if not (whole.terms or whole.elements):
         return problem, ()
     (progress or (lambda stage: None))("refining on the simulated response")
-    campaign = test.corrected(usable)
+    campaign = corrected(test, usable)
     states = one_after_another(campaign, campaign_states(campaign))
     tried = [
         refine(model, campaign, states=states, test=test)

@@ -24,9 +24,9 @@ from sindyjoint.diagnosis.effects.parts import element_of, parts_of_law
 from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.test_record import Nuisance, TestNuisances
 from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import with_coefficients
-from sindyjoint.response.nuisances import Nuisance, TestNuisances
 
 # Step of the differences by a nonlinear parameter, relative to it.
 STEP = 1e-3
