@@ -16,7 +16,7 @@ from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
 
 
-def tested_joint(seed, drive):
+def joint_and_runs(seed, drive):
     """A joint of some stiffness, friction and damping, and a campaign of nine runs."""
     rng = np.random.default_rng(seed)
     k1, angle = rng.uniform(3000.0, 9000.0), rng.uniform(2e-4, 5e-4)
@@ -49,7 +49,7 @@ def reached(law, made):
 def test_no_planned_run_leaves_what_the_campaign_tested(drive, seed, monkeypatch):
     monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
     monkeypatch.setattr(planner, "PREDICTED", 3)
-    law, made = tested_joint(seed, drive)
+    law, made = joint_and_runs(seed, drive)
     campaign = play(law, made, Sensors(500.0, 0.01), seed)
     found = plan(campaign=campaign, drive=drive, time=60.0)
     tested, planned = reached(law, made), reached(law, found.runs)
