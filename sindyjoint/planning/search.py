@@ -177,7 +177,7 @@ class Choice:
             return np.asarray((self.coefficients / errors)[..., [*self.terms]] ** 2)
 
         before = known(single)
-        more = known(_added(single.take(at), self.information)) - before[at]
+        more = known(_added(single.take(at.tolist()), self.information)) - before[at]
         gram = np.einsum("fjk,fa,fb->jkab", before, powers, powers)
         gram = gram + np.einsum("ijk,ia,ib->ijkab", more, powers[at], powers[at])
         determinant = np.maximum(np.linalg.det(gram), np.exp(-WORST))
@@ -193,7 +193,7 @@ def _same(frequency: float) -> float:
 
 
 def _added(*parts: Information) -> Information:
-    return Information(*(sum(getattr(part, name) for part in parts) for name in PARTS))  # type: ignore[arg-type]
+    return Information(*(sum(getattr(part, name) for part in parts) for name in PARTS))
 
 
 def _summed(
