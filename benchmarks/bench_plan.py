@@ -4,29 +4,34 @@ How many of the obtained half-widths lie in their predicted 90 % bands, how much
 is than that of the 3 × 3 grid of the same duration, and whether any limit is broken.
 
     python -m benchmarks.bench_plan [moment|angle] [JOINTS] [FIRST SEED] [--until ENOUGH] [--alone]
+    python -m benchmarks.bench_plan --table
 
 With a prescribed moment each coefficient of the inter-panel joint differs by up to 20 %; with a prescribed angle its
 stiffness lies between 5 and 8 kN·m/rad and its friction between 1 and 3 N·m. ENOUGH is a relative half-width at which
-the plan ends. ``--alone`` leaves the grid out.
+the plan ends. ``--alone`` leaves the grid out. ``--table`` shows the plans of five joints beside their grids instead.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from sindyjoint import discover, plan
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
-from sindyjoint.mechanics.laws import softening_limit
-from sindyjoint.planning.information import chosen_terms, run_information, stacked
+from sindyjoint.mechanics.laws import PaperLaw, softening_limit
+from sindyjoint.planning.information import Sensors, chosen_terms, run_information, stacked
 from sindyjoint.planning.joints import JointRange
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import play
-from sindyjoint.record import Campaign
+from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.record import Campaign, Joint
 from sindyjoint.response.model_law import model_law
 
 RANGES = {
@@ -34,6 +39,43 @@ RANGES = {
     "angle": {"linear_stiffness": (5000.0, 8000.0), "coulomb_friction": (1.0, 3.0)},
 }
 LIMITS = {"moment": 8.0, "rate": 0.08}
+
+
+SMALL = PaperLaw(4200.0, -1e5, -6e8, 22.0, 0.6, 0.01, "small joint, tested to 2.6 N·m")
+DAMPER = PaperLaw(2e5, -1e7, -1e10, 900.0, 40.0, 2.0, "translation damper")
+
+
+def five_joints() -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name of a joint, and the options of its plan."""
+    yield "inter-panel joint", {"like": "inter-panel"}
+    yield "panel root joint", {"like": "panel-root"}
+    runs = [PlannedRun("moment", "sine", f, x, "N*m", 6.0) for f in (2.0, 4.0, 6.0) for x in (1.3, 2.0, 2.6)]
+    yield SMALL.name, {"campaign": play(SMALL, runs, Sensors(), 5)}
+    runs = [
+        PlannedRun("moment", "sine", f, x, "N", 6.0) for f in (2.0, 4.0, 6.0) for x in (110.0, 155.0, 200.0)
+    ]
+    made = play(DAMPER, runs, Sensors(), 5)
+    slides = Joint(DAMPER.name, "translation", DAMPER.inertia)
+    yield DAMPER.name, {"campaign": replace(made, joint=slides)}
+    yield "weak friction, 0.05–0.15 N·m", {"ranges": {"coulomb_friction": (0.05, 0.15)}}
+
+
+def table() -> None:
+    """Print the plans of five joints beside their grids of equal length."""
+    for name, options in five_joints():
+        began = time.process_time()
+        made = plan(**options)
+        seconds = time.process_time() - began
+        ratio = [p.relative / g.relative for p, g in zip(made.predicted, made.grid, strict=True)]
+        widest = max(p.relative for p in made.predicted) / max(g.relative for g in made.grid)
+        runs = Counter((run.frequency, run.level) for run in made.runs)
+        shown = ", ".join(
+            f"{f:g} Hz: " + " ".join(f"{n}×{x:.4g}" for (at, x), n in sorted(runs.items()) if at == f)
+            for f in sorted({f for f, _ in runs})
+        )
+        print(
+            f"| {name} | {shown} | {' '.join(f'{each:.2f}' for each in ratio)} | {widest:.2f} | {seconds:.0f} s |"
+        )
 
 
 def joints_of(made: Plan, count: int, seed: int) -> Iterator[tuple[int, JointModel]]:
@@ -122,4 +164,9 @@ if __name__ == "__main__":
     parser.add_argument("seed", type=int, nargs="?", default=1000)
     parser.add_argument("--until", type=float)
     parser.add_argument("--alone", action="store_true")
-    main(**vars(parser.parse_args()))
+    parser.add_argument("--table", action="store_true")
+    given = vars(parser.parse_args())
+    if given.pop("table"):
+        table()
+    else:
+        main(**given)

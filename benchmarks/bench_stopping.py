@@ -74,7 +74,7 @@ def tested(first: Plan, true: JointModel, seed: int, drive: str, until: float) -
         left = max(ALL - len(test.runs) * RUN, RUN)
         made = plan(
             "inter-panel", campaign=test.campaign, drive=drive, ranges=RANGES[drive], limits=LIMITS, time=left,
-            run_time=RUN, until=until,
+            run_time=RUN, until=until, band=(2.0, 8.0),
         )  # fmt: skip
         longest = max(longest, time.perf_counter() - began)
     return test, made, longest

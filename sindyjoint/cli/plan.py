@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +14,7 @@ from sindyjoint.cli.answer import answer
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import Output, with_blocks
 from sindyjoint.cli.progress import Progress
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, UnitError
 
 if TYPE_CHECKING:
     from sindyjoint.planning.plan import Plan
@@ -30,11 +31,11 @@ class _Drive(StrEnum):
 
 
 PLAN = "workflows.plan:plan"
-BAND = "{:g}..{:g} Hz".format(*default_of(PLAN, "band"))
 SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
-CHANNELS = {"moment": "N*m", "angle": "rad", "rate": "rad/s"}
-READ = {"moment": "N*m", "angle": "rad"}
+# Of a joint that turns, and of one that slides.
+CHANNELS = {"moment": ("N*m", "N"), "angle": ("rad", "m"), "rate": ("rad/s", "m/s")}
+READ = {name: CHANNELS[name] for name in ("moment", "angle")}
 
 
 @with_blocks
@@ -56,10 +57,14 @@ def plan(
     drive: Annotated[_Drive, typer.Option(help="What the actuator prescribes.")] = _Drive(
         default_of(PLAN, "drive")
     ),
-    band: Annotated[str | None, typer.Option(help=f"Frequencies that it reaches. [{BAND}]")] = None,
+    band: Annotated[
+        str | None, typer.Option(help="Frequencies that it reaches. [those tested, or 2..8 Hz]")
+    ] = None,
     limits: Annotated[
         list[str] | None,
-        typer.Option("--limit", help="Of moment, angle or rate: 'moment=6 N*m'. May be repeated."),
+        typer.Option(
+            "--limit", help="Of moment, angle or rate: 'moment=6 N*m'. May be repeated. [what was tested]"
+        ),
     ] = None,
     noise: Annotated[
         list[str] | None,
@@ -83,12 +88,12 @@ def plan(
         str | None, typer.Option("--run-time", help="Duration of each run. [a ninth of the time]")
     ] = None,
     goal: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="widths: a narrow widest interval; frequency: no change over the band overlooked; paper: which terms "
-            "there are; tell-apart: effects. With weights: 'widths=2,frequency=1'."
+            "there are; tell-apart: effects. With weights: [widths=4,frequency=1]"
         ),
-    ] = default_of(PLAN, "goal"),
+    ] = None,
     effects: Annotated[
         str | None, typer.Option(help="To be told apart: 'dahl_friction,lugre_friction'.")
     ] = None,
@@ -132,7 +137,7 @@ def plan(
             ranges=_ranges(ranges or []),
             drive=drive.value,
             limits=_quantities(limits or [], CHANNELS, "--limit"),
-            goal=_goal(goal),
+            goal=None if goal is None else _goal(goal),
             resolution=_quantities(resolution or [], READ, "--resolution"),
             effects=tuple(name.strip() for name in effects.split(",")) if effects else (),
             diagnosis=diagnosis,
@@ -197,7 +202,7 @@ def span(text: str, unit: str, where: str) -> tuple[float, float]:
         raise InputError(f"{where} is {text!r}; expected a number before the two dots") from None
 
 
-def _parted(text: str, known: Mapping[str, str] | None, where: str) -> tuple[str, str]:
+def _parted(text: str, known: Mapping[str, object] | None, where: str) -> tuple[str, str]:
     name, sign, value = text.partition("=")
     if not sign or (known is not None and name.strip() not in known):
         names = "NAME" if known is None else " or ".join(known)
@@ -205,11 +210,20 @@ def _parted(text: str, known: Mapping[str, str] | None, where: str) -> tuple[str
     return name.strip(), value.strip()
 
 
-def _quantities(texts: list[str], known: Mapping[str, str], where: str) -> dict[str, float]:
+def _quantities(texts: list[str], known: Mapping[str, tuple[str, str]], where: str) -> dict[str, float]:
     from sindyjoint.files.units import parse_quantity
 
-    pairs = [_parted(text, known, where) for text in texts]
-    return {name: parse_quantity(value, known[name], f"{where} {name}") for name, value in pairs}
+    found = {}
+    for name, value in (_parted(text, known, where) for text in texts):
+        turns, slides = known[name]
+        try:
+            found[name] = parse_quantity(value, turns, f"{where} {name}")
+        except UnitError:
+            with suppress(UnitError):
+                found[name] = parse_quantity(value, slides, f"{where} {name}")
+            if name not in found:
+                raise
+    return found
 
 
 def _noise(texts: list[str]) -> dict[str, Any]:

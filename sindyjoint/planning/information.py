@@ -104,6 +104,10 @@ class Information:
         at = [*runs]
         return Information(self.bread[at], self.meat[at], self.pull[at], self.blocks[at])
 
+    def sum(self) -> Information:
+        """Return that of all runs together."""
+        return Information(*(getattr(self, n).sum(axis=0) for n in ("bread", "meat", "pull", "blocks")))
+
     def with_runs(self, other: Information | None) -> Information:
         """Return that of these runs after those of another."""
         if other is None:
@@ -260,28 +264,57 @@ def half_widths(information: Information, noise: np.random.Generator | None = No
 
 
 def _inverse(bread: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the inverse of XᵀX of each joint, and where there is none."""
-    scale = np.sqrt(np.einsum("jkk->jk", bread))
-    scale[scale == 0] = 1.0
-    scaled = bread / scale[:, :, None] / scale[:, None, :]
-    singular = np.linalg.cond(scaled) > POLICY.singular
-    scaled[singular] = np.eye(scale.shape[1])
-    return np.linalg.inv(scaled) / scale[:, :, None] / scale[:, None, :], singular
+    """Return the inverses of matrices XᵀX, shape (..., p, p), and where there is none."""
+    scale = np.sqrt(np.einsum("...kk->...k", bread))
+    scale = np.where(scale > 0, scale, 1.0)
+    scaled = bread / scale[..., :, None] / scale[..., None, :]
+    singular = ~(np.linalg.cond(scaled) <= POLICY.singular)
+    scaled[singular] = np.eye(scale.shape[-1])
+    return np.linalg.inv(scaled) / scale[..., :, None] / scale[..., None, :], singular
+
+
+def expected_errors(total: Information, coefficients: Array) -> tuple[Array, Array]:
+    """Return what sums of information promise of each coefficient, both of shape (..., p).
+
+    Parameters
+    ----------
+    total : Information
+        Sums over runs.
+    coefficients : ndarray, shape (joints, p)
+        The joints are the last leading axis of the information.
+
+    Returns
+    -------
+    errors : ndarray
+        Standard error of each coefficient; infinite where the runs do not determine it.
+    shares : ndarray
+        Share of the moment's RMS that each term carries alone: |c| / √(B⁻¹)_kk over √(cᵀBc).
+    """
+    inverse, singular = _inverse(total.bread)
+    spread = inverse @ total.meat @ inverse
+    bias = BIAS.uncertain_share * np.einsum("...kl,...l->...k", inverse, total.pull)
+    errors = np.sqrt(np.einsum("...kk->...k", spread) + bias**2)
+    moment = np.sqrt(
+        np.maximum(np.einsum("...k,...kl,...l->...", coefficients, total.bread, coefficients), 1e-300)
+    )
+    shares = np.abs(coefficients) / np.sqrt(np.einsum("...kk->...k", inverse)) / moment[..., None]
+    lost = singular[..., None]
+    return np.where(lost, np.inf, errors), np.where(lost, 0.0, shares)
+
+
+def requirements(errors: Array, shares: Array, coefficients: Array) -> Array:
+    """Return by how much each term passes what a discovery asks of it; from one on it is taken."""
+    asked = np.maximum(errors * DISCOVERY.term_significance, 1e-300)
+    return np.asarray(np.minimum(np.abs(coefficients) / asked, shares / DISCOVERY.least_share))
 
 
 def margins(information: Information, coefficients: Array) -> Array:
     """Return by how much each term passes what a discovery of the runs asks of it, shape (joints, p).
 
-    From one on it is taken: it is significant, and carries alone a least share of the moment's RMS, which is
-    |c| / √(B⁻¹)_kk over √(cᵀBc).
+    From one on it is taken: it is significant, and carries alone a least share of the moment's RMS.
     """
-    bread = information.bread.sum(axis=0)
-    inverse, singular = _inverse(bread)
-    moment = np.sqrt(np.maximum(np.einsum("jk,jkl,jl->j", coefficients, bread, coefficients), 1e-300))
-    alone = np.abs(coefficients) / np.sqrt(np.einsum("jkk->jk", inverse)) / moment[:, None]
-    asked = np.maximum(half_widths(information) * DISCOVERY.term_significance, 1e-300)
-    found = np.minimum(1.96 * np.abs(coefficients) / asked, alone / DISCOVERY.least_share)
-    return np.asarray(np.where(singular[:, None], 0.0, found))
+    _, shares = expected_errors(information.sum(), coefficients)
+    return requirements(half_widths(information) / 1.96, shares, coefficients)
 
 
 def chosen_terms(information: Information, coefficients: Array) -> NDArray[np.bool_]:

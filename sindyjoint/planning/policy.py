@@ -55,10 +55,9 @@ class PlanningPolicy:
         3, "different frequencies of a plan", source="terms are held out by frequency when they are selected"
     )
     fewest_levels: int = limit(
-        3, "different levels of a plan", source="the coverage that a discovery asks for"
-    )
-    missing: float = limit(
-        0.7, "how much narrower, as a logarithm, intervals must be to do without one of these"
+        2,
+        "different levels at each of these",
+        source="terms of angle and rate are nearly collinear along one sine",
     )
     left_out: float = limit(
         1.0,

@@ -2,19 +2,113 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
 from sindyjoint.discovery.evidence import Evidence, block_scores
 from sindyjoint.equation.model import JointModel
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, SindyJointError
+from sindyjoint.mechanics.actuator import Actuator, Drive
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import Information, Sensors, stacked
 from sindyjoint.planning.joints import JointRange, like_model
-from sindyjoint.states import ForceStates
+from sindyjoint.record import Campaign
+from sindyjoint.states import ForceStates, force_states
 from sindyjoint.text import spelled
+
+SAME = 0.01  # of a frequency
+
+
+@dataclass(frozen=True)
+class Tested:
+    """What runs have reached, beyond which nothing is known of a joint.
+
+    Parameters
+    ----------
+    largest : mapping of str to float
+        Largest ``"moment"``, ``"angle"`` and ``"rate"``, SI, where known.
+    band : (float, float) or None
+        Hz; ``None`` where no run repeats.
+    """
+
+    largest: Mapping[str, float]
+    band: tuple[float, float] | None
+
+    def actuator(
+        self, drive: Drive, band: tuple[float, float] | None, limits: Mapping[str, float]
+    ) -> Actuator:
+        """Return what stays within, unless limits are given.
+
+        Moment, angle and rate are those of one motion: a limit of one that was not tested so far lets all three go.
+
+        Raises
+        ------
+        InputError
+            Where no frequency was tested and no band is given.
+        """
+        band = band or self.band
+        if band is None:
+            raise InputError(
+                "no run that was tested has a frequency; give the band of the runs to be planned"
+            )
+        kept = all(value <= self.largest.get(name, 0.0) for name, value in limits.items())
+        return Actuator(drive, band, **{**(self.largest if kept else {}), **limits})
+
+    def beyond(self, reached: Mapping[str, float], frequencies: Sequence[float], units: Sequence[str]) -> str:
+        """Return by how much planned runs leave it, in words; empty where they do not."""
+        tested = {name: value for name, value in self.largest.items() if name in reached}
+        found = [
+            f"{name} up to {reached[name]:.3g} {unit} where {tested[name]:.3g} was tested "
+            f"({reached[name] / tested[name]:.2g} times)"
+            for name, unit in zip(("moment", "angle", "rate"), units, strict=True)
+            if reached[name] > tested.get(name, inf)
+        ]
+        low, high = self.band or (0.0, inf)
+        # That of a tested run is refined from its data.
+        away = sorted(f for f in {*frequencies} if not low * (1 - SAME) <= f <= high * (1 + SAME))
+        if away:
+            found.append(
+                f"{', '.join(f'{f:g}' for f in away)} Hz where {low:.3g} to {high:.3g} Hz were tested"
+            )
+        return "; ".join(found)
+
+
+def tested_by(campaign: Campaign) -> Tested:
+    """Return what the runs of a campaign have reached."""
+    states = []
+    for run in campaign.runs:
+        # A run without states shows nothing; that it has none is said by the check of the data.
+        with suppress(SindyJointError):
+            states.append(force_states(run))
+    largest = dict.fromkeys(("moment", "angle", "rate"), 0.0)
+    for s in states:
+        # The largest of n samples of noise is not the joint's.
+        noise = s.noise.moment * float(np.sqrt(2 * np.log(s.moment.size)))
+        reached = (float(np.abs(s.moment).max()) - noise, np.abs(s.angle).max(), np.abs(s.rate).max())
+        largest = {
+            name: max(far, float(new)) for (name, far), new in zip(largest.items(), reached, strict=True)
+        }
+    if campaign.quasi_static:
+        largest["rate"] = 0.0
+    frequencies = [s.frequency for s in states if s.frequency]
+    return Tested(
+        {name: value for name, value in largest.items() if value > 0},
+        (min(frequencies), max(frequencies)) if frequencies else None,
+    )
+
+
+def tested_of(model: JointModel) -> Tested | None:
+    """Return to what a model was tested; nothing of one that was fitted to no data."""
+    fitted = model.fitted
+    if not fitted.samples:
+        return None
+    largest = {"angle": fitted.angle, "rate": fitted.rate}
+    band = (min(fitted.frequencies), max(fitted.frequencies)) if fitted.frequencies else None
+    return Tested({name: value for name, value in largest.items() if value > 0}, band)
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +129,8 @@ class Prior:
     ids : tuple of str
         Terms that the joint was said to have; default: all of the range's.
     notes : tuple of str
+    tested : Tested, optional
+        What the joint was tested to.
     """
 
     joint: JointRange
@@ -44,6 +140,7 @@ class Prior:
     model: JointModel | None = None
     ids: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    tested: Tested | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ids", self.ids or self.joint.model.ids)

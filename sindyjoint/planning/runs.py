@@ -130,31 +130,36 @@ def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float, wav
     InputError
         When every joint can be driven without end, so that there is no highest level.
     """
-    order = list(laws)
+    level, guess = inf, _first_guess(laws, actuator, frequency)
+    for law in laws:
+        # Every further joint lowers the level, or is asked once.
+        if level == inf or not within_limits(law, actuator, frequency, level, waveform):
+            level = min(level, _highest_of(law, actuator, frequency, waveform, min(level, guess)))
+    if level == inf:
+        raise InputError(
+            "no limit ends the levels: the joint does not soften; give the largest moment, angle or rate"
+        )
+    return level
 
-    def allowed(level: float) -> bool:
-        for index, law in enumerate(order):
-            if not within_limits(law, actuator, frequency, level, waveform):
-                # The joint that is limited first is asked first the next time.
-                order.insert(0, order.pop(index))
-                return False
-        return True
 
-    high = _first_guess(order, actuator, frequency)
-    while allowed(high):
+def _highest_of(law: Law, actuator: Actuator, frequency: float, waveform: str, guess: float) -> float:
+    """Return the highest amplitude that keeps one joint within the limits, from about ``guess`` on."""
+    high = guess
+    while within_limits(law, actuator, frequency, high, waveform):
         high *= GROWTH
         if not high < 1e12:
-            raise InputError(
-                "no limit ends the levels: the joint does not soften; give the largest moment, angle or rate"
-            )
+            return inf
     low = high / GROWTH
-    while not allowed(low):
+    while not within_limits(law, actuator, frequency, low, waveform):
         low, high = low / GROWTH, low
-        if low < SMALLEST * high:
+        if low < SMALLEST * guess:
             raise InputError(f"no level at {frequency:g} Hz is within the limits")
     for _ in range(STEPS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if allowed(middle) else (low, middle)
+        if within_limits(law, actuator, frequency, middle, waveform):
+            low = middle
+        else:
+            high = middle
         if high - low < 1e-3 * low:
             break
     return low
@@ -245,7 +250,8 @@ def _within_band(waveform: str, actuator: Actuator, duration: float, policy: Pla
             "Hz; expected a wider band, or longer runs"
         )
     count = policy.frequencies if most > least * (1 + 1e-9) else 1
-    return _rounded(np.geomspace(least, max(most, least), count))
+    # The plain grid's are among them.
+    return _rounded(np.linspace(least, max(most, least), count))
 
 
 def _rounded(values: Array) -> list[float]:

@@ -1,19 +1,29 @@
-"""Which runs together are most informative: greedy choice, then exchange, at enough frequencies and levels."""
+"""Which runs together are most informative: exchange of runs from several starts, by one criterion.
+
+The criterion adds logarithms: of the widest relative interval, and of what a change over frequency could hide. For the
+latter each coefficient is a parabola over the band, its values at the frequencies those of a fit to the runs of each
+alone: the determinant of the parabola's information is largest where at least three frequencies each tell the
+coefficients by themselves, which takes several levels (D-optimality; Atkinson, Donev and Tobias 2007, ch. 11).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
     Information,
     changes_over_band,
     chosen_terms,
+    expected_errors,
     half_widths,
     margins,
+    requirements,
 )
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.planning.runs import PlannedRun
@@ -22,12 +32,22 @@ from sindyjoint.planning.runs import PlannedRun
 Goals = tuple[tuple[str, float], ...]
 WIDTHS, FREQUENCY, PAPER = "widths", "frequency", "paper"
 GOALS = (WIDTHS, FREQUENCY, PAPER)
+DEFAULT_GOALS = {WIDTHS: 4.0, FREQUENCY: 1.0}
 
-WORST = 50.0  # logarithm of a relative half-width that is not determined at all
+WORST = 50.0  # logarithm of what is not determined at all
+BROKEN = 10.0  # cost of each thing that a plan must not lack: larger than what logarithms of widths can win
 ROUNDS = 6
+STARTS = 16  # of the exchange, which ends in local optima
 GAIN = 1e-6
 # Of what is enough: beyond what tests of one joint scatter by.
 AMPLE = 0.6
+# Logarithm by which intervals are narrower than the grid's at least: what the joints drawn for the search and those
+# drawn for the prediction differ by.
+NARROWER = 0.02
+
+
+def _logarithm(values: Array) -> Array:
+    return np.log(np.clip(values, np.exp(-WORST), np.exp(WORST)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +64,14 @@ class Choice:
         Places of the coefficients that matter.
     goals : tuple of (str, float)
         What counts, and how much; the first is reported. ``"widths"``: the widest relative interval. ``"frequency"``:
-        the widest relative change over the band that could be overlooked. ``"paper"``: what the weakest term lacks of
-        being taken by a discovery, which from one down it is.
+        a change over the band that could be overlooked. ``"paper"``: what the weakest term lacks of being taken by a
+        discovery, which from one down it is.
     known : Information, optional
         Of runs that were already made, with axes (runs, joints).
     known_runs : tuple of (float, str)
         Frequency and level of these.
+    grid : Information, optional
+        Of the plain grid, than which no interval shall be wider.
     policy : PlanningPolicy
     """
 
@@ -60,25 +82,26 @@ class Choice:
     goals: Goals = ((WIDTHS, 1.0),)
     known: Information | None = None
     known_runs: tuple[tuple[float, str], ...] = ()
+    grid: Information | None = None
     policy: PlanningPolicy = POLICY
 
-    def widest(self, chosen: Sequence[int], goal: str = "") -> Array:
-        """Return the widest relative half-width of each joint, or what another goal makes small, shape (joints,)."""
+    def widest(self, chosen: Sequence[int]) -> Array:
+        """Return what the first goal makes small, of each joint, shape (joints,)."""
         information = self.information.take(chosen).with_runs(self.known)
-        known = [frequency for frequency, _ in self.known_runs]
-        frequencies = [*known, *(self.runs[i].frequency for i in chosen)]
-        return made_small(goal or self.goals[0][0], information, self.coefficients, self.terms, frequencies)
+        made = [frequency for frequency, _ in self.known_runs]
+        frequencies = [*made, *(self.runs[i].frequency for i in chosen)]
+        return made_small(self.goals[0][0], information, self.coefficients, self.terms, frequencies)
 
-    def missing(self, chosen: Sequence[int]) -> int:
-        """Return how many different frequencies and levels are missing."""
-        frequencies = {f"{f:.2g}" for f, _ in self.known_runs} | {
-            f"{self.runs[i].frequency:.2g}" for i in chosen
-        }
+    def missing(self, chosen: Sequence[int], alone: bool = False) -> int:
+        """Return how many settings are missing: of so many frequencies each at so many levels."""
+        made = () if alone else self.known_runs
         # Levels are shares of the highest at their frequency: the same place among them is the same level.
-        count = len(self.policy.levels)
-        levels = {level for _, level in self.known_runs} | {str(i % count) for i in chosen}
-        possible = min(self.policy.fewest_frequencies, len({run.frequency for run in self.runs}))
-        return max(0, possible - len(frequencies)) + max(0, self.policy.fewest_levels - len(levels))
+        count, levels = len(self.policy.levels), dict[float, set[str]]()
+        for frequency, level in (*made, *((self.runs[i].frequency, str(i % count)) for i in chosen)):
+            levels.setdefault(_same(frequency), set()).add(level)
+        possible = min(self.policy.fewest_frequencies, self._band.size)
+        most = sorted((min(len(each), self.policy.fewest_levels) for each in levels.values()), reverse=True)
+        return max(0, possible * self.policy.fewest_levels - sum(most[:possible]))
 
     def left_out(self, chosen: Sequence[int]) -> float:
         """Return the share of the joints of which a discovery would leave out a term that matters."""
@@ -86,19 +109,104 @@ class Choice:
         taken = chosen_terms(information, self.coefficients)[:, list(self.terms)]
         return float(np.mean(~taken.all(axis=1)))
 
-    def cost(self, chosen: Sequence[int]) -> float:
-        """Return what is made small: the mean logarithm of the widest over the joints; what is missing or left out."""
-        if not chosen and self.known is None:
-            return WORST
-        logs = [
-            weight * float(np.log(np.clip(self.widest(chosen, goal), 1e-12, np.exp(WORST))).mean())
-            for goal, weight in self.goals
-        ]
-        return (
-            sum(logs)
-            + self.policy.missing * self.missing(chosen)
-            + self.policy.left_out * self.left_out(chosen)
-        )
+    @cached_property
+    def _band(self) -> Array:
+        """Frequencies that can be driven."""
+        return np.unique([_same(run.frequency) for run in self.runs])
+
+    @cached_property
+    def _groups(self) -> tuple[Array, NDArray[np.intp], NDArray[np.intp]]:
+        """All frequencies, and at which of them each run is, and each that was made."""
+        at = [_same(run.frequency) for run in self.runs]
+        made = [_same(frequency) for frequency, _ in self.known_runs]
+        groups, places = np.unique([*at, *made], return_inverse=True)
+        return groups, places[: len(at)], places[len(at) :]
+
+    def costs(self, chosen: Sequence[int], count: int) -> Array:
+        """Return the cost of some runs of a plan of ``count`` with each of all runs added, shape (runs,)."""
+        groups, at, made = self._groups
+        held = [_summed(self.information, chosen, at[[*chosen]], groups.size)]
+        if self.known is not None:
+            held.append(_summed(self.known, range(made.size), made, groups.size))
+        single = _added(*held)
+        errors, shares = expected_errors(_added(single.sum(), self.information), self.coefficients)
+        widths = _logarithm(errors / np.abs(self.coefficients))[..., [*self.terms]]
+        needed = requirements(errors, shares, self.coefficients)[..., [*self.terms]].min(axis=-1)
+        small = {WIDTHS: lambda: widths.max(axis=-1), PAPER: lambda: -_logarithm(needed)}
+        small[FREQUENCY] = lambda: self._changes(single)
+        cost = sum(weight * small[goal]().mean(axis=-1) for goal, weight in self.goals)
+        cost = cost + self.policy.left_out * np.mean(needed < 1, axis=-1)
+        if self.grid is not None and WIDTHS in dict(self.goals):
+            wider = (widths - self._grid_widths(count)).mean(axis=-2) + NARROWER
+            cost = cost + BROKEN * np.maximum(wider, 0).sum(axis=-1)
+        return np.asarray(cost + BROKEN * self._lacks(chosen, count))
+
+    def _lacks(self, chosen: Sequence[int], count: int) -> Array:
+        """Return what is missing, and how many runs too many are at one frequency, with each of all runs added."""
+        _, at, _ = self._groups
+        most = max(count // 2, -(-count // self._band.size))
+        made = np.bincount(at[[*chosen]], minlength=at.max() + 1)
+        crowded = np.maximum(made - most, 0).sum() + (made[at] >= most)
+        # A plan that has runs enough tests all frequencies itself, whatever was made before.
+        alone = count >= self.policy.fewest_frequencies * self.policy.fewest_levels
+        return np.array([self.missing([*chosen, i], alone) for i in range(len(self.runs))]) + crowded
+
+    def _grid_widths(self, count: int) -> Array:
+        """Return the logarithms of the errors that the grid promises in the time of so many runs."""
+        assert self.grid is not None
+        share = count / self.grid.blocks.shape[0]
+        total = Information(*(share * getattr(self.grid.sum(), name) for name in PARTS))
+        if self.known is not None:
+            total = _added(total, self.known.sum())
+        errors, _ = expected_errors(total, self.coefficients)
+        return _logarithm(errors / np.abs(self.coefficients))[:, [*self.terms]]
+
+    def _changes(self, single: Information) -> Array:
+        """Return the mean logarithm of the error of a parabola over the band, shape (runs, joints).
+
+        Per number of the parabola and coefficient, of runs whose information at each frequency is given, with each of
+        all runs added.
+        """
+        groups, at, _ = self._groups
+        order = min(3, self._band.size)
+        place = (2 * groups - groups[0] - groups[-1]) / max(groups[-1] - groups[0], 1e-12)
+        powers = place[:, None] ** np.arange(order)
+
+        def known(total: Information) -> Array:
+            errors, _ = expected_errors(total, self.coefficients)
+            return np.asarray((self.coefficients / errors)[..., [*self.terms]] ** 2)
+
+        before = known(single)
+        more = known(_added(single.take(at.tolist()), self.information)) - before[at]
+        gram = np.einsum("fjk,fa,fb->jkab", before, powers, powers)
+        gram = gram + np.einsum("ijk,ia,ib->ijkab", more, powers[at], powers[at])
+        determinant = np.maximum(np.linalg.det(gram), np.exp(-WORST))
+        return np.asarray(-np.log(determinant).mean(axis=-1) / (2 * order))
+
+
+PARTS = ("bread", "meat", "pull", "blocks")
+
+
+def _same(frequency: float) -> float:
+    """Return a frequency as it counts as one: that of a run is refined from its data."""
+    return float(f"{frequency:.2g}")
+
+
+def _added(*parts: Information) -> Information:
+    return Information(*(sum(getattr(part, name) for part in parts) for name in PARTS))
+
+
+def _summed(
+    information: Information, runs: Sequence[int], groups: NDArray[np.intp], count: int
+) -> Information:
+    """Return the sums over the runs of each group."""
+    summed = []
+    for name in PARTS:
+        each = getattr(information, name)
+        total = np.zeros((count, *each.shape[1:]))
+        np.add.at(total, groups, each[[*runs]])
+        summed.append(total)
+    return Information(*summed)
 
 
 def made_small(
@@ -123,35 +231,41 @@ def made_small(
 def best_runs(choice: Choice, count: int, until: float | None = None) -> list[int]:
     """Return the places of the best ``count`` runs, each as often as it is to be made, the most informative first.
 
-    Greedily, then by exchange of single runs until none is better; then in the order in which each is the best next.
-    Fewer runs where these already bring every joint far below the widest that is enough.
+    Greedily, and at random, then by exchange of single runs until none is better (Fedorov 1972); then in the order in
+    which each is the best next. Fewer runs where these already bring every joint far below the widest that is enough.
     """
-    places = range(len(choice.runs))
     chosen: list[int] = []
     for _ in range(count):
-        chosen.append(min(places, key=lambda i: choice.cost([*chosen, i])))
+        chosen.append(int(np.argmin(choice.costs(chosen, count))))
         if until is not None and choice.widest(chosen).max() <= AMPLE * until and not choice.missing(chosen):
             break
-    count = len(chosen)
-    cost = choice.cost(chosen)
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(len(choice.runs), size=(STARTS - 1, len(chosen))).tolist()
+    _, best = min((_exchanged(choice, start) for start in (chosen, *drawn)), key=lambda found: found[0])
+    return _ordered(choice, best)
+
+
+def _exchanged(choice: Choice, start: Sequence[int]) -> tuple[float, list[int]]:
+    """Return the cost of runs of which none can be exchanged for a better one, and these."""
+    chosen, cost = [*start], float("inf")
     for _ in range(ROUNDS):
         before = cost
-        for at in range(count):
+        for at in range(len(chosen)):
             others = chosen[:at] + chosen[at + 1 :]
-            best = min(places, key=lambda i: choice.cost([*others, i]))
-            found = choice.cost([*others, best])
-            if found < cost - GAIN:
-                chosen, cost = [*others[:at], best, *others[at:]], found
-        if cost > before - GAIN:
+            costs = choice.costs(others, len(chosen))
+            best = int(np.argmin(costs))
+            if costs[best] < cost - GAIN:
+                cost, chosen = float(costs[best]), [*others[:at], best, *others[at:]]
+        if not cost < before - GAIN:
             break
-    return _ordered(choice, chosen)
+    return cost, chosen
 
 
 def _ordered(choice: Choice, chosen: list[int]) -> list[int]:
-    waiting = list(chosen)
-    order: list[int] = []
+    waiting, order = list(chosen), list[int]()
     while waiting:
-        best = min(waiting, key=lambda i: choice.cost([*order, i]))
+        costs = choice.costs(order, len(chosen))
+        best = min(waiting, key=lambda i: costs[i])
         waiting.remove(best)
         order.append(best)
     return order

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.policy import CAMPAIGN
+from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, UnknownNameError
@@ -23,9 +24,9 @@ from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.planner import Planner
 from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.prior import Prior, measured_sensors, prior_of_runs
+from sindyjoint.planning.prior import Prior, Tested, measured_sensors, prior_of_runs, tested_by, tested_of
 from sindyjoint.planning.runs import PlannedRun
-from sindyjoint.planning.search import GOALS, WIDTHS
+from sindyjoint.planning.search import DEFAULT_GOALS, GOALS
 from sindyjoint.planning.separating_runs import (
     SeparatingResult,
     SeparatingRuns,
@@ -37,11 +38,12 @@ from sindyjoint.planning.separation import TELL_APART, Separation
 from sindyjoint.record import Campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
-from sindyjoint.workflows.discover import discover
+from sindyjoint.workflows.discover import discover, the_campaign
 
 Say = Callable[[str], None]
 
 LIKE = "inter-panel"
+BAND = (2.0, 8.0)  # Hz, where nothing was tested
 
 
 @checks_options()
@@ -53,7 +55,7 @@ def plan(
     campaign: Campaign | str | Path | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     drive: str = "moment",
-    band: tuple[float, float] = (2.0, 8.0),
+    band: tuple[float, float] | None = None,
     limits: Mapping[str, float] | None = None,
     noise: float | None = None,
     moment_noise: float | None = None,
@@ -63,7 +65,7 @@ def plan(
     waveforms: Sequence[str] = (SINE,),
     time: float = 90.0,
     run_time: float | None = None,
-    goal: str | Mapping[str, float] = "widths",
+    goal: str | Mapping[str, float] | None = None,
     effects: Sequence[str] = (),
     diagnosis: str | Path | None = None,
     share: float = 0.06,
@@ -89,10 +91,12 @@ def plan(
         Of coefficients by term, SI, instead of these.
     drive : {"moment", "angle"}
         What the actuator prescribes.
-    band : (float, float)
-        Hz.
+    band : (float, float), optional
+        Hz. Default: what the campaign, or the model's, has tested; 2 to 8 Hz where nothing was tested.
     limits : mapping of str to float, optional
-        Largest ``"moment"`` (N·m), ``"angle"`` (rad) and ``"rate"`` (rad/s) of the actuator.
+        Largest ``"moment"`` (N·m), ``"angle"`` (rad) and ``"rate"`` (rad/s) of the actuator. Without them no run leaves
+        the moment, angle and rate tested by the campaign, or by the model's; a limit beyond what was tested lets all
+        three go, and a warning says by how much the plan leaves them.
     noise : float, optional
         RMS of a sample as a share of each channel's RMS, for a channel whose own is not given. Default: as measured in
         the campaign, or 0.01.
@@ -146,8 +150,14 @@ def plan(
     >>> found.report("plan")  # doctest: +SKIP
     """
     say = progress or (lambda stage: None)
-    actuator = _actuator(drive, band, limits or {})
-    goals = _goals(goal)
+    if model is not None and like is not None:
+        raise InputError("a model and a joint that it is like were given; expected one of them")
+    known_model = None if model is None else as_model(model)
+    campaign = None if campaign is None else the_campaign(campaign, random_state, LONGEST)
+    tested = None if known_model is None else tested_of(known_model)
+    tested = tested if campaign is None else tested_by(campaign)
+    actuator = _actuator(tested, drive, band, limits or {})
+    goals = _goals(DEFAULT_GOALS if goal is None else goal)
     if not 0 < share < 1:
         raise InputError(f"share is {share!r}; expected a share of the moment between 0 and 1")
     rivals = _rivals(goals, effects, diagnosis)
@@ -161,20 +171,22 @@ def plan(
     Sensors(**stated)  # refused before anything is worked on
     separating = SeparatingRuns(rivals, actuator, duration, diagnosed, say)
     if rivals and campaign is not None:
-        law = None if model is None else as_model(model)
         # Beside no other goal its runs, two at most, have all of the time.
         longer = duration if len(goals) > 1 or run_time is not None else time / CAMPAIGN.most_runs
         with_time = replace(separating, actuator=replace(actuator, duration=longer), duration=longer)
-        found = with_time.after_runs(campaign, law)
+        found = with_time.after_runs(campaign, known_model)
         if len(goals) == 1:
             return _only_separation(found, actuator, Sensors(**stated))
-    known, sensors = _make_prior(like, model, campaign, ranges or {}, random_state, say)
+    known, sensors = _make_prior(like, known_model, campaign, ranges or {}, random_state, say)
+    known = replace(known, tested=tested)
     if "noise" in stated:  # a share that is given holds for both channels
         sensors = replace(sensors, moment=None, angle=None)
     sensors = replace(sensors, **stated)
     unit = UNITS[actuator.drive][known.joint.model.joint.motion != "rotation"]
     matter = _places(known.joint.model, terms or known.ids)
-    weights = tuple(each for each in goals.items() if each[0] != TELL_APART) or ((WIDTHS, 1.0),)
+    weights = tuple(each for each in goals.items() if each[0] != TELL_APART) or tuple(
+        _goals(DEFAULT_GOALS).items()
+    )
     made = Planner(known, actuator, sensors, matter, weights, until, random_state, say, tuple(waveforms))
     if not rivals:
         return made.plan(unit, duration, count)
@@ -230,11 +242,14 @@ def _with_separation(plan: Plan, runs: Sequence[PlannedRun], apart: Separation) 
     return replace(plan, runs=(*plan.runs, *runs), apart=apart, stop=f"{plan.stop}; {apart.words}")
 
 
-def _actuator(drive: str, band: tuple[float, float], limits: Mapping[str, float]) -> Actuator:
+def _actuator(
+    tested: Tested | None, drive: str, band: tuple[float, float] | None, limits: Mapping[str, float]
+) -> Actuator:
     unknown = set(limits) - {"moment", "angle", "rate"}
     if unknown:
         raise UnknownNameError(f"limit of {sorted(unknown)[0]!r}; expected moment, angle or rate")
-    return Actuator(drive, band, **limits)  # type: ignore[arg-type]
+    Actuator(drive, band or BAND, **limits)  # type: ignore[arg-type]  # refused as it was given
+    return (tested or Tested({}, BAND)).actuator(drive, band, limits)  # type: ignore[arg-type]
 
 
 def _check_waveforms(waveforms: Sequence[str]) -> None:
@@ -282,15 +297,13 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
 
 def _make_prior(
     like: str | None,
-    model: JointModel | str | Path | None,
-    campaign: Campaign | str | Path | None,
+    model: JointModel | None,
+    campaign: Campaign | None,
     ranges: Mapping[str, tuple[float, float]],
     random_state: int,
     say: Say,
 ) -> tuple[Prior, Sensors]:
     """Return what is known of the joint, and the sensors as the campaign has shown them."""
-    if model is not None and like is not None:
-        raise InputError("a model and a joint that it is like were given; expected one of them")
     before = None
     if model is not None:
         # Runs are planned of angle and rate: inputs are held at their reference.
@@ -313,7 +326,7 @@ def _make_prior(
 
 
 def _discovered(
-    campaign: Campaign | str | Path, forced: Sequence[str], random_state: int, say: Say
+    campaign: Campaign, forced: Sequence[str], random_state: int, say: Say
 ) -> tuple[Discovery, float]:
     """Return what was discovered, the terms that the joint was said to have among it, and the time of the runs."""
     found = discover(campaign, forced=forced, random_state=random_state, progress=say)

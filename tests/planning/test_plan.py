@@ -48,17 +48,17 @@ def found():
 def test_a_plan_fills_the_time_and_beats_the_grid(found):
     assert found.seconds == pytest.approx(40.0) and len(found.runs) == 8
     assert sum(run.duration for run in found.grid_runs) == pytest.approx(40.0)
-    assert found.curve[-1].widest < 0.8 * found.curve[-1].grid
+    assert found.curve[-1].widest < 0.95 * found.curve[-1].grid
     assert [step.widest for step in found.curve] == sorted((s.widest for s in found.curve), reverse=True)
     assert len({run.frequency for run in found.runs}) == 3 and not found.undetermined
     # A joint that is only like another was tested nowhere.
-    assert not any("beyond the tested range" in text for text in found.warnings)
+    assert not any("tested range" in text for text in found.warnings)
 
 
 def test_it_ends_where_it_is_enough(found):
-    goal = found.curve[4].highest * 1.0001
+    goal = found.curve[6].highest * 1.0001
     shorter = plan(drive="angle", time=40.0, sample_rate=250.0, limits={"moment": 8.0}, until=goal)
-    assert 3 <= len(shorter.runs) <= 5 and shorter.curve[len(shorter.runs) - 1].highest <= goal
+    assert 6 <= len(shorter.runs) <= 7 and shorter.curve[len(shorter.runs) - 1].highest <= goal
     assert shorter.stop.startswith(
         f"after {len(shorter.runs)} runs 95 of 100 tests reach a widest relative half-width"
     )
@@ -68,9 +68,10 @@ def test_it_ends_where_it_is_enough(found):
 def test_a_joint_with_elements_is_planned_for_its_terms():
     model = with_elements(JENKINS)
     model = replace(model, fitted=replace(model.fitted, angle=1e-5))
-    found = plan(model=model, drive="angle", time=40.0, sample_rate=250.0, limits={"moment": 4.0})
-    beyond = "the model in the planned runs: beyond the tested range: angle up to"
-    assert any(text.startswith(beyond) and "% of the time)" in text for text in found.warnings)
+    found = plan(
+        model=model, drive="angle", time=40.0, band=(2.0, 8.0), sample_rate=250.0, limits={"moment": 4.0}
+    )
+    assert any("leave the tested range: angle up to" in text and "times)" in text for text in found.warnings)
     assert len(found.runs) == 8 and set(found.to_dict()["predicted"]) == set(found.model.ids)
     assert any(text.startswith("Jenkins element: in every simulation") for text in found.warnings)
     (made,) = play(model_law(found.model), found.runs[:1], replace(found.sensors, noise=1e-9)).runs
@@ -102,10 +103,12 @@ def test_after_some_runs_they_count_and_the_goal_may_be_reached(made):
 def test_after_one_run_what_was_thought_before_still_holds(made):
     one = replace(made, runs=made.runs[:1])
     ranges = {"linear_stiffness": (7000.0, 8000.0), "cubic_stiffness": (-2.7e9, -2.6e9)}
-    next_ = plan("inter-panel", campaign=one, ranges=ranges, drive="angle", time=30.0, until=0.9)
+    next_ = plan(
+        "inter-panel", campaign=one, ranges=ranges, drive="angle", band=(2.0, 8.0), time=30.0, until=0.9
+    )
     # Terms that one run does not single out are kept, the goal waits for frequencies and levels.
     assert set(next_.terms) == set(next_.model.ids) and len(next_.terms) == 5
-    assert next_.runs and next_.now.missing == 4 and not next_.now.reached
+    assert next_.runs and next_.now.missing == 5 and not next_.now.reached
     at = next_.model.ids.index("cubic_stiffness")
     assert -2.7e9 <= next_.low[at] <= next_.high[at] <= -2.6e9
     # The truth is 6 kN·m/rad.

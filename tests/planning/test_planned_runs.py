@@ -158,16 +158,17 @@ def choice(strength, **options):
     return Choice(tuple(runs), told, np.ones((1, 1)), (0,), **options)
 
 
-def test_the_most_telling_runs_are_chosen_with_enough_frequencies_and_levels():
+def test_the_most_telling_runs_are_chosen_at_three_frequencies_with_two_levels_each():
     strength = np.ones(15)
     strength[6] = 3.0
     found = choice(strength)
-    runs = best_runs(found, 6)
-    assert found.missing(runs) == 0 and runs.count(6) == 4
-    # What was measured before counts.
-    known = [(2.0, "0"), (4.0, "1"), (8.0, "2")]
-    before = Information(*(np.ones((3, 1, 1, 1)),) * 2, np.zeros((3, 1, 1)), np.full((3, 1), 8.0))
-    assert best_runs(choice(strength, known=before, known_runs=tuple(known)), 6) == [6] * 6
+    runs = best_runs(found, 8)
+    # Five settings more are asked for, which leaves the best one three runs of eight.
+    assert found.missing(runs) == 0 and runs.count(6) == 3
+    # What was measured before counts where a plan has too few runs for all of that; half of them are at a frequency.
+    known = [(f, level) for f in (2.0, 4.0, 8.0) for level in "01"]
+    before = Information(*(np.ones((6, 1, 1, 1)),) * 2, np.zeros((6, 1, 1)), np.full((6, 1), 8.0))
+    assert best_runs(choice(strength, known=before, known_runs=tuple(known)), 4).count(6) == 2
 
 
 def test_the_high_tone_of_a_planned_run_is_no_disagreement_of_its_channels():
