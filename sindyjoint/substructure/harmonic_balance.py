@@ -41,8 +41,8 @@ class Balance:
 
     Parameters
     ----------
-    mass, loss, stiffness : ndarray, shape (n, n)
-        Reduced: joint angles first, then the deflection of the driven point; loss is stiffness times loss factor.
+    mass, damping, stiffness : ndarray, shape (n, n)
+        Reduced: joint angles first, then the deflection of the driven point; damping as in a simulation, viscous.
     laws : tuple of Law
     output : ndarray, shape (n,)
         Row of the point whose deflection is reported.
@@ -51,23 +51,16 @@ class Balance:
         Stiffness of each joint at zero, N·m/rad.
     hold : ndarray, shape (joints,)
         ε of the projection, N·m/rad; the solution does not depend on it as harmonics are added.
-    viscous_from : float
-        Zero: the beams' loss factors hold at the frequency of the motion, whatever it is, and its harmonics are damped
-        as by a damper that gives them there. Else ω of such a damper, rad/s.
-    viscous : ndarray, shape (n, n), optional
-        Damping matrix beside the loss, N·m·s/rad.
     """
 
     mass: Array
-    loss: Array
+    damping: Array
     stiffness: Array
     laws: tuple[Any, ...]
     output: Array
     harmonics: int
     tangents: Array
     hold: Array
-    viscous_from: float = 0.0
-    viscous: Array | None = None
 
     @classmethod
     def of(
@@ -79,7 +72,6 @@ class Balance:
         modes: int = 12,
         harmonics: int = 21,
         mode: int = 1,
-        viscous: bool = False,
     ) -> Balance:
         """Return the balance of a structure driven at a point.
 
@@ -93,8 +85,6 @@ class Balance:
         harmonics : int
         mode : int
             Near whose frequency the motion is, from 1.
-        viscous : bool
-            Whether the beams are damped as in a simulation: by a damper that has their loss factors at the first mode.
 
         Raises
         ------
@@ -106,21 +96,31 @@ class Balance:
                 "the structure has no joint: its response is linear; expected at least one joint"
             )
         reduced = craig_bampton(with_coordinate(structure, at), [at, point or at], modes)
-        first = 2 * np.pi * structure.frequencies(1)[0]
         joints = np.arange(structure.n_joints)
         tangents = structure.tangent_stiffness()
         near = 2 * np.pi * structure.frequencies(mode)[-1]
         hold = HOLD * (np.abs(tangents) + near**2 * reduced.mass[joints, joints])
         laws = tuple(hinge.law for hinge in structure.hinges)
         return cls(
-            reduced.mass, reduced.loss, reduced.stiffness, laws, reduced.point(point or at), harmonics, tangents,
-            hold, first if viscous else 0.0, reduced.viscous,
+            reduced.mass, reduced.damping, reduced.stiffness, laws, reduced.point(point or at), harmonics, tangents,
+            hold,
         )  # fmt: skip
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return len(self.laws) * (2 * self.harmonics + 1) + 2
+
+    def finer(self) -> Balance:
+        """Return the balance of about twice as many harmonics."""
+        return replace(self, harmonics=2 * self.harmonics + 1)
+
+    def padded(self, unknowns: Array, harmonics: int) -> Array:
+        """Return what begins with the coefficients of so many harmonics with those of this balance, further ones zero."""
+        joints, width = len(self.laws), 2 * harmonics + 1
+        wider = np.zeros((joints, 2 * self.harmonics + 1))
+        wider[:, :width] = unknowns[: joints * width].reshape(joints, width)
+        return np.concatenate([wider.ravel(), unknowns[joints * width :]])
 
     def with_laws(self, laws: Sequence[Any]) -> Balance:
         """Return the same structure with other laws."""
@@ -142,13 +142,10 @@ class Balance:
         return np.asarray(np.ptp(self.angles(unknowns), axis=1) / 2)
 
     def _dynamic(self, omega: float, growth: float, orders: NDArray[Any]) -> Complex:
-        """Return D_h = K − (hΩ)²·M + i·h·(η·K + Ω·C − Ω·ξ·M), η·K being the loss, shape (orders, n, n)."""
+        """Return D_h = K − (hΩ)²·M + i·h·Ω·(C − ξ·M), ξ in the first harmonic alone, shape (orders, n, n)."""
         h = orders[:, None, None]
-        share = omega / self.viscous_from if self.viscous_from else 1.0
-        damping = share * self.loss - omega * growth * self.mass
-        if self.viscous is not None:
-            damping = damping + omega * self.viscous
-        return self.stiffness - (h * omega) ** 2 * self.mass + 1j * h * damping
+        damping = self.damping - growth * (h == 1) * self.mass
+        return self.stiffness - (h * omega) ** 2 * self.mass + 1j * h * omega * damping
 
     def linear(self, omega: float, growth: float = 0.0) -> Array:
         """Return the linear rest condensed onto the unknowns, shape (size, size).
@@ -158,7 +155,8 @@ class Balance:
         omega : float
             rad/s.
         growth : float
-            ξ, 1/s: negative damping proportional to mass, of a free vibration held at its amplitude.
+            ξ, 1/s: negative damping of the first harmonic, proportional to mass, that holds a free vibration at its
+            amplitude.
         """
         joints, width = len(self.laws), 2 * self.harmonics + 1
         orders = np.arange(self.harmonics + 1)
