@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.continuation import FREQUENCY_SHARE, STEP, Scale, Solution, System, follow, refined
+from sindyjoint.substructure.continuation import (
+    FREQUENCY_SHARE,
+    STEP,
+    Scale,
+    Solution,
+    System,
+    follow,
+    refined,
+)
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.modes import sizes_of_unknowns
 from sindyjoint.substructure.varied import Varied
@@ -146,7 +154,7 @@ def frequency_response(
     for point in follow(system, starts, scale):
         if not low * (1 - 1e-9) <= point.unknowns[-1] <= high:
             break
-        points.append(refined(curve, balance, point) if refine else (balance, point))
+        points.append(refined(curve, balance, point, first=not points) if refine else (balance, point))
         if np.any(balance.peak_angles(point.unknowns[:-1]) > limits):
             break
     deflection = np.array([own.deflection(p.unknowns[:-1], p.unknowns[-1]) for own, p in points])

@@ -26,7 +26,7 @@ from sindyjoint.substructure.period import PeriodMoment, period_moment
 
 Complex = NDArray[np.complex128]
 
-SAMPLES_PER_HARMONIC = 16
+SAMPLES_PER_HARMONIC = 8
 # ε as a multiple of the stiffness of a joint and of what it carries: from 3 on Newton's method finds its way along the
 # modes of the four-panel wing in few steps; from 100 on the harmonics that are left out count for more.
 HOLD = 3.0
@@ -116,7 +116,7 @@ class Balance:
         return replace(self, harmonics=2 * self.harmonics + 1)
 
     def padded(self, unknowns: Array, harmonics: int) -> Array:
-        """Return what begins with the coefficients of so many harmonics with those of this balance, further ones zero."""
+        """Return unknowns of so many harmonics, and what may follow them, as of this balance: further ones are zero."""
         joints, width = len(self.laws), 2 * harmonics + 1
         wider = np.zeros((joints, 2 * self.harmonics + 1))
         wider[:, :width] = unknowns[: joints * width].reshape(joints, width)
@@ -269,7 +269,10 @@ def add_joint_moments(
         For negative friction.
     """
     to_time, to_coefficients, to_rate = matrices
-    width = len(to_coefficients)
+    width, samples = to_coefficients.shape
+    # Means from sample to sample, brought back onto the samples: either step lowers harmonic h by cos(πh/n).
+    lowered = np.cos(np.pi * ((np.arange(width) + 1) // 2) / samples) ** 2
+    onto = (to_coefficients + np.roll(to_coefficients, -1, axis=1)) / (2 * lowered[:, None])
     for j, moment in enumerate(moments):
         own = slice(j * width, (j + 1) * width)
         out[own] += to_coefficients @ moment.middle
@@ -281,16 +284,48 @@ def add_joint_moments(
         # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
         shift = to_rate @ unknowns[own] + CENTRING * (to_time @ unknowns[own])
         moved = to_time @ -out[own] + hold[j] * shift
-        sticks = np.abs(moved) < moment.friction
-        out[own] += to_coefficients @ np.clip(moved, -moment.friction, moment.friction)
+        mean, by_ends, by_limit = _clipped_means(moved, (moment.friction + np.roll(moment.friction, -1)) / 2)
+        out[own] += onto @ mean
         if not slopes:
             continue
-        stuck, onto = to_time[sticks], to_coefficients[:, sticks]
-        jacobian[own] -= (onto @ stuck) @ jacobian[own]
-        jacobian[own, own] += hold[j] * (onto @ (to_rate[sticks] + CENTRING * stuck))
+        weights = onto * by_ends[0] + np.roll(onto * by_ends[1], 1, axis=1)
+        jacobian[own] -= (weights @ to_time) @ jacobian[own]
+        jacobian[own, own] += hold[j] * (weights @ (to_rate + CENTRING * to_time))
         if moment.d_friction.any():
-            slides = np.sign(moved[~sticks])[:, None] * moment.d_friction[~sticks]
-            jacobian[own, own] += to_coefficients[:, ~sticks] @ slides
+            between = (moment.d_friction + np.roll(moment.d_friction, -1, axis=0)) / 2
+            jacobian[own, own] += onto @ (by_limit[:, None] * between)
+
+
+def _clipped_means(values: Array, limit: Array) -> tuple[Array, tuple[Array, Array], Array]:
+    """Return the mean of clip(x, −F, F) from each sample of a period to the next, x running straight, and its slopes.
+
+    Samples alone would tell neither where between two of them a joint sticks nor, where it slips back within one step,
+    which way to go: the balance would have a corner at every sample.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    limit : ndarray, shape (n,)
+        F from each sample to the next, not negative.
+
+    Returns
+    -------
+    ndarray, shape (n,); two ndarray, shape (n,); ndarray, shape (n,)
+        The mean, and its derivatives by the samples at both ends and by F.
+    """
+    ahead = np.roll(values, -1)
+    span = ahead - values
+    short = np.abs(span) <= 1e-9 * (np.abs(values) + np.abs(ahead) + limit)
+    over = np.where(short, 1.0, span)
+    here, there = (np.clip(x, -limit, limit) for x in (values, ahead))
+    beyond = [np.maximum(np.abs(x) - limit, 0.0) for x in (values, ahead)]
+    # The integral of clip is x²/2 up to F and F·|x| − F²/2 beyond.
+    areas = [c * c / 2 + limit * far for c, far in zip((here, there), beyond, strict=True)]
+    mean = np.where(short, (here + there) / 2, (areas[1] - areas[0]) / over)
+    inside = np.where(np.abs(values) < limit, 0.5, 0.0)
+    by_ends = np.where(short, inside, (mean - here) / over), np.where(short, inside, (there - mean) / over)
+    by_limit = np.where(short, (1 - 2 * inside) * np.sign(values), (beyond[1] - beyond[0]) / over)
+    return mean, by_ends, by_limit
 
 
 def _condensed(dynamic: Complex, kept: slice, inner: slice) -> Complex:

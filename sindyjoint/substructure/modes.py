@@ -11,7 +11,15 @@ from scipy.linalg import eigh
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.continuation import FREQUENCY_SHARE, STEP, Scale, Solution, System, follow, refined
+from sindyjoint.substructure.continuation import (
+    FREQUENCY_SHARE,
+    STEP,
+    Scale,
+    Solution,
+    System,
+    follow,
+    refined,
+)
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.varied import Varied
 
@@ -126,10 +134,12 @@ def mode_over_amplitude(
     points: list[tuple[Balance, Solution]] = []
     system, scale = curve(balance)
     for solution in follow(system, [_first_motion(balance, number, slips, limits)], scale, longest=LONGEST):
-        points.append(refined(curve, balance, solution) if refine else (balance, solution))
+        points.append(refined(curve, balance, solution, first=not points) if refine else (balance, solution))
         if np.any(balance.peak_angles(full(solution.unknowns)) > limits):
             break
-    omega, growth, log_amplitude = (np.array([p.unknowns[place] for _, p in points]) for place in (-3, -2, -1))
+    omega, growth, log_amplitude = (
+        np.array([p.unknowns[place] for _, p in points]) for place in (-3, -2, -1)
+    )
     angle = np.array([own.peak_angles(full(p.unknowns)) for own, p in points]).T
     errors = np.zeros((len(points), 2))
     if varied is not None:

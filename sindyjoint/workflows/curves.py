@@ -245,7 +245,13 @@ class _CurveMaker:
             self.say(f"frequency response at {level:g} N")
             ends = np.array([_softens(law) for law in laws])
             found = frequency_response(
-                balance, level, band, refine=self.harmonics is None, varied=varied, tested=self.placed.tested, limits=ends
+                balance,
+                level,
+                band,
+                refine=self.harmonics is None,
+                varied=varied,
+                tested=self.placed.tested,
+                limits=ends,
             )
             warnings += [line for line in self._warnings(found, ends) if line not in warnings]
             responses.append(found)
@@ -267,7 +273,13 @@ class _CurveMaker:
         point = point_of_mode(structure, number, self.at)
         balance = Balance.of(structure, point, harmonics=self.harmonics or FOLLOWED, mode=number)
         return mode_over_amplitude(
-            balance, number, point, limits, refine=self.harmonics is None, varied=varied, tested=self.placed.tested
+            balance,
+            number,
+            point,
+            limits,
+            refine=self.harmonics is None,
+            varied=varied,
+            tested=self.placed.tested,
         )
 
     def _levels(self, structure: Structure, mode: ModeCurve) -> list[float]:
