@@ -85,8 +85,7 @@ def levels_of(name: str) -> None:
     made = curves(rig, modes=1)
     print(f"{name}: mode 1 and three levels in {time.process_time() - began:.1f} s", flush=True)
     structure = rig.structure()
-    # The simulation damps the beams by dampers that have their loss factors at the first mode: so it is balanced, too.
-    balance = Balance.of(structure, rig.at, viscous=True)
+    balance = Balance.of(structure, rig.at)
     for level in made.levels:
         began = time.process_time()
         curve = frequency_response(balance, level.force, (made.levels[0].frequency[0], made.locked[0] * 1.15))
@@ -111,7 +110,7 @@ def levels_of(name: str) -> None:
 def folds() -> None:
     """Print the frequencies at which a stepped sine jumps over those of the folds."""
     rig = with_laws(load_rig("pulse-rig"), lambda hinge: FOLDING)
-    curve = frequency_response(Balance.of(rig.structure(), rig.at, viscous=True), FORCE, (3.6, 4.3))
+    curve = frequency_response(Balance.of(rig.structure(), rig.at), FORCE, (3.6, 4.3))
     print(
         f"pulse rig, c1 = {FOLDING.c1:g}, M_F = {FOLDING.M_F:g} at {FORCE:g} N: folds at", curve.folds, "Hz"
     )
@@ -138,7 +137,7 @@ def jenkins() -> None:
     full = Heaviside(Abs(z) - YIELDS, 1) * Heaviside(z * omega, 0)
     slider = FormulaLaw(SLIDER * z, {}, {"z": omega * (1 - full)})
     rig = with_laws(load_rig("pulse-rig"), lambda hinge: SumLaw(hinge.law, slider))
-    balance = Balance.of(rig.structure(), rig.at, viscous=True)
+    balance = Balance.of(rig.structure(), rig.at)
     sticking = float(rig.structure().frequencies(1, locked=True)[0])
     for force in (0.8, 1.2):
         curve = frequency_response(balance, force, (0.7 * sticking, 1.15 * sticking))

@@ -53,9 +53,10 @@ def curves(
     point: Annotated[
         str | None, typer.Option(help="Of a rig: whose deflection the response is. [the rig's first]")
     ] = None,
-    harmonics: Annotated[int, typer.Option(min=1, help="Of a rig: that are balanced.")] = default_of(
-        CURVES, "harmonics"
-    ),
+    harmonics: Annotated[
+        int | None,
+        typer.Option(min=1, help="Of a rig: that are balanced. [at each point as many as it needs]"),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for report.html, curves.json, tables and figures.")
     ] = None,
@@ -85,9 +86,9 @@ def curves(
             modes=modes,
             at=at,
             point=point,
-            harmonics=harmonics,
             progress=progress.say,
             **given(
+                harmonics=harmonics,
                 amplitudes=None if amplitudes is None else _sizes(amplitudes),
                 band=None if band is None else span(band, "Hz", "--band"),
             ),

@@ -9,7 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.continuation import FREQUENCY_SHARE, STEP, Solution, follow
+from sindyjoint.substructure.continuation import (
+    FREQUENCY_SHARE,
+    STEP,
+    Scale,
+    Solution,
+    System,
+    follow,
+    refined,
+)
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.modes import sizes_of_unknowns
 from sindyjoint.substructure.varied import Varied
@@ -39,6 +47,8 @@ class ForcedResponse:
         is uncertain.
     tested : ndarray of bool, shape (n,)
         Whether every joint stays within the angle that its model was fitted to; true of a joint without a model.
+    harmonics : int
+        That were balanced, at most.
     """
 
     force: float
@@ -50,6 +60,7 @@ class ForcedResponse:
     frequency_error: Array
     log_error: Array
     tested: NDArray[np.bool_]
+    harmonics: int
 
     def band95(self, side: int) -> tuple[Array, Array]:
         """Return frequency and amplitude along one edge of the 95 % band; ``side`` is −1 or +1."""
@@ -96,6 +107,7 @@ def frequency_response(
     force: float,
     band: tuple[float, float],
     *,
+    refine: bool = False,
     varied: Varied | None = None,
     tested: Array | float = np.inf,
     limits: Array | float = np.inf,
@@ -109,6 +121,8 @@ def frequency_response(
         F, N.
     band : (float, float)
         Hz.
+    refine : bool
+        Whether each point is balanced with as many harmonics as it needs, beyond those of the balance.
     varied : Varied, optional
         For the errors of the curve.
     tested, limits : float or ndarray, shape (joints,)
@@ -120,36 +134,39 @@ def frequency_response(
         Where no periodic response is found.
     """
 
-    def system(y: Array) -> tuple[Array, Array]:
-        residual, jacobian = balance.residual(y[:-1], y[-1], force)
-        step = STEP * y[-1]
-        ahead, _ = balance.residual(y[:-1], y[-1] + step, force, slopes=False)
-        return residual, np.column_stack([jacobian, (ahead - residual) / step])
+    def curve(balance: Balance) -> tuple[System, Scale]:
+        def system(y: Array) -> tuple[Array, Array]:
+            residual, jacobian = balance.residual(y[:-1], y[-1], force)
+            step = STEP * y[-1]
+            ahead, _ = balance.residual(y[:-1], y[-1] + step, force, slopes=False)
+            return residual, np.column_stack([jacobian, (ahead - residual) / step])
 
-    def scale(y: Array) -> Array:
-        deflection = float(np.hypot(y[-3], y[-2]))
-        return np.append(sizes_of_unknowns(balance, 1, deflection), FREQUENCY_SHARE * y[-1])
+        def scale(y: Array) -> Array:
+            deflection = float(np.hypot(y[-3], y[-2]))
+            return np.append(sizes_of_unknowns(balance, 1, deflection), FREQUENCY_SHARE * y[-1])
+
+        return system, scale
 
     low, high = (2 * np.pi * end for end in band)
-    points: list[Solution] = []
-    for point in follow(
-        system, (np.append(guess, low) for guess in _first_guesses(balance, low, force)), scale
-    ):
+    points: list[tuple[Balance, Solution]] = []
+    system, scale = curve(balance)
+    starts = (np.append(guess, low) for guess in _first_guesses(balance, low, force))
+    for point in follow(system, starts, scale):
         if not low * (1 - 1e-9) <= point.unknowns[-1] <= high:
             break
-        points.append(point)
+        points.append(refined(curve, balance, point, first=not points) if refine else (balance, point))
         if np.any(balance.peak_angles(point.unknowns[:-1]) > limits):
             break
-    deflection = np.array([balance.deflection(p.unknowns[:-1], p.unknowns[-1]) for p in points])
-    angle = np.array([balance.peak_angles(p.unknowns[:-1]) for p in points]).T
+    deflection = np.array([own.deflection(p.unknowns[:-1], p.unknowns[-1]) for own, p in points])
+    angle = np.array([own.peak_angles(p.unknowns[:-1]) for own, p in points]).T
     errors = np.zeros((len(points), 2))
     if varied is not None:
-        errors = np.array([_error_across(balance, point, varied, force) for point in points])
+        errors = np.array([_error_across(own, point, varied, force) for own, point in points])
     return ForcedResponse(
-        force, np.array([p.unknowns[-1] for p in points]) / (2 * np.pi), np.abs(deflection), np.angle(deflection),
-        angle, np.array([p.tangent[-1] > 0 for p in points]),
+        force, np.array([p.unknowns[-1] for _, p in points]) / (2 * np.pi), np.abs(deflection), np.angle(deflection),
+        angle, np.array([p.tangent[-1] > 0 for _, p in points]),
         errors[:, 0], errors[:, 1],
-        np.all(angle <= np.reshape(tested, (-1, 1)), axis=0),
+        np.all(angle <= np.reshape(tested, (-1, 1)), axis=0), max(own.harmonics for own, _ in points),
     )  # fmt: skip
 
 

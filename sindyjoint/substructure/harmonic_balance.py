@@ -26,7 +26,7 @@ from sindyjoint.substructure.period import PeriodMoment, period_moment
 
 Complex = NDArray[np.complex128]
 
-SAMPLES_PER_HARMONIC = 16
+SAMPLES_PER_HARMONIC = 8
 # ε as a multiple of the stiffness of a joint and of what it carries: from 3 on Newton's method finds its way along the
 # modes of the four-panel wing in few steps; from 100 on the harmonics that are left out count for more.
 HOLD = 3.0
@@ -41,8 +41,8 @@ class Balance:
 
     Parameters
     ----------
-    mass, loss, stiffness : ndarray, shape (n, n)
-        Reduced: joint angles first, then the deflection of the driven point; loss is stiffness times loss factor.
+    mass, damping, stiffness : ndarray, shape (n, n)
+        Reduced: joint angles first, then the deflection of the driven point; damping as in a simulation, viscous.
     laws : tuple of Law
     output : ndarray, shape (n,)
         Row of the point whose deflection is reported.
@@ -51,23 +51,16 @@ class Balance:
         Stiffness of each joint at zero, N·m/rad.
     hold : ndarray, shape (joints,)
         ε of the projection, N·m/rad; the solution does not depend on it as harmonics are added.
-    viscous_from : float
-        Zero: the beams' loss factors hold at the frequency of the motion, whatever it is, and its harmonics are damped
-        as by a damper that gives them there. Else ω of such a damper, rad/s.
-    viscous : ndarray, shape (n, n), optional
-        Damping matrix beside the loss, N·m·s/rad.
     """
 
     mass: Array
-    loss: Array
+    damping: Array
     stiffness: Array
     laws: tuple[Any, ...]
     output: Array
     harmonics: int
     tangents: Array
     hold: Array
-    viscous_from: float = 0.0
-    viscous: Array | None = None
 
     @classmethod
     def of(
@@ -79,7 +72,6 @@ class Balance:
         modes: int = 12,
         harmonics: int = 21,
         mode: int = 1,
-        viscous: bool = False,
     ) -> Balance:
         """Return the balance of a structure driven at a point.
 
@@ -93,8 +85,6 @@ class Balance:
         harmonics : int
         mode : int
             Near whose frequency the motion is, from 1.
-        viscous : bool
-            Whether the beams are damped as in a simulation: by a damper that has their loss factors at the first mode.
 
         Raises
         ------
@@ -106,21 +96,31 @@ class Balance:
                 "the structure has no joint: its response is linear; expected at least one joint"
             )
         reduced = craig_bampton(with_coordinate(structure, at), [at, point or at], modes)
-        first = 2 * np.pi * structure.frequencies(1)[0]
         joints = np.arange(structure.n_joints)
         tangents = structure.tangent_stiffness()
         near = 2 * np.pi * structure.frequencies(mode)[-1]
         hold = HOLD * (np.abs(tangents) + near**2 * reduced.mass[joints, joints])
         laws = tuple(hinge.law for hinge in structure.hinges)
         return cls(
-            reduced.mass, reduced.loss, reduced.stiffness, laws, reduced.point(point or at), harmonics, tangents,
-            hold, first if viscous else 0.0, reduced.viscous,
+            reduced.mass, reduced.damping, reduced.stiffness, laws, reduced.point(point or at), harmonics, tangents,
+            hold,
         )  # fmt: skip
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return len(self.laws) * (2 * self.harmonics + 1) + 2
+
+    def finer(self) -> Balance:
+        """Return the balance of about twice as many harmonics."""
+        return replace(self, harmonics=2 * self.harmonics + 1)
+
+    def padded(self, unknowns: Array, harmonics: int) -> Array:
+        """Return unknowns of so many harmonics, and what may follow them, as of this balance: further ones are zero."""
+        joints, width = len(self.laws), 2 * harmonics + 1
+        wider = np.zeros((joints, 2 * self.harmonics + 1))
+        wider[:, :width] = unknowns[: joints * width].reshape(joints, width)
+        return np.concatenate([wider.ravel(), unknowns[joints * width :]])
 
     def with_laws(self, laws: Sequence[Any]) -> Balance:
         """Return the same structure with other laws."""
@@ -142,13 +142,10 @@ class Balance:
         return np.asarray(np.ptp(self.angles(unknowns), axis=1) / 2)
 
     def _dynamic(self, omega: float, growth: float, orders: NDArray[Any]) -> Complex:
-        """Return D_h = K − (hΩ)²·M + i·h·(η·K + Ω·C − Ω·ξ·M), η·K being the loss, shape (orders, n, n)."""
+        """Return D_h = K − (hΩ)²·M + i·h·Ω·(C − ξ·M), ξ in the first harmonic alone, shape (orders, n, n)."""
         h = orders[:, None, None]
-        share = omega / self.viscous_from if self.viscous_from else 1.0
-        damping = share * self.loss - omega * growth * self.mass
-        if self.viscous is not None:
-            damping = damping + omega * self.viscous
-        return self.stiffness - (h * omega) ** 2 * self.mass + 1j * h * damping
+        damping = self.damping - growth * (h == 1) * self.mass
+        return self.stiffness - (h * omega) ** 2 * self.mass + 1j * h * omega * damping
 
     def linear(self, omega: float, growth: float = 0.0) -> Array:
         """Return the linear rest condensed onto the unknowns, shape (size, size).
@@ -158,7 +155,8 @@ class Balance:
         omega : float
             rad/s.
         growth : float
-            ξ, 1/s: negative damping proportional to mass, of a free vibration held at its amplitude.
+            ξ, 1/s: negative damping of the first harmonic, proportional to mass, that holds a free vibration at its
+            amplitude.
         """
         joints, width = len(self.laws), 2 * self.harmonics + 1
         orders = np.arange(self.harmonics + 1)
@@ -271,7 +269,10 @@ def add_joint_moments(
         For negative friction.
     """
     to_time, to_coefficients, to_rate = matrices
-    width = len(to_coefficients)
+    width, samples = to_coefficients.shape
+    # Means from sample to sample, brought back onto the samples: either step lowers harmonic h by cos(πh/n).
+    lowered = np.cos(np.pi * ((np.arange(width) + 1) // 2) / samples) ** 2
+    onto = (to_coefficients + np.roll(to_coefficients, -1, axis=1)) / (2 * lowered[:, None])
     for j, moment in enumerate(moments):
         own = slice(j * width, (j + 1) * width)
         out[own] += to_coefficients @ moment.middle
@@ -283,16 +284,48 @@ def add_joint_moments(
         # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
         shift = to_rate @ unknowns[own] + CENTRING * (to_time @ unknowns[own])
         moved = to_time @ -out[own] + hold[j] * shift
-        sticks = np.abs(moved) < moment.friction
-        out[own] += to_coefficients @ np.clip(moved, -moment.friction, moment.friction)
+        mean, by_ends, by_limit = _clipped_means(moved, (moment.friction + np.roll(moment.friction, -1)) / 2)
+        out[own] += onto @ mean
         if not slopes:
             continue
-        stuck, onto = to_time[sticks], to_coefficients[:, sticks]
-        jacobian[own] -= (onto @ stuck) @ jacobian[own]
-        jacobian[own, own] += hold[j] * (onto @ (to_rate[sticks] + CENTRING * stuck))
+        weights = onto * by_ends[0] + np.roll(onto * by_ends[1], 1, axis=1)
+        jacobian[own] -= (weights @ to_time) @ jacobian[own]
+        jacobian[own, own] += hold[j] * (weights @ (to_rate + CENTRING * to_time))
         if moment.d_friction.any():
-            slides = np.sign(moved[~sticks])[:, None] * moment.d_friction[~sticks]
-            jacobian[own, own] += to_coefficients[:, ~sticks] @ slides
+            between = (moment.d_friction + np.roll(moment.d_friction, -1, axis=0)) / 2
+            jacobian[own, own] += onto @ (by_limit[:, None] * between)
+
+
+def _clipped_means(values: Array, limit: Array) -> tuple[Array, tuple[Array, Array], Array]:
+    """Return the mean of clip(x, −F, F) from each sample of a period to the next, x running straight, and its slopes.
+
+    Samples alone would tell neither where between two of them a joint sticks nor, where it slips back within one step,
+    which way to go: the balance would have a corner at every sample.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    limit : ndarray, shape (n,)
+        F from each sample to the next, not negative.
+
+    Returns
+    -------
+    ndarray, shape (n,); two ndarray, shape (n,); ndarray, shape (n,)
+        The mean, and its derivatives by the samples at both ends and by F.
+    """
+    ahead = np.roll(values, -1)
+    span = ahead - values
+    short = np.abs(span) <= 1e-9 * (np.abs(values) + np.abs(ahead) + limit)
+    over = np.where(short, 1.0, span)
+    here, there = (np.clip(x, -limit, limit) for x in (values, ahead))
+    beyond = [np.maximum(np.abs(x) - limit, 0.0) for x in (values, ahead)]
+    # The integral of clip is x²/2 up to F and F·|x| − F²/2 beyond.
+    areas = [c * c / 2 + limit * far for c, far in zip((here, there), beyond, strict=True)]
+    mean = np.where(short, (here + there) / 2, (areas[1] - areas[0]) / over)
+    inside = np.where(np.abs(values) < limit, 0.5, 0.0)
+    by_ends = np.where(short, inside, (mean - here) / over), np.where(short, inside, (there - mean) / over)
+    by_limit = np.where(short, (1 - 2 * inside) * np.sign(values), (beyond[1] - beyond[0]) / over)
+    return mean, by_ends, by_limit
 
 
 def _condensed(dynamic: Complex, kept: slice, inner: slice) -> Complex:

@@ -11,7 +11,15 @@ from scipy.linalg import eigh
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.continuation import FREQUENCY_SHARE, STEP, Solution, follow
+from sindyjoint.substructure.continuation import (
+    FREQUENCY_SHARE,
+    STEP,
+    Scale,
+    Solution,
+    System,
+    follow,
+    refined,
+)
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.varied import Varied
 
@@ -46,6 +54,8 @@ class ModeCurve:
         load a joint.
     tested : ndarray of bool, shape (n,)
         Whether every joint stays within the angle that its model was fitted to.
+    harmonics : int
+        That were balanced, at most.
     """
 
     number: int
@@ -59,6 +69,7 @@ class ModeCurve:
     force: Array
     slips: Array
     tested: NDArray[np.bool_]
+    harmonics: int
 
 
 def mode_over_amplitude(
@@ -67,13 +78,15 @@ def mode_over_amplitude(
     point: str,
     limits: Array,
     *,
+    refine: bool = False,
     varied: Varied | None = None,
     tested: Array | float = np.inf,
 ) -> ModeCurve:
     """Follow a mode from small amplitude to where a joint reaches its limit: the extended periodic motion concept.
 
-    The periodic motion of M·q̈ + K·q + M_T + loss = ξ·M·q̇ at an amplitude, ξ such that nothing is lost; the damping
-    ratio is ξ/(2Ω) (Krack, Computers & Structures 154, 2015).
+    The periodic motion of M·q̈ + C·q̇ + K·q + M_T = ξ·M·q̇₁ at an amplitude, ξ such that nothing is lost; the damping
+    ratio is ξ/(2Ω) (Krack, Computers & Structures 154, 2015). Of the rate its first harmonic alone is driven, as by a
+    sine: else modes that the harmonics meet are driven as well.
 
     Parameters
     ----------
@@ -85,6 +98,8 @@ def mode_over_amplitude(
         Its name, for the record.
     limits : ndarray, shape (joints,)
         Angle of each joint at which the curve ends, rad.
+    refine : bool
+        Whether each point is balanced with as many harmonics as it needs, beyond those of the balance.
     varied : Varied, optional
         For the errors of the curve.
     tested : float or ndarray, shape (joints,)
@@ -99,34 +114,40 @@ def mode_over_amplitude(
     def full(y: Array) -> Array:
         return np.concatenate([y[:-3], [np.exp(y[-1]), 0.0]])
 
-    def system(y: Array) -> tuple[Array, Array]:
-        x, omega, growth = full(y), y[-3], y[-2]
-        step = STEP * omega
-        residual, jacobian = balance.residual(x, omega, 0.0, growth)
-        ahead, _ = balance.residual(x, omega + step, 0.0, growth, slopes=False)
-        more = (balance.linear(omega, growth + step) - balance.linear(omega, growth)) @ x
-        columns = [(ahead - residual) / step, more / step, jacobian[:, -2] * x[-2]]
-        return residual, np.column_stack([jacobian[:, :-2], *columns])
+    def curve(balance: Balance) -> tuple[System, Scale]:
+        def system(y: Array) -> tuple[Array, Array]:
+            x, omega, growth = full(y), y[-3], y[-2]
+            step = STEP * omega
+            residual, jacobian = balance.residual(x, omega, 0.0, growth)
+            ahead, _ = balance.residual(x, omega + step, 0.0, growth, slopes=False)
+            more = (balance.linear(omega, growth + step) - balance.linear(omega, growth)) @ x
+            columns = [(ahead - residual) / step, more / step, jacobian[:, -2] * x[-2]]
+            return residual, np.column_stack([jacobian[:, :-2], *columns])
 
-    def scale(y: Array) -> Array:
-        sizes = sizes_of_unknowns(balance, number, float(np.exp(y[-1])))[:-2]
-        return np.concatenate([sizes, [FREQUENCY_SHARE * y[-3], FREQUENCY_SHARE * y[-3], 1.0]])
+        def scale(y: Array) -> Array:
+            sizes = sizes_of_unknowns(balance, number, float(np.exp(y[-1])))[:-2]
+            return np.concatenate([sizes, [FREQUENCY_SHARE * y[-3], FREQUENCY_SHARE * y[-3], 1.0]])
+
+        return system, scale
 
     slips = slip_amplitudes(balance, number)
-    points: list[Solution] = []
+    points: list[tuple[Balance, Solution]] = []
+    system, scale = curve(balance)
     for solution in follow(system, [_first_motion(balance, number, slips, limits)], scale, longest=LONGEST):
-        points.append(solution)
+        points.append(refined(curve, balance, solution, first=not points) if refine else (balance, solution))
         if np.any(balance.peak_angles(full(solution.unknowns)) > limits):
             break
-    omega, growth = (np.array([p.unknowns[place] for p in points]) for place in (-3, -2))
-    angle = np.array([balance.peak_angles(full(p.unknowns)) for p in points]).T
+    omega, growth, log_amplitude = (
+        np.array([p.unknowns[place] for _, p in points]) for place in (-3, -2, -1)
+    )
+    angle = np.array([own.peak_angles(full(p.unknowns)) for own, p in points]).T
     errors = np.zeros((len(points), 2))
     if varied is not None:
-        errors = np.array([_errors(balance, full(p.unknowns), p, varied) for p in points])
+        errors = np.array([_errors(own, full(p.unknowns), p, varied) for own, p in points])
     return ModeCurve(
-        number, point, np.exp([p.unknowns[-1] for p in points]), omega / (2 * np.pi), growth / (2 * omega), angle,
-        errors[:, 0], errors[:, 1], np.array([_force(balance, full(p.unknowns), p) for p in points]), slips,
-        np.all(angle <= np.reshape(tested, (-1, 1)), axis=0),
+        number, point, np.exp(log_amplitude), omega / (2 * np.pi), growth / (2 * omega), angle,
+        errors[:, 0], errors[:, 1], np.array([_force(own, full(p.unknowns), p) for own, p in points]), slips,
+        np.all(angle <= np.reshape(tested, (-1, 1)), axis=0), max(own.harmonics for own, _ in points),
     )  # fmt: skip
 
 
@@ -218,7 +239,7 @@ def _first_motion(balance: Balance, number: int, slips: Array, limits: Array) ->
         joints = len(balance.laws)
         begin = BEGIN_FREE * float(np.min(limits / np.maximum(np.abs(shape[:joints]), 1e-12)))
         angles[1 :: 2 * balance.harmonics + 1] = shape[:joints] * begin
-    growth = float(shape @ balance.loss @ shape / (shape @ balance.mass @ shape)) / omega
+    growth = float(shape @ balance.damping @ shape / (shape @ balance.mass @ shape))
     return np.concatenate([angles, [omega, growth, np.log(begin)]])
 
 

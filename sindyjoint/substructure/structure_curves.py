@@ -32,6 +32,7 @@ class StructureCurves(Shown):
     modes : tuple of ModeCurve
     levels : tuple of ForcedResponse
     harmonics : int
+        That were balanced, at most.
     simulated : bool
         True: what is shown follows from a model.
     warnings : tuple of str

@@ -22,6 +22,7 @@ from sindyjoint.record import Motion
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.models_by_kind import place_by_kind
 from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels
+from sindyjoint.substructure.continuation import FOLLOWED
 from sindyjoint.substructure.forced import ForcedResponse, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import JointCurves, model_curve
@@ -54,7 +55,7 @@ def curves(
     modes: int = 2,
     at: str | None = None,
     point: str | None = None,
-    harmonics: int = 21,
+    harmonics: int | None = None,
     progress: Say | None = None,
 ) -> JointCurves | StructureCurves:
     """Return a joint's stiffness, loss and energy over amplitude; or a structure's frequency response and modes.
@@ -82,7 +83,7 @@ def curves(
         Of a rig: where the force acts, and whose deflection the response is. Default: as the rig says; its first
         output point, or where the force acts.
     harmonics : int
-        Of a rig: that are balanced.
+        Of a rig: that are balanced. Default: at each point of a curve as many as it needs.
     progress : callable, optional
         Called with the name of each stage.
 
@@ -214,14 +215,14 @@ class _CurveMaker:
     placed: _Placed
     at: str
     point: str
-    harmonics: int
+    harmonics: int | None
     say: Say
 
     def curves(
         self, levels: Sequence[float], band: tuple[float, float] | None, modes: int
     ) -> StructureCurves:
         """Return the curves; see :func:`curves`."""
-        if modes < 1 or self.harmonics < 1:
+        if modes < 1 or (self.harmonics is not None and self.harmonics < 1):
             raise InputError(f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each")
         if not all(0 < level < np.inf for level in levels):
             raise InputError(f"levels are {list(levels)}; expected positive forces")
@@ -238,19 +239,26 @@ class _CurveMaker:
         for number in range(1, modes + 1):
             self.say(f"mode {number} over amplitude")
             followed.append(self._mode(structure, number, limits, varied))
-        balance = Balance.of(structure, self.at, self.point, harmonics=self.harmonics)
+        balance = Balance.of(structure, self.at, self.point, harmonics=self.harmonics or FOLLOWED)
         responses = []
         for level in levels or self._levels(structure, followed[0]):
             self.say(f"frequency response at {level:g} N")
             ends = np.array([_softens(law) for law in laws])
             found = frequency_response(
-                balance, level, band, varied=varied, tested=self.placed.tested, limits=ends
+                balance,
+                level,
+                band,
+                refine=self.harmonics is None,
+                varied=varied,
+                tested=self.placed.tested,
+                limits=ends,
             )
             warnings += [line for line in self._warnings(found, ends) if line not in warnings]
             responses.append(found)
         return StructureCurves(
             self.placed.name, self.at, self.point, tuple(h.name for h in structure.hinges), self.placed.tested,
-            sliding, locked, tuple(followed), tuple(responses), self.harmonics, True, tuple(warnings),
+            sliding, locked, tuple(followed), tuple(responses),
+            max(each.harmonics for each in (*followed, *responses)), True, tuple(warnings),
             self.placed.motion,
         )  # fmt: skip
 
@@ -263,8 +271,16 @@ class _CurveMaker:
     def _mode(self, structure: Structure, number: int, limits: Array, varied: Varied | None) -> ModeCurve:
         """Follow a mode by the driven point, or by the one that it moves most where that is near a node."""
         point = point_of_mode(structure, number, self.at)
-        balance = Balance.of(structure, point, harmonics=self.harmonics, mode=number)
-        return mode_over_amplitude(balance, number, point, limits, varied=varied, tested=self.placed.tested)
+        balance = Balance.of(structure, point, harmonics=self.harmonics or FOLLOWED, mode=number)
+        return mode_over_amplitude(
+            balance,
+            number,
+            point,
+            limits,
+            refine=self.harmonics is None,
+            varied=varied,
+            tested=self.placed.tested,
+        )
 
     def _levels(self, structure: Structure, mode: ModeCurve) -> list[float]:
         """Return forces that hold the first mode where joints begin to slip, on the way, and near its end."""

@@ -18,11 +18,11 @@ from sindyjoint.substructure.period import steady_states
 STIFF = 10.0
 
 
-def oscillator(law, harmonics, loss=0.0):
+def oscillator(law, harmonics):
     """Return a joint of inertia 1 pushed through a spring: the point before it has no mass, so it feels all force."""
     stiffness = STIFF * np.array([[1.0, -1.0], [-1.0, 1.0]])
     return Balance(
-        np.diag([1.0, 1e-9]), loss * stiffness, stiffness, (law,), np.array([0.0, 1.0]), harmonics,
+        np.diag([1.0, 1e-9]), 0 * stiffness, stiffness, (law,), np.array([0.0, 1.0]), harmonics,
         np.array([law.k1 if isinstance(law, PaperLaw) else 1.0]), np.array([3.0]),
     )  # fmt: skip
 
@@ -121,7 +121,7 @@ def test_response_is_that_of_the_simulation(pulse_rig):
     simulated = respond(structure, push, "tip", duration=40 / frequency, sample_rate=rate, step=5e-4)
     turns = np.exp(-2j * np.pi * np.arange(200) / 200)
     truth = 2 * abs(np.mean(simulated.displacement["tip"][-200:] * turns))
-    balance = Balance.of(structure, "tip", viscous=True)
+    balance = Balance.of(structure, "tip")
     curve = frequency_response(balance, force, (4.0, 4.3))
     assert np.exp(at(curve, frequency, np.log(curve.amplitude))) == pytest.approx(truth, rel=3e-3)
     angle = float(np.ptp(simulated.angle[0, -200:])) / 2
@@ -135,7 +135,10 @@ def test_backbone_runs_through_the_peaks_and_begins_where_the_joint_slips(pulse_
     stuck = mode.amplitude < mode.slips[0]
     assert np.ptp(mode.frequency[stuck]) < 1e-6 * mode.frequency[0]
     assert mode.frequency[0] == pytest.approx(structure.frequencies(1, locked=True)[0], rel=1e-6)
-    assert mode.damping[stuck] == pytest.approx(0.002, rel=1e-3)
+    # A loss factor of 0.004 holds at the first mode with a sliding joint; its damper gives more at a higher frequency.
+    assert mode.damping[stuck] == pytest.approx(
+        0.002 * mode.frequency[0] / structure.frequencies(1)[0], rel=1e-3
+    )
     assert np.all(np.diff(mode.frequency[~stuck]) < 0)
     curve = frequency_response(balance, 0.8, (4.0, 4.6))
     frequency, amplitude = curve.peak
@@ -147,7 +150,7 @@ def test_damping_is_the_energy_that_the_joint_takes(pulse_rig):
     # Beams without loss, a joint without viscous damping: 4·M_F·θ per cycle, stick or slip.
     balance = Balance.of(pulse_rig.structure(), "tip", harmonics=9)
     law = replace(INTER_PANEL, c1=0.0)
-    lossless = replace(balance, loss=0 * balance.loss, laws=(law,))
+    lossless = replace(balance, damping=0 * balance.damping, laws=(law,))
     mode = mode_over_amplitude(lossless, 1, "tip", np.array([5e-4]))
     supplied = np.pi * mode.force[-1] * mode.amplitude[-1]
     assert supplied == pytest.approx(4 * law.M_F * mode.angle[0, -1], rel=0.01)

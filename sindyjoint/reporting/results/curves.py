@@ -92,7 +92,7 @@ class StructureCurvesView(View[StructureCurves, StructureCurves]):
             "name": result.name,
             "kicker": "A structure over frequency and amplitude",
             "headline": structure_headline(result),
-            "reason": f"The force acts at {result.at}; {result.harmonics} harmonics, and joints stick exactly.",
+            "reason": f"The force acts at {result.at}; up to {result.harmonics} harmonics, and joints stick exactly.",
             "sections": (
                 ("levels", "Frequency response", "levels", ("response", "receptance")),
                 ("modes", "Modes over amplitude", "modes", ("backbone", "damping")),
@@ -112,9 +112,9 @@ class StructureCurvesView(View[StructureCurves, StructureCurves]):
     def details(self, result: StructureCurves) -> Iterator[str]:
         """Yield the number of points of each curve."""
         for mode in result.modes:
-            yield f"mode {mode.number}: {mode.amplitude.size} amplitudes, {result.harmonics} harmonics"
+            yield f"mode {mode.number}: {mode.amplitude.size} amplitudes, {mode.harmonics} harmonics"
         for level in result.levels:
-            yield f"{level.force:g} N: {level.frequency.size} frequencies, {result.harmonics} harmonics"
+            yield f"{level.force:g} N: {level.frequency.size} frequencies, {level.harmonics} harmonics"
 
 
 def _print(first: str, tables: Sequence[TextTable], warnings: Sequence[str]) -> None:
