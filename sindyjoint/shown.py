@@ -6,13 +6,14 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.described import Described
 from sindyjoint.hooks import supplied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-class Shown:
+class Shown(Described):
     """A result that shows itself.
 
     ``str`` gives what the command line prints, a notebook shows the equation and the main table, and ``figures`` lists

@@ -21,6 +21,7 @@ BASE = {
     "documents",
     "checksums",
     "hooks",
+    "described",
     "shown",
     "options",
     "accelerometer",
@@ -35,7 +36,8 @@ ALLOWED = {
     "errors": set(),
     "text": set(),
     "hooks": set(),
-    "shown": {"hooks"},  # what shows results is supplied at the package's root
+    "described": set(),
+    "shown": {"described", "hooks"},  # what shows results is supplied at the package's root
     "options": {"errors"},
     "policy": set(),
     "numeric": set(),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import ClassVar, Literal
 
+from sindyjoint.described import Described, same
 from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
@@ -35,13 +36,22 @@ class Light:
     sentence : str
     """
 
+    WRITTEN: ClassVar = same("colour", "sentence")
     name: str
     colour: Colour
     sentence: str
 
 
 @dataclass(frozen=True)
-class Headline:
+class NextStep:
+    """A command, or an action on the bench, and what it is for."""
+
+    do: str
+    to: str
+
+
+@dataclass(frozen=True)
+class Headline(Described):
     """The answers that stand above everything else.
 
     Parameters
@@ -51,6 +61,7 @@ class Headline:
         A command, or an action on the bench, and what it is for; the most useful first.
     """
 
+    WRITTEN: ClassVar = {"answer": "colour", "lights": "lights_by_name", "next": "advised"}
     lights: tuple[Light, ...]
     next_steps: tuple[tuple[str, str], ...]
 
@@ -64,15 +75,15 @@ class Headline:
         """Whether to trust it, in a word or two."""
         return ANSWERS[self.colour]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {
-            "answer": self.colour,
-            "lights": {
-                light.name: {"colour": light.colour, "sentence": light.sentence} for light in self.lights
-            },
-            "next": [{"do": do, "to": to} for do, to in self.next_steps],
-        }
+    @property
+    def lights_by_name(self) -> dict[str, Light]:
+        """The reasons."""
+        return {light.name: light for light in self.lights}
+
+    @property
+    def advised(self) -> tuple[NextStep, ...]:
+        """What to do next."""
+        return tuple(NextStep(*step) for step in self.next_steps)
 
 
 @dataclass(frozen=True)

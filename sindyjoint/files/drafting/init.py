@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
+from sindyjoint.described import Described, same
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files.atomic import write_text
 from sindyjoint.files.drafting.dialogue import Question
@@ -17,7 +18,7 @@ from sindyjoint.options import checks_options
 
 
 @dataclass(frozen=True)
-class Initialised:
+class Initialised(Described):
     """The result of :func:`init`.
 
     Parameters
@@ -28,6 +29,12 @@ class Initialised:
         What it says, and what of it is guessed.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "manifest": "manifest",
+        **{name: f"draft.{name}" for name in ("motion", "simulated", "channels", "runs")},
+        **same("guessed", "left_out"),
+    }
     manifest: Path
     draft: Draft
 
@@ -53,19 +60,15 @@ class Initialised:
             lines.append(f"  guessed: {question.key} = {question.guess}; --set {question.key}=... sets it")
         return lines
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        draft = self.draft
-        return {
-            "schema": 1,
-            "manifest": str(self.manifest),
-            "motion": draft.motion,
-            "simulated": draft.simulated,
-            "channels": draft.channels,
-            "runs": [vars(run) for run in draft.runs],
-            "guessed": {question.key: question.guess for question in draft.questions},
-            "left_out": dict(draft.left_out),
-        }
+    @property
+    def guessed(self) -> dict[str, str | None]:
+        """What was guessed, by the keys of questions."""
+        return {question.key: question.guess for question in self.draft.questions}
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Files that are no runs, and why."""
+        return dict(self.draft.left_out)
 
 
 SHOWN = 16
