@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from sindyjoint.hooks import supply
+
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.library import TermLibrary
@@ -73,6 +75,10 @@ _HOMES = {
     "verify": "workflows.verify",
     "load_campaign": "files",
 }
+
+# What the parts call without importing it.
+supply("display", lambda: import_module("sindyjoint.reporting.front"))
+supply("arrays", lambda: import_module("sindyjoint.files.arrays"))
 
 
 def __getattr__(name: str) -> object:

@@ -7,12 +7,10 @@ integer that is no number, no sign that a terminal takes for a command.
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 import stat
 import tomllib
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -43,19 +41,6 @@ def read_regular(path: Path, largest: int | None = None) -> bytes:
             return file.read()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-
-
-def plain(value: Any) -> Any:
-    """Return data as JSON holds them: records as tables, tuples as lists, numbers that are not finite as null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [plain(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def check_regular(path: Path) -> int:

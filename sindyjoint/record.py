@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.accelerometer import Fusion, fuse, unknown_means
 from sindyjoint.errors import InputError
+from sindyjoint.hooks import supplied
 from sindyjoint.inputs import Input, check_inputs, signals_of
 from sindyjoint.shown import Shown
 from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
@@ -362,13 +362,14 @@ class Campaign(Shown):
         >>> campaign.runs[0].frequency, float(campaign.runs[0].angle.max())
         (3.0, 0.002)
         """
-        # Units are converted in files, which is above this module and fetched when it is needed.
-        return import_module("sindyjoint.files.arrays").campaign_from_arrays(**signals)
+        campaign: Campaign = supplied("arrays").campaign_from_arrays(**signals)
+        return campaign
 
     @classmethod
     def from_frames(cls, frames: Mapping[str, Any], **options: Any) -> Campaign:
         """Return a campaign of data frames by name; see :func:`sindyjoint.files.arrays.campaign_from_frames`."""
-        return import_module("sindyjoint.files.arrays").campaign_from_frames(frames, **options)
+        campaign: Campaign = supplied("arrays").campaign_from_frames(frames, **options)
+        return campaign
 
     def with_runs(self, runs: tuple[Run, ...]) -> Campaign:
         """Return the same campaign with other runs."""

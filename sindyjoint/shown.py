@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import os
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from sindyjoint.described import Described
+from sindyjoint.hooks import supplied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def _front() -> Any:
-    # The one call that goes up: results are made below the layer that shows them, which is fetched when asked for.
-    return import_module("sindyjoint.reporting.front")
-
-
-class Shown:
+class Shown(Described):
     """A result that shows itself.
 
     ``str`` gives what the command line prints, a notebook shows the equation and the main table, and ``figures`` lists
@@ -24,22 +21,22 @@ class Shown:
     """
 
     def __str__(self) -> str:
-        return str(_front().text_of(self))
+        return str(supplied("display").text_of(self))
 
     def __repr__(self) -> str:
-        return str(_front().line_of(self))
+        return str(supplied("display").line_of(self))
 
     def _repr_html_(self) -> str:
-        return str(_front().html_of(self))
+        return str(supplied("display").html_of(self))
 
     def _repr_latex_(self) -> str | None:
-        found: str | None = _front().latex_of(self)
+        found: str | None = supplied("display").latex_of(self)
         return found
 
     @property
     def figures(self) -> tuple[str, ...]:
         """Names of the figures that :meth:`plot` draws of this result."""
-        return tuple(_front().figures_of(self))
+        return tuple(supplied("display").figures_of(self))
 
     def plot(self, kind: str | None = None, ax: Axes | None = None) -> Any:
         """Draw a figure of the result.
@@ -62,7 +59,7 @@ class Shown:
         InputError
             For axes and a kind with several panels.
         """
-        return _front().plot(self, kind, ax)
+        return supplied("display").plot(self, kind, ax)
 
     def to_frame(self) -> Any:
         """Return the main table as a pandas data frame, numbers in SI units.
@@ -72,7 +69,7 @@ class Shown:
         MissingExtraError
             Without pandas.
         """
-        return _front().frame_of(self)
+        return supplied("display").frame_of(self)
 
     def report(self, folder: str | os.PathLike[str], force: bool = False) -> Path:
         """Write page, record, tables and figures into a folder, as the command line does with ``--out``.
@@ -93,5 +90,5 @@ class Shown:
         OutputError
             If the folder cannot be written, or holds other files of these names.
         """
-        path: Path = _front().report(self, folder, force)
+        path: Path = supplied("display").report(self, folder, force)
         return path

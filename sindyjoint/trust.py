@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from sindyjoint.described import Described, same
 
 Colour = Literal["good", "fair", "poor"]
 ORDER: tuple[Colour, ...] = ("good", "fair", "poor")
@@ -22,23 +22,43 @@ class Light:
         What is looked at: of a model ``"data"``, ``"explained"``, ``"predicts"``, ``"determined"``.
     colour : {"good", "fair", "poor"}
     sentence : str
-    figures : dict of float
-        What the sentence rests on, relative to the RMS of the moment where that has a unit; NaN where it is not known.
+    gap, floor : float, optional
+        Residual of the moment and what of it does not repeat, relative to the RMS of the moment.
+    interval : tuple of float, optional
+        95 % interval of the gap.
+    error : float, optional
+        The same residual on what no fit has seen.
+    widest : float, optional
+        Half the 95 % interval over the coefficient, of the least sure one.
+    inertia : float, optional
+        That was identified, where no body has it, kg·m² (kg).
     """
 
+    WRITTEN: ClassVar = {
+        **same("colour", "sentence"),
+        **{f"{name}?": name for name in ("gap", "floor", "interval", "error", "widest", "inertia")},
+    }
     name: str
     colour: Colour
     sentence: str
-    figures: dict[str, float] = field(default_factory=dict)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        known = {name: value if math.isfinite(value) else None for name, value in self.figures.items()}
-        return {"colour": self.colour, "sentence": self.sentence, **known}
+    gap: float | None = None
+    floor: float | None = None
+    interval: tuple[float, float] | None = None
+    error: float | None = None
+    widest: float | None = None
+    inertia: float | None = None
 
 
 @dataclass(frozen=True)
-class Trust:
+class NextStep:
+    """A command, or an action on the bench, and what it is for."""
+
+    do: str
+    to: str
+
+
+@dataclass(frozen=True)
+class Trust(Described):
     """Whether to trust a result, why, and what to do next.
 
     Parameters
@@ -51,6 +71,12 @@ class Trust:
         What the verb asked besides; it never changes the answer.
     """
 
+    WRITTEN: ClassVar = {
+        "answer": "colour",
+        **{f"{name}?": name for name in ("data", "explained", "predicts", "determined")},
+        "question?": "asked",
+        "next": "advised",
+    }
     lights: tuple[Light, ...]
     next_steps: tuple[tuple[str, str], ...] = ()
     question: tuple[Light, ...] = ()
@@ -70,12 +96,35 @@ class Trust:
         """Names of the lights, of the question too, that are not good."""
         return {light.name for light in (*self.lights, *self.question) if light.colour != "good"}
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        question: Mapping[str, Any] = {light.name: light.to_dict() for light in self.question}
-        return {
-            "answer": self.colour,
-            **{light.name: light.to_dict() for light in self.lights},
-            **({"question": question} if question else {}),
-            "next": [{"do": do, "to": to} for do, to in self.next_steps],
-        }
+    def _light(self, name: str) -> Light | None:
+        return next((light for light in self.lights if light.name == name), None)
+
+    @property
+    def data(self) -> Light | None:
+        """Whether what was measured is sound."""
+        return self._light("data")
+
+    @property
+    def explained(self) -> Light | None:
+        """Whether the moment is explained to within what does not repeat."""
+        return self._light("explained")
+
+    @property
+    def predicts(self) -> Light | None:
+        """Whether that is so for what no fit has seen."""
+        return self._light("predicts")
+
+    @property
+    def determined(self) -> Light | None:
+        """Whether the runs excited what the coefficients stand for."""
+        return self._light("determined")
+
+    @property
+    def asked(self) -> dict[str, Light]:
+        """What the verb asked besides."""
+        return {light.name: light for light in self.question}
+
+    @property
+    def advised(self) -> tuple[NextStep, ...]:
+        """What to do next."""
+        return tuple(NextStep(*step) for step in self.next_steps)

@@ -20,6 +20,8 @@ BASE = {
     "numeric",
     "documents",
     "checksums",
+    "hooks",
+    "described",
     "shown",
     "trust",
     "options",
@@ -34,7 +36,9 @@ DIAGNOSES = RESPONDS | {"bias", "soundness", "diagnosis"}
 ALLOWED = {
     "errors": set(),
     "text": set(),
-    "shown": set(),  # fetches reporting by its name when a result is asked to show itself
+    "hooks": set(),
+    "described": set(),
+    "shown": {"described", "hooks"},  # what shows results is supplied at the package's root
     "options": {"errors"},
     "policy": set(),
     "numeric": set(),
@@ -42,7 +46,7 @@ ALLOWED = {
     "inputs": {"errors"},
     "accelerometer": {"numeric", "source", "text"},
     "quasi_static": {"errors"},
-    "record": {"errors", "text", "source", "inputs", "quasi_static", "shown", "accelerometer"},
+    "record": {"errors", "hooks", "text", "source", "inputs", "quasi_static", "shown", "accelerometer"},
     "measured": {"errors", "source", "inputs", "quasi_static", "accelerometer", "record"},
     "documents": {"errors", "text"},
     "checksums": {"errors", "documents"},
@@ -55,7 +59,7 @@ ALLOWED = {
     "files": BASE | {"rig"},
     "states": BASE,
     "measurement": BASE | {"states"},
-    "trust": set(),
+    "trust": {"described"},
     "equation": BASE,
     "mechanics": DOOR | {"equation", "clock"},  # rigs are read from files; a formula is a list of operations
     "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
@@ -193,6 +197,9 @@ def modules_of(path: Path) -> dict[str, set[str]]:
                 module = inner if inner in known else node.module
                 module = module if module in known else f"{module}.__init__"
                 found.setdefault(module, set()).add(alias.name)
+        if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "import_module":
+            # A module that is fetched by its name is imported no less.
+            found |= {ast.literal_eval(text): set() for text in node.args if isinstance(text, ast.Constant)}
     return {module: names for module, names in found.items() if module in known}
 
 

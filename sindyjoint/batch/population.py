@@ -15,11 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.batch.policy import POLICY
+from sindyjoint.described import Maybe, same
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
 
@@ -50,13 +52,21 @@ class Trend:
     joints : int
     """
 
+    WRITTEN: ClassVar = {
+        "term": "coefficient",
+        **same("covariate", "slope"),
+        "standard_error": "slope_error",
+        "relative_change": "change",
+        "p": "p_value",
+        **same("p_adjusted", "significant", "joints"),
+    }
     coefficient: str
     covariate: str
-    slope: float
-    slope_error: float
-    p_value: float
-    p_adjusted: float
-    change: float
+    slope: Maybe
+    slope_error: Maybe
+    p_value: Maybe
+    p_adjusted: Maybe
+    change: Maybe
     joints: int
 
     @property

@@ -5,17 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from sindyjoint.checksums import hash_file
+from sindyjoint.described import Described, same
 from sindyjoint.documents import parse_json, read_regular
 from sindyjoint.equation.catalogue import Catalogue, as_catalogue
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.manifest import read_manifest
 
-SCHEMA = 2
 RECORD_FILE = "record.json"
 MODEL_FILE = "model.json"
 FACTORS_FILE = "factors.npz"
@@ -24,7 +24,7 @@ REQUIRED = frozenset({MODEL_FILE, FACTORS_FILE})
 
 
 @dataclass(frozen=True)
-class CampaignRecord:
+class CampaignRecord(Described):
     """One campaign of a batch.
 
     Parameters
@@ -51,6 +51,11 @@ class CampaignRecord:
         Of a broken campaign: the record of the last result, whose files are still in the folder.
     """
 
+    SCHEMA: ClassVar = 2
+    WRITTEN: ClassVar = same(
+        *("id", "manifest", "status", "reason", "joint", "result", "inputs", "outputs", "extras", "earlier"),
+    )
+    FILED: ClassVar = same("checksum")
     id: str
     manifest: str
     status: str
@@ -67,11 +72,14 @@ class CampaignRecord:
         """Terms of the model by id."""
         return {term["id"]: term for term in self.result["terms"]} if self.result else {}
 
+    @property
+    def checksum(self) -> str:
+        """SHA-256 of the content."""
+        return _checksum(self.to_dict())
+
     def to_json(self) -> str:
         """Return the record as the text of ``record.json``, with a checksum of its content."""
-        data = {"schema": SCHEMA, **asdict(self)}
-        data["checksum"] = _checksum(data)
-        return json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        return json.dumps(self.to_dict(full=True), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _checksum(content: Mapping[str, Any]) -> str:
@@ -134,7 +142,7 @@ def read_record(folder: Path) -> CampaignRecord:
     try:
         data = parse_json(read_regular(path).decode("utf-8"), str(path))
         given = data.pop("checksum")
-        if data["schema"] != SCHEMA or given != _checksum(data):
+        if data["schema"] != CampaignRecord.SCHEMA or given != _checksum(data):
             raise InputError(
                 f"{path}: is not as it was written (its checksum is another); run the batch again"
             )

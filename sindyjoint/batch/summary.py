@@ -6,17 +6,18 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from sindyjoint.batch.policy import POLICY
 from sindyjoint.batch.population import Population, Scatter, next_joint, population
 from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
+from sindyjoint.described import Maybe, same
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array, finite
+from sindyjoint.numeric import Array
 from sindyjoint.shown import Shown
 from sindyjoint.text import spelled
 
@@ -39,6 +40,68 @@ class Difference:
     id: str
     kind: str
     text: str
+
+
+@dataclass(frozen=True)
+class CommonCoefficient:
+    """A coefficient that joints have in common, SI; the error without calibration."""
+
+    value: Maybe
+    standard_error: Maybe
+
+
+@dataclass(frozen=True)
+class CampaignInBatch:
+    """What became of a campaign.
+
+    Parameters
+    ----------
+    id, manifest : str
+    status : {"found", "none", "broken"}
+    reason : str
+    joint : dict
+        As it is declared; empty for a campaign that could not be read.
+    terms : tuple of str
+    common_coefficients : dict of str to CommonCoefficient
+    """
+
+    id: str
+    manifest: str
+    status: str
+    reason: str
+    joint: dict[str, Any]
+    terms: tuple[str, ...]
+    common_coefficients: dict[str, CommonCoefficient]
+
+
+@dataclass(frozen=True)
+class CommonTerm:
+    """A term that joints have in common."""
+
+    id: str
+    unit: str
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A joint that stands out."""
+
+    id: str
+    score: Maybe
+    p: Maybe
+
+
+@dataclass(frozen=True)
+class CoefficientScatter:
+    """How a coefficient scatters over the joints."""
+
+    term: str
+    mean: Maybe
+    mean_error: Maybe
+    spread: Maybe
+    next_joint95: tuple[float, float] | None
+    about_trend_with: str | None
+    outliers: tuple[Outlier, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,6 +134,14 @@ class Batch(Shown):
         moves all joints alike, so it is no part of their scatter, but of what is known of their mean.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        **same("campaigns", "found", "none", "broken"),
+        "calibration?": "calibration",
+        **same("common_terms", "scatter"),
+        "trends": "population.trends",
+        **same("differences", "notes"),
+    }
     records: tuple[CampaignRecord, ...]
     kept: int
     common: tuple[str, ...]
@@ -99,62 +170,48 @@ class Batch(Shown):
         """Whether a model was found in every campaign."""
         return self.count("found") == len(self.records)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {
-            "schema": 1,
-            "campaigns": [
-                {
-                    "id": record.id,
-                    "manifest": record.manifest,
-                    "status": record.status,
-                    "reason": record.reason,
-                    "joint": record.joint,
-                    "terms": list(record.terms),
-                    "common_coefficients": {
-                        term: {"value": finite(self.values[term][i]), "standard_error": finite(self.errors[term][i])}
-                        for term in self.common
-                    },
-                }
-                for i, record in enumerate(self.records)
-            ],
-            "found": self.count("found"),
-            "none": self.count("none"),
-            "broken": self.count("broken"),
-            **({"calibration": self.calibration} if self.calibration else {}),
-            "common_terms": [{"id": term, "unit": self.units[term]} for term in self.common],
-            "scatter": [
-                {
-                    "term": s.coefficient,
-                    "mean": finite(s.mean),
-                    "mean_error": finite(s.mean_error),
-                    "spread": finite(s.spread),
-                    "next_joint95": None if (ahead := next_joint(s)) is None else list(ahead.interval95),
-                    "about_trend_with": s.covariate,
-                    "outliers": [
-                        {"id": self.records[i].id, "score": finite(s.scores[i]), "p": finite(s.p_adjusted[i])}
-                        for i in s.outliers
-                    ],
-                }
-                for s in self.population.scatters
-            ],
-            "trends": [
-                {
-                    "term": t.coefficient,
-                    "covariate": t.covariate,
-                    "slope": finite(t.slope),
-                    "standard_error": finite(t.slope_error),
-                    "relative_change": finite(t.change),
-                    "p": finite(t.p_value),
-                    "p_adjusted": finite(t.p_adjusted),
-                    "significant": t.significant,
-                    "joints": t.joints,
-                }
-                for t in self.population.trends
-            ],
-            "differences": [{"id": d.id, "kind": d.kind, "text": d.text} for d in self.differences],
-            "notes": list(self.notes),
-        }  # fmt: skip
+    @property
+    def campaigns(self) -> tuple[CampaignInBatch, ...]:
+        """What became of each campaign."""
+        return tuple(
+            CampaignInBatch(
+                record.id, record.manifest, record.status, record.reason, record.joint, tuple(record.terms),
+                {term: CommonCoefficient(self.values[term][i], self.errors[term][i]) for term in self.common},
+            )
+            for i, record in enumerate(self.records)
+        )  # fmt: skip
+
+    @property
+    def common_terms(self) -> tuple[CommonTerm, ...]:
+        """Terms that the joints have in common."""
+        return tuple(CommonTerm(term, self.units[term]) for term in self.common)
+
+    @property
+    def scatter(self) -> tuple[CoefficientScatter, ...]:
+        """How each coefficient scatters over the joints."""
+        return tuple(
+            CoefficientScatter(
+                s.coefficient, s.mean, s.mean_error, s.spread,
+                None if (ahead := next_joint(s)) is None else ahead.interval95, s.covariate,
+                tuple(Outlier(self.records[i].id, s.scores[i], s.p_adjusted[i]) for i in s.outliers),
+            )
+            for s in self.population.scatters
+        )  # fmt: skip
+
+    @property
+    def found(self) -> int:
+        """Campaigns in which a model was found."""
+        return self.count("found")
+
+    @property
+    def none(self) -> int:
+        """Campaigns in which none was."""
+        return self.count("none")
+
+    @property
+    def broken(self) -> int:
+        """Campaigns that could not be read or used."""
+        return self.count("broken")
 
 
 def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0) -> Batch:

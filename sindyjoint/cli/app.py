@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from sindyjoint.cli import libraries, reproduce
 from sindyjoint.cli.batch import batch
 from sindyjoint.cli.changed import changed
 from sindyjoint.cli.check import check
@@ -17,8 +16,10 @@ from sindyjoint.cli.diagnose import diagnose
 from sindyjoint.cli.discover import discover
 from sindyjoint.cli.export import export
 from sindyjoint.cli.init import init
+from sindyjoint.cli.libraries import app as libraries
 from sindyjoint.cli.plan import plan
 from sindyjoint.cli.plot import plot
+from sindyjoint.cli.reproduce import app as reproduce
 from sindyjoint.cli.rig import rig
 from sindyjoint.cli.schema import limits, schema
 from sindyjoint.cli.simulate import simulate
@@ -78,12 +79,12 @@ app.command("simulate", no_args_is_help=True)(simulate)
 app.command("verify", no_args_is_help=True)(verify)
 app.command("rig", no_args_is_help=True)(rig)
 app.command("curves", no_args_is_help=True)(curves)
-app.add_typer(reproduce.app, name="reproduce")
+app.add_typer(reproduce, name="reproduce")
 app.command("diagnose")(diagnose)
 app.command("changed", no_args_is_help=True)(changed)
 app.command("export", no_args_is_help=True)(export)
 app.command("plot", no_args_is_help=True)(plot)
-app.add_typer(libraries.app, name="libraries")
+app.add_typer(libraries, name="libraries")
 app.command("schema")(schema)
 app.command("limits")(limits)
 

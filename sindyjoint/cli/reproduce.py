@@ -59,17 +59,13 @@ def tables(
 
     Example: sindyjoint reproduce tables
     """
-    from sindyjoint.judgement.paper_tables import check_tables, table_findings
+    from sindyjoint.judgement.paper_tables import PrintedTables, check_tables, table_findings
     from sindyjoint.reporting.results.reproduction import show_checks
 
     checks = check_tables()
     findings = table_findings(checks)
     if as_json:
-        record = {
-            "schema": 1,
-            "printed_tables": [check.to_dict() for check in checks],
-            "findings": list(findings),
-        }
+        record = PrintedTables(checks, findings).to_dict()
         typer.echo(json.dumps(record, indent=2, allow_nan=False))
     else:
         show_checks(checks, findings)

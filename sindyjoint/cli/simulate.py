@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from sindyjoint.mechanics.virtual import VirtualTest
     from sindyjoint.numeric import Array
     from sindyjoint.record import Campaign
+    from sindyjoint.workflows.simulate import WrittenTest
 
 
 class _Joint(StrEnum):
@@ -161,6 +162,7 @@ def simulate(
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import virtual_test
     from sindyjoint.response.model_law import model_law
+    from sindyjoint.workflows.simulate import WrittenRun, WrittenTest
 
     known = None if model is None else read_model(model)
     if known is None and at:
@@ -196,12 +198,10 @@ def simulate(
         progress.show_details(campaign)
     if known is not None:
         _warn_of_range(known, campaign)
-    runs = [
-        {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.n_samples}
-        for run in campaign.runs
-    ]
-    record = {"schema": 1, "manifest": str(manifest), "joint": campaign.joint.name, "runs": runs}
-    _print_record(record, f"the {campaign.joint.name}", as_json)
+    runs = (WrittenRun(run.name, run.frequency, run.level, run.n_samples) for run in campaign.runs)
+    _print_record(
+        WrittenTest(manifest, campaign.joint.name, tuple(runs)), f"the {campaign.joint.name}", as_json
+    )
 
 
 def _make_campaign(
@@ -249,9 +249,9 @@ def _warn_of_range(model: JointModel, campaign: Campaign) -> None:
             typer.echo(warning, err=True)
 
 
-def _print_record(record: dict[str, Any], subject: str, as_json: bool) -> None:
+def _print_record(record: WrittenTest, subject: str, as_json: bool) -> None:
     """Print what was written, of a joint or of a structure."""
     if as_json:
-        typer.echo(json.dumps(record))
+        typer.echo(json.dumps(record.to_dict()))
     else:
-        typer.echo(f"{record['manifest']}: {len(record['runs'])} simulated runs of {subject}")
+        typer.echo(f"{record.manifest}: {len(record.runs)} simulated runs of {subject}")

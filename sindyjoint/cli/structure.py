@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
     from sindyjoint.judgement.rig_discovery import RigDiscovery
     from sindyjoint.mechanics.transient import Response
+    from sindyjoint.workflows.simulate import WrittenTest
 
 # Of the options of a search those that belong to the channels of a joint's own test.
 OF_CHANNELS = ("states", "bandwidth", "align")
@@ -70,7 +71,7 @@ def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:
 
 def simulate_structure(
     rig: Path, model: Path | None, out: Path, format: str, seed: int, force: bool, progress: Progress
-) -> dict[str, Any]:
+) -> WrittenTest:
     """Make and write a virtual test of a rig; return what was written.
 
     A model stands in the joints whose law is "model"; where one moves beyond what that was tested to, stderr says so.
@@ -84,6 +85,7 @@ def simulate_structure(
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
     from sindyjoint.response.model_law import model_law
     from sindyjoint.response.verify_rig import joint_range_warnings
+    from sindyjoint.workflows.simulate import WrittenRun, WrittenTest
 
     known = None if model is None else read_model(model)
     warnings: list[str] = []
@@ -107,8 +109,5 @@ def simulate_structure(
         manifest = write_rig_test(rig, test, out, format, force)
     for line in warnings:
         typer.echo(line, err=True)
-    runs = [
-        {"name": run.name, "frequency": run.frequency, "level": run.level, "samples": run.drive.size}
-        for run in test.runs
-    ]
-    return {"schema": 1, "manifest": str(manifest), "joint": test.name, "runs": runs}
+    runs = tuple(WrittenRun(run.name, run.frequency, run.level, run.drive.size) for run in test.runs)
+    return WrittenTest(manifest, test.name, runs)

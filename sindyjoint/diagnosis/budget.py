@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sindyjoint.described import Maybe
+
 
 @dataclass(frozen=True)
 class Budget:
@@ -29,11 +31,11 @@ class Budget:
         What does not repeat.
     """
 
-    state: float
-    history: float
-    run: float
-    processing: float
-    noise: float
+    state: Maybe
+    history: Maybe
+    run: Maybe
+    processing: Maybe
+    noise: Maybe
 
     @property
     def total(self) -> float:

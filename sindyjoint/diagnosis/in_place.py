@@ -3,10 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
+from sindyjoint.described import same
 from sindyjoint.equation.model import JointModel
-from sindyjoint.substructure.update import Update
+from sindyjoint.substructure.update import Update, UpdatedNumber
+
+
+@dataclass(frozen=True)
+class KindNumbers:
+    """Numbers of a kind of joint: value and standard error by name."""
+
+    terms: dict[str, tuple[float, float]]
+    elements: dict[str, dict[str, tuple[float, float]]]
+
+    @classmethod
+    def of(cls, model: JointModel) -> KindNumbers:
+        """Return those of a model."""
+        return cls(
+            {term.id: (term.coefficient, term.standard_error) for term in model.terms},
+            {each.id: {n.name: (n.value, n.standard_error) for n in each.numbers} for each in model.elements},
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,25 +40,17 @@ class InPlace:
         Of the structure's uncertain numbers.
     """
 
+    WRITTEN: ClassVar = same("lead", "kinds", "structure")
     lead: str
     models: dict[str, JointModel]
     update: Update | None
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {
-            "lead": self.lead,
-            "kinds": {
-                name: {
-                    "terms": {term.id: [term.coefficient, term.standard_error] for term in model.terms},
-                    "elements": {
-                        each.id: {
-                            number.name: [number.value, number.standard_error] for number in each.numbers
-                        }
-                        for each in model.elements
-                    },
-                }
-                for name, model in self.models.items()
-            },
-            "structure": [] if self.update is None else self.update.to_list(),
-        }
+    @property
+    def kinds(self) -> dict[str, KindNumbers]:
+        """Numbers by kind of joint."""
+        return {name: KindNumbers.of(model) for name, model in self.models.items()}
+
+    @property
+    def structure(self) -> tuple[UpdatedNumber, ...]:
+        """The structure's uncertain numbers."""
+        return () if self.update is None else self.update.numbers

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
+from sindyjoint.described import Maybe, same
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.in_place import InPlace
@@ -15,7 +16,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.numeric import Array
 from sindyjoint.shown import Shown
-from sindyjoint.soundness.check import Check, summarize
+from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.trust import Trust
 
@@ -35,9 +36,18 @@ class Gap:
         Of the transfer moment, in units of its noise: what fits are judged by.
     """
 
-    moment: float
-    response: float
+    WRITTEN: ClassVar = same("moment", "response")
+    moment: Maybe
+    response: Maybe
     weighted: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect, and its probability."""
+
+    effect: str
+    probability: float
 
 
 @dataclass(frozen=True)
@@ -63,6 +73,14 @@ class Step:
         and after the last of them. Empty for a step that does so alone.
     """
 
+    WRITTEN: ClassVar = {
+        "effect": "effect",
+        "class": "members",
+        **same("family", "probability"),
+        "rivals": "other_effects",
+        **same("parameters", "units", "terms_dropped", "gap_before", "gap_after"),
+        "together?": "together",
+    }
     effect: str
     family: str
     members: tuple[str, ...]
@@ -74,6 +92,11 @@ class Step:
     gap_after: Gap
     units: dict[str, str] = field(default_factory=dict)
     together: tuple[str, ...] = ()
+
+    @property
+    def other_effects(self) -> tuple[Rival, ...]:
+        """Those that it is confused with."""
+        return tuple(Rival(*each) for each in self.rivals)
 
 
 @dataclass(frozen=True)
@@ -93,11 +116,16 @@ class Advice:
         Probability that the true one of them should then have; of the second run for the same effects, after both.
     """
 
+    WRITTEN: ClassVar = {
+        "separates": "separates",
+        "run": same("frequency", "level", "waveform"),
+        "expected_confidence": "expected_confidence",
+    }
     separates: tuple[str, ...]
-    frequency: float
-    level: float
+    frequency: Maybe
+    level: Maybe
     waveform: str
-    expected_confidence: float
+    expected_confidence: Maybe
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +223,7 @@ class AdviceSearch:
         When it was stopped, in words.
     """
 
+    WRITTEN: ClassVar = same("status", "tried", "planned")
     status: str = NOT_SOUGHT
     tried: int = 0
     planned: int = 0
@@ -263,6 +292,16 @@ class Diagnosis(Shown):
         Of the model with its effects, and the campaign.
     """
 
+    SCHEMA: ClassVar = 2
+    WRITTEN: ClassVar = {
+        **same("verdict", "reason", "trust"),
+        "gap": same("initial", "final", "noise_floor", "uncertainty", "remainder"),
+        **same("budget", "where", "steps", "advice"),
+        "advice_search": "search",
+        "warnings": "warnings",
+        **{"soundness?": "soundness", "in_place?": "in_place"},
+    }
+    FILED: ClassVar = same("hidden")
     verdict: str
     reason: str
     initial: Gap
@@ -322,73 +361,3 @@ class Diagnosis(Shown):
     def settled(self) -> bool:
         """Whether the gap has a name, if only for a part of it, or there is none: exit status 0 of the command."""
         return self.verdict not in ("unknown", "undecided")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {
-            "schema": 2,
-            "verdict": self.verdict,
-            "reason": self.reason,
-            "trust": None if self.trust is None else self.trust.to_dict(),
-            "gap": {
-                "initial": _gap(self.initial),
-                "final": _gap(self.final),
-                "noise_floor": _gap(self.noise_floor),
-                "uncertainty": _gap(self.uncertainty),
-                "remainder": _gap(self.remainder),
-            },
-            "budget": {
-                name: _to_plain(getattr(self.budget, name))
-                for name in ("state", "history", "run", "processing", "noise")
-            },
-            "where": [
-                {
-                    "axis": p.axis,
-                    "range": p.range if isinstance(p.range, str) else list(p.range),
-                    "share": p.share,
-                    "words": p.words,
-                }
-                for p in self.where
-            ],
-            "steps": [
-                {
-                    "effect": s.effect,
-                    "class": list(s.members),
-                    "family": s.family,
-                    "probability": s.probability,
-                    "rivals": [{"effect": name, "probability": p} for name, p in s.rivals],
-                    "parameters": s.parameters,
-                    "units": s.units,
-                    "terms_dropped": list(s.terms_dropped),
-                    "gap_before": _gap(s.gap_before),
-                    "gap_after": _gap(s.gap_after),
-                    **({"together": list(s.together)} if s.together else {}),
-                }
-                for s in self.steps
-            ],
-            "advice": [
-                {
-                    "separates": list(a.separates),
-                    "run": {"frequency": a.frequency, "level": a.level, "waveform": a.waveform},
-                    "expected_confidence": a.expected_confidence,
-                }
-                for a in self.advice
-            ],
-            "advice_search": {
-                "status": self.search.status,
-                "tried": self.search.tried,
-                "planned": self.search.planned,
-            },
-            "warnings": list(self.warnings),
-            **({} if self.soundness is None else {"soundness": summarize(self.soundness)}),
-            **({} if self.in_place is None else {"in_place": self.in_place.to_dict()}),
-        }
-
-
-def _gap(gap: Gap) -> dict[str, float | None]:
-    """Return a gap as JSON data; a figure that could not be had is null."""
-    return {"moment": _to_plain(gap.moment), "response": _to_plain(gap.response)}
-
-
-def _to_plain(value: float) -> float | None:
-    return value if value == value else None

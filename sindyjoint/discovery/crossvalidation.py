@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.described import Maybe
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.methods import column_path
@@ -64,8 +65,8 @@ class Fold:
     left_out: tuple[str, ...]
     runs: tuple[str, ...]
     kept: tuple[str, ...]
-    coefficients: tuple[float, ...]
-    moment_error: float
+    coefficients: tuple[Maybe, ...]
+    moment_error: Maybe
 
 
 @dataclass(frozen=True)

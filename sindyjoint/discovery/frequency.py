@@ -19,6 +19,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sindyjoint.described import Maybe
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.errors import InputError
@@ -68,22 +69,22 @@ class FrequencyTest:
     """
 
     name: str
-    frequencies: tuple[float, ...]
-    estimates: tuple[float, ...]
-    standard_errors: tuple[float, ...]
-    mean: float
-    mean_error: float
-    q: float
+    frequencies: tuple[Maybe, ...]
+    estimates: tuple[Maybe, ...]
+    standard_errors: tuple[Maybe, ...]
+    mean: Maybe
+    mean_error: Maybe
+    q: Maybe
     degrees: int
-    p_homogeneity: float
-    i_squared: float
-    tau: float
-    slope: float
-    slope_error: float
-    p_trend: float
-    change: float
-    change_bound: float
-    margin: float
+    p_homogeneity: Maybe
+    i_squared: Maybe
+    tau: Maybe
+    slope: Maybe
+    slope_error: Maybe
+    p_trend: Maybe
+    change: Maybe
+    change_bound: Maybe
+    margin: Maybe
     answer: str
     reason: str
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sindyjoint.described import Maybe
 from sindyjoint.equation.policy import POLICY
 from sindyjoint.text import percent, quantities
 
@@ -102,8 +103,8 @@ class Fitted:
 
     moment_rms: float
     residual_rms: float
-    noise_floor: float
-    moving_fraction: float
+    noise_floor: Maybe
+    moving_fraction: Maybe
     samples: int
     runs: int
     angle: float

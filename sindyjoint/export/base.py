@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.checksums import refuse_foreign_file
+from sindyjoint.described import Described, Maybe, same
 from sindyjoint.equation.element import states_along
 from sindyjoint.equation.formula import compile_terms, variable_symbols
 from sindyjoint.errors import InputError
@@ -56,12 +57,12 @@ class Fidelity:
     symbol: str
     representation: str
     carried: bool
-    error: float
-    largest_error: float
+    error: Maybe
+    largest_error: Maybe
 
 
 @dataclass(frozen=True)
-class Export:
+class Export(Described):
     """A model written for a target.
 
     Parameters
@@ -74,6 +75,8 @@ class Export:
         What a user of the files has to know.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {"target": "target", "files": "names", **same("fidelity", "not_carried", "notes")}
     target: str
     files: Mapping[str, str | bytes]
     fidelity: tuple[Fidelity, ...]
@@ -87,16 +90,10 @@ class Export:
         """One sentence for each thing that the target cannot express."""
         return not_carried(self.fidelity)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints; without the content of the files."""
-        return {
-            "schema": 1,
-            "target": self.target,
-            "files": list(self.files),
-            "fidelity": [asdict(row) for row in self.fidelity],
-            "not_carried": list(self.not_carried),
-            "notes": list(self.notes),
-        }
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the files."""
+        return tuple(self.files)
 
 
 @dataclass(frozen=True, eq=False)

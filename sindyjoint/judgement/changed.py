@@ -8,11 +8,11 @@ ruled out (two one-sided tests, Schuirmann 1987); both can be true of sharp esti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from sindyjoint.documents import plain
+from sindyjoint.described import Maybe, same
 from sindyjoint.equation.calibration import gain_errors
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
@@ -49,13 +49,13 @@ class Shift:
     symbol: str
     name: str
     unit: str
-    before: float
-    after: float
-    interval_before: tuple[float, float]
-    interval_after: tuple[float, float]
-    change: float
-    interval: tuple[float, float]
-    p_value: float
+    before: Maybe
+    after: Maybe
+    interval_before: tuple[Maybe, Maybe]
+    interval_after: tuple[Maybe, Maybe]
+    change: Maybe
+    interval: tuple[Maybe, Maybe]
+    p_value: Maybe
     answer: Answer
 
 
@@ -75,12 +75,31 @@ class Change(Shown):
     warnings : tuple of str
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "joint": "after.joint.name",
+        "before": "name_before",
+        "after": "name_after",
+        **same("changed", "sentence", "margin"),
+        "coefficients": "shifts",
+        "warnings": "warnings",
+    }
     before: JointModel
     after: JointModel
     shifts: tuple[Shift, ...]
     margin: float
     names: tuple[str, str]
     warnings: tuple[str, ...] = ()
+
+    @property
+    def name_before(self) -> str:
+        """What the first test is called."""
+        return self.names[0]
+
+    @property
+    def name_after(self) -> str:
+        """What the second test is called."""
+        return self.names[1]
 
     @property
     def moved(self) -> tuple[Shift, ...]:
@@ -113,20 +132,6 @@ class Change(Shown):
             f"no change is seen; beyond {100 * self.margin:.3g} % it is not ruled out of {unsure}: record longer, or "
             "allow a wider margin"
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {
-            "schema": 1,
-            "joint": self.after.joint.name,
-            "before": self.names[0],
-            "after": self.names[1],
-            "changed": self.changed,
-            "sentence": self.sentence,
-            "margin": self.margin,
-            "coefficients": plain(self.shifts),
-            "warnings": list(self.warnings),
-        }
 
 
 def check_margin(margin: float) -> None:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import ClassVar, Literal
 
+from sindyjoint.described import Maybe, same
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
-from sindyjoint.documents import plain
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.shown import Shown
-from sindyjoint.soundness.check import summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.trust import Trust
-
-SCHEMA = 1
 
 
 @dataclass(frozen=True)
@@ -32,8 +29,8 @@ class ChosenTerm:
 
     id: str
     coefficient: float
-    standard_error: float
-    interval95: tuple[float, float]
+    standard_error: Maybe
+    interval95: tuple[Maybe, Maybe]
 
 
 @dataclass(frozen=True)
@@ -50,8 +47,8 @@ class SizeScore:
 
     size: int
     terms: tuple[str, ...]
-    residual: float
-    held_out: float
+    residual: Maybe
+    held_out: Maybe
 
 
 @dataclass(frozen=True)
@@ -90,14 +87,14 @@ class Choice:
     terms: tuple[ChosenTerm, ...]
     reason: str
     candidates: int
-    seconds: float = float("nan")
-    held_out: float = float("nan")
-    response: float = float("nan")
+    seconds: Maybe = float("nan")
+    held_out: Maybe = float("nan")
+    response: Maybe = float("nan")
     not_simulated: str = ""
     path: tuple[SizeScore, ...] = ()
     offers_paper_terms: bool = True
     not_given: tuple[str, ...] = ()
-    residual: float = float("nan")
+    residual: Maybe = float("nan")
     wanted: tuple[str, ...] = PAPER_TERMS
     dependences: tuple[tuple[str, str], ...] = ()
 
@@ -146,8 +143,8 @@ class GivenModel:
 
     terms: tuple[str, ...]
     elements: tuple[str, ...]
-    residual: float
-    response: float
+    residual: Maybe
+    response: Maybe
     seen: bool
 
 
@@ -193,6 +190,25 @@ class Comparison(Shown):
         Of the discovered model and the campaign.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        **same(
+            "kind",
+            "agreement",
+            "trust",
+            "joint",
+            "motion",
+            "simulated",
+            "ids",
+            "units",
+            "methods",
+            "frequencies",
+        ),
+        **same(
+            "libraries", "inclusion", "sets", "left_out", "tests", "bias", "model", "undetermined", "warnings"
+        ),
+        **same("seconds", "noise_floor", "given", "parts", "soundness"),
+    }
     joint: str
     motion: str
     simulated: bool
@@ -201,18 +217,18 @@ class Comparison(Shown):
     methods: tuple[Choice, ...]
     frequencies: tuple[Choice, ...]
     libraries: tuple[Choice, ...]
-    inclusion: tuple[float, ...]
+    inclusion: tuple[Maybe, ...]
     sets: tuple[tuple[tuple[str, ...], float], ...]
     left_out: dict[str, CrossValidation]
     tests: tuple[FrequencyTest, ...]
-    bias: dict[str, float]
+    bias: dict[str, Maybe]
     model: Choice
     undetermined: tuple[str, ...]
     warnings: tuple[str, ...]
-    seconds: dict[str, float]
+    seconds: dict[str, Maybe]
     discovery: Discovery = field(repr=False, compare=False)
     soundness: Soundness = Soundness()
-    noise_floor: float = float("nan")
+    noise_floor: Maybe = float("nan")
     given: GivenModel | None = None
     parts: Literal["frequency", "level", "run"] = "frequency"
     trust: Trust | None = None
@@ -254,17 +270,7 @@ class Comparison(Shown):
         levels = any(choice.dependences for choice in (*self.methods, *self.frequencies, *self.libraries))
         return f"{'at each level ' * levels}exactly {self.paper_set}: " + ", ".join(parts)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything as plain JSON data; numbers that do not exist are null."""
-        from dataclasses import fields
-
-        names = [f.name for f in fields(self) if f.name not in ("discovery", "soundness", "trust")]
-        data = {name: plain(getattr(self, name)) for name in names}
-        return {
-            "schema": SCHEMA,
-            "kind": "Comparison",
-            "agreement": self.agreement,
-            "trust": None if self.trust is None else self.trust.to_dict(),
-            **data,
-            "soundness": summarize(self.soundness),
-        }
+    @property
+    def kind(self) -> Literal["Comparison"]:
+        """What the record is of."""
+        return "Comparison"

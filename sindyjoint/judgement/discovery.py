@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from sindyjoint.described import same
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.discovery.uncertainty import in_words, inseparable
 from sindyjoint.equation.calibration import gain_moves
@@ -17,10 +18,9 @@ from sindyjoint.judgement.headline import Excitations, is_of_the_paper, of_disco
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
 from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
-from sindyjoint.numeric import finite
 from sindyjoint.record import Campaign
 from sindyjoint.shown import Shown
-from sindyjoint.soundness.check import Check, summarize
+from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
 from sindyjoint.states.campaigns import content_hash, run_hash
@@ -33,6 +33,37 @@ if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.discovery.selection import Selection
     from sindyjoint.discovery.sindy import JointSINDy
+
+
+@dataclass(frozen=True)
+class DiscoveredTerm:
+    """A term of the equation with what is known of its coefficient, SI.
+
+    Parameters
+    ----------
+    id, symbol : str
+    coefficient : float
+    unit : str
+    standard_error : float
+    interval95 : (float, float)
+    bias : float or None
+        What was removed from the coefficient.
+    calibration : dict of str to float
+        By how much one standard uncertainty of a channel's gain moves it, where some are declared.
+    """
+
+    WRITTEN: ClassVar = {
+        **same("id", "symbol", "coefficient", "unit", "standard_error", "interval95", "bias"),
+        "calibration?": "calibration",
+    }
+    id: str
+    symbol: str
+    coefficient: float
+    unit: str
+    standard_error: float
+    interval95: tuple[float, float]
+    bias: float | None
+    calibration: dict[str, float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,6 +102,19 @@ class Discovery(Shown):
         Time by which the motion of the states was moved to undo a delay of the moment, s; not that of the campaign.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "joint": {"name": "model.joint.name", "motion": "model.joint.motion", "inertia": "inertia"},
+        "terms": "terms",
+        "trust": "trust",
+        "paper_term_set": "verdict",
+        "fit": {
+            name: f"model.fitted.{name}"
+            for name in ("moment_rms", "residual_rms", "noise_floor", "moving_fraction", "samples", "runs")
+        },
+        "over_inputs?": "over_inputs",
+        **same("warnings", "soundness"),
+    }
     model: JointModel
     verdict: Verdict
     found: bool
@@ -122,51 +166,24 @@ class Discovery(Shown):
 
         return JointSINDy.of(self.regressor, self.model, partial(simulated_states, self.model))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        model, fitted = self.model, self.model.fitted
+    @property
+    def inertia(self) -> float | None:
+        """As declared or identified, kg·m² (kg)."""
+        model = self.model
+        return model.inertia if model.joint.inertia is not None or INERTIA in model else None
+
+    @property
+    def terms(self) -> tuple[DiscoveredTerm, ...]:
+        """The terms of the equation."""
         bias = {} if self.bias is None else dict(zip(self.bias.ids, self.bias.pooled.tolist(), strict=True))
-        moves = gain_moves(model, dict(fitted.gains))
-        return {
-            "schema": 1,
-            "joint": {
-                "name": model.joint.name,
-                "motion": model.joint.motion,
-                "inertia": model.inertia if model.joint.inertia is not None or INERTIA in model else None,
-            },
-            "terms": [
-                {
-                    "id": term.id,
-                    "symbol": term.symbol,
-                    "coefficient": term.coefficient,
-                    "unit": term.unit,
-                    "standard_error": term.standard_error,
-                    "interval95": list(term.interval95),
-                    "bias": bias.get(term.id),
-                    **({"calibration": {name: float(m[i]) for name, m in moves.items()}} if moves else {}),
-                }
-                for i, term in enumerate(model.terms)
-            ],
-            "trust": self.trust.to_dict(),
-            "paper_term_set": {
-                "verdict": self.verdict.verdict,
-                "missing": list(self.verdict.missing),
-                "extra": list(self.verdict.extra),
-                "reason": self.verdict.reason,
-                "dependences": [{"term": term, "input": name} for term, name in self.verdict.dependences],
-            },
-            "fit": {
-                "moment_rms": fitted.moment_rms,
-                "residual_rms": fitted.residual_rms,
-                "noise_floor": finite(fitted.noise_floor),
-                "moving_fraction": finite(fitted.moving_fraction),
-                "samples": fitted.samples,
-                "runs": fitted.runs,
-            },
-            **({"over_inputs": [each.to_dict() for each in self.over_inputs]} if model.inputs else {}),
-            "warnings": list(self.warnings),
-            "soundness": summarize(self.soundness),
-        }
+        moves = gain_moves(self.model, dict(self.model.fitted.gains))
+        return tuple(
+            DiscoveredTerm(
+                term.id, term.symbol, term.coefficient, term.unit, term.standard_error, term.interval95,
+                bias.get(term.id), {name: float(moved[i]) for name, moved in moves.items()},
+            )
+            for i, term in enumerate(self.model.terms)
+        )  # fmt: skip
 
 
 def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:

@@ -59,7 +59,7 @@ def _next_steps(lights: Sequence[Light], tested: Excitations, found: bool) -> tu
     if not found:
         steps.append(("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model"))
         return tuple(steps)
-    if any(light.figures.get("inertia", 0.0) < 0 for light in lights):
+    if any(light.inertia is not None for light in lights):
         steps.append(("sindyjoint check CAMPAIGN", "find runs in other units, delays and wrong rates"))
     if "explained" in weak:
         steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks"))

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from sindyjoint.bias.correction import corrected_model
 from sindyjoint.bias.replicates import Replicate
+from sindyjoint.described import same
 from sindyjoint.discovery.estimator import JointRegressor
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frequency import heterogeneity
@@ -90,6 +91,7 @@ class JointLaw:
         How the coefficients follow errors of what was recovered.
     """
 
+    WRITTEN: ClassVar = same("kind", "joints", "found", "reason", "alike", "discovery")
     kind: str
     joints: tuple[str, ...]
     discovery: Discovery | None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sindyjoint.described import Maybe
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.frequency import Axis, FrequencyTest, frequency_test, group_estimates
 from sindyjoint.discovery.policy import POLICY
@@ -49,7 +49,7 @@ class CoefficientOver:
     level_errors: tuple[float, ...] = ()
     answer: str = ""
     reason: str = ""
-    bound: float = float("nan")
+    bound: Maybe = float("nan")
 
 
 @dataclass(frozen=True)
@@ -70,13 +70,6 @@ class OverInput:
     unit: str
     values: tuple[float, ...]
     coefficients: tuple[CoefficientOver, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints; a bound that is not known is null."""
-        record = asdict(self)
-        for row in record["coefficients"]:
-            row["bound"] = row["bound"] if np.isfinite(row["bound"]) else None
-        return record
 
     def dependence(self, row: CoefficientOver) -> str:
         """Return the answer to whether a coefficient depends on the input, with its figure; empty where unknown."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
+from sindyjoint.described import Described, Maybe, same
 from sindyjoint.discovery.frequency import FrequencyTest, detectable_change, frequency_test
 from sindyjoint.paper import FREQUENCIES, SYMBOLS, TABLES, TERMS, UNITS
 
@@ -38,6 +39,16 @@ class TableCheck:
         Relative change over the band that a trend test on these four values would find in four of five cases.
     """
 
+    WRITTEN: ClassVar = {
+        **same(
+            "table", "joint", "term", "symbol", "unit", "rows", "average", "deviation", "sample_deviation"
+        ),
+        **same("printed_average", "printed_deviation", "average_follows", "deviation_follows", "detectable"),
+        "frequency": {
+            name: f"test.{name}"
+            for name in ("slope", "p_trend", "change", "change_bound", "answer", "reason")
+        },
+    }
     table: int
     joint: str
     term: str
@@ -52,22 +63,22 @@ class TableCheck:
     average_follows: bool
     deviation_follows: bool
     test: FrequencyTest
-    detectable: float
+    detectable: Maybe
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data."""
-        names = [name for name in self.__dataclass_fields__ if name != "test"]
-        record = {name: getattr(self, name) for name in names}
-        return record | {
-            "frequency": {
-                "slope": self.test.slope,
-                "p_trend": self.test.p_trend,
-                "change": self.test.change,
-                "change_bound": self.test.change_bound,
-                "answer": self.test.answer,
-                "reason": self.test.reason,
-            }
-        }
+
+@dataclass(frozen=True)
+class PrintedTables(Described):
+    """What ``reproduce tables --json`` prints.
+
+    Parameters
+    ----------
+    printed_tables : tuple of TableCheck
+    findings : tuple of str
+    """
+
+    SCHEMA: ClassVar = 1
+    printed_tables: tuple[TableCheck, ...]
+    findings: tuple[str, ...]
 
 
 def half_unit(value: float) -> float:

@@ -4,24 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
+from sindyjoint.described import Maybe, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_refinement import RigRefinement
 from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import Array, finite
+from sindyjoint.numeric import Array
 from sindyjoint.shown import Shown
-from sindyjoint.soundness.check import summarize
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.soundness.structure.check import RigCheck
 from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
-from sindyjoint.substructure.update import Update, with_numbers
+from sindyjoint.substructure.update import Update, UpdatedNumber, with_numbers
+
+
+@dataclass(frozen=True)
+class SensorWorth:
+    """What a sensor is worth.
+
+    Parameters
+    ----------
+    name : str
+    worth : tuple of float
+        By what factor the error of each joint's moment grows without it; infinite where that is no longer determined.
+    """
+
+    name: str
+    worth: tuple[Maybe, ...]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,6 +62,13 @@ class RigDiscovery(Shown):
         Of the data.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "rig": "test.name",
+        "laws": "laws",
+        "joints": "seen",
+        **same("sensors", "structure", "misfit", "refinement", "warnings", "soundness"),
+    }
     test: RigTest
     laws: tuple[JointLaw, ...]
     update: Update | None
@@ -68,48 +90,23 @@ class RigDiscovery(Shown):
         return self.test.simulated
 
     @property
-    def misfit(self) -> float:
+    def misfit(self) -> Maybe:
         """What is left of the sensors, in their noise; NaN where there are no more sensors than joints."""
         degrees = sum(recovery.degrees for recovery in self.recoveries)
         return float(np.sqrt(sum(r.misfit for r in self.recoveries) / degrees)) if degrees else float("nan")
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        update = self.update
-        return {
-            "schema": 1,
-            "rig": self.test.name,
-            "laws": [
-                {
-                    "kind": law.kind,
-                    "joints": list(law.joints),
-                    "found": law.found,
-                    "reason": law.reason,
-                    "alike": law.alike,
-                    "discovery": None if law.discovery is None else law.discovery.to_dict(),
-                }
-                for law in self.laws
-            ],
-            "joints": [
-                {
-                    "name": each.joint,
-                    "largest_angle": each.largest_angle,
-                    "angle_error": each.angle_error,
-                    "moment_error": each.moment_error,
-                    "together": list(each.together),
-                }
-                for each in self.seen
-            ],
-            "sensors": [
-                {"name": sensor.name, "worth": list(map(finite, column))}
-                for sensor, column in zip(self.test.sensors, self.worth.T, strict=True)
-            ],
-            "structure": [] if update is None else update.to_list(),
-            "misfit": finite(self.misfit),
-            "refinement": None if self.refinement is None else self.refinement.to_dict(),
-            "warnings": list(self.warnings),
-            "soundness": summarize(self.soundness),
-        }  # fmt: skip
+    @property
+    def sensors(self) -> tuple[SensorWorth, ...]:
+        """What each sensor is worth."""
+        return tuple(
+            SensorWorth(s.name, tuple(column))
+            for s, column in zip(self.test.sensors, self.worth.T, strict=True)
+        )
+
+    @property
+    def structure(self) -> tuple[UpdatedNumber, ...]:
+        """The structure's uncertain numbers."""
+        return () if self.update is None else self.update.numbers
 
 
 def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
+from sindyjoint.described import Maybe, same
 from sindyjoint.diagnosis.structure.output_error import Fit, fit
 from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import JointModel
@@ -46,27 +47,14 @@ class RigRefinement:
         χ² at which the search ended from each start, the given laws first; NaN where it failed.
     """
 
+    WRITTEN: ClassVar = same("refined", "reason", "before", "after", "ends")
     refined: bool
     reason: str
     models: dict[str, JointModel]
     update: Update | None
-    before: float
-    after: float
-    ends: tuple[float, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-
-        def figure(value: float) -> float | None:
-            return value if np.isfinite(value) else None
-
-        return {
-            "refined": self.refined,
-            "reason": self.reason,
-            "before": figure(self.before),
-            "after": figure(self.after),
-            "ends": [figure(end) for end in self.ends],
-        }
+    before: Maybe
+    after: Maybe
+    ends: tuple[Maybe, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -138,16 +139,16 @@ def judge_soundness(soundness: Soundness, simulated: bool) -> Light:
 def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
     """Return whether a gap is explained beside the floor of the same runs."""
     load = quantities(motion).moment.lower()
-    figures = {"gap": gap.value, "floor": floor.relative, "low": gap.interval[0], "high": gap.interval[1]}
+    light = partial(Light, "explained", gap=gap.value, floor=floor.relative, interval=gap.interval)
     size = f"gap {percent(gap.value)} of the RMS {load} ({percent(gap.interval[0])} to {percent(gap.interval[1])})"
     if not math.isfinite(floor.relative):
         colour: Colour = "fair" if gap.value <= POLICY.mostly_explained else "poor"
-        return Light("explained", colour, f"{size}; {floor.words}", figures)
+        return light(colour, f"{size}; {floor.words}")
     colour = colour_of_misfit(gap.value, floor.relative)
     sentence = f"{size}, noise floor {percent(floor.relative)} {floor.words}"
     if colour != "good":
         sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither"
-    return Light("explained", colour, sentence, figures)
+    return light(colour, sentence)
 
 
 def colour_of_misfit(relative: float, floor: float) -> Colour:
@@ -200,7 +201,7 @@ def _determined(model: JointModel, campaign: Campaign) -> Light:
         words = (
             f"{q.inertia.lower()} identified as {value:.3g} {q.inertia_unit}: negative, which is impossible"
         )
-        return Light("determined", "poor", words, {"inertia": value})
+        return Light("determined", "poor", words, inertia=value)
     widths = {
         term.symbol: 0.5 * (term.interval95[1] - term.interval95[0]) / abs(term.coefficient)
         for term in model.terms
@@ -211,7 +212,7 @@ def _determined(model: JointModel, campaign: Campaign) -> Light:
     worst = max(widths, key=lambda name: widths[name])
     colour = light.colour if widths[worst] < 1 or light.colour == "poor" else "fair"
     sentence = f"{light.sentence}; least sure {worst} ± {percent(widths[worst])}"
-    return Light("determined", colour, sentence, {"widest": widths[worst]})
+    return Light("determined", colour, sentence, widest=widths[worst])
 
 
 def _groups(states: Sequence[ForceStates]) -> list[str]:
@@ -266,7 +267,7 @@ def _predicts(
     )
     left = "groups of runs" if len(states) > 1 else "parts of the run"
     sentence = f"error {percent(error)} on {left} left out of the fit, {ratio:.2f} times the residual"
-    return Light("predicts", colour, sentence, {"error": error})
+    return Light("predicts", colour, sentence, error=error)
 
 
 def _of_unseen(error: float, gap: float, floor: float, what: str) -> Light:
@@ -278,7 +279,7 @@ def _of_unseen(error: float, gap: float, floor: float, what: str) -> Light:
         colour = (
             "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.predicts_roughly else "poor"
         )
-    return Light("predicts", colour, f"error {percent(error)} {what}", {"error": error})
+    return Light("predicts", colour, f"error {percent(error)} {what}", error=error)
 
 
 def left_out_error(

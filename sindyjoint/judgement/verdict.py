@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from sindyjoint.described import same
 from sindyjoint.discovery.delay import ChannelDelay, estimate_delay
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
@@ -26,6 +27,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class Dependence:
+    """A term of the paper of which the coefficient depends on an input."""
+
+    term: str
+    input: str
+
+
+@dataclass(frozen=True)
 class Verdict:
     """What a campaign says about the paper's term set.
 
@@ -40,11 +49,17 @@ class Verdict:
         Ids of the paper's terms that depend on an input, and that input: at each level they are still the paper's.
     """
 
+    WRITTEN: ClassVar = {**same("verdict", "missing", "extra", "reason"), "dependences": "dependence"}
     verdict: str
     missing: tuple[str, ...]
     extra: tuple[str, ...]
     reason: str
     dependences: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def dependence(self) -> tuple[Dependence, ...]:
+        """Terms of the paper that depend on an input."""
+        return tuple(Dependence(*each) for each in self.dependences)
 
 
 def unjudged(reason: str) -> Verdict:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
+from sindyjoint.described import Maybe, same
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import Array, finite
+from sindyjoint.numeric import Array
 from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
 from sindyjoint.planning.separation import Separation
@@ -35,11 +36,12 @@ class Prediction:
         Share of the joints of which a discovery is expected to take the term.
     """
 
+    WRITTEN: ClassVar = same("half_width95", "unit", "band90", "chosen")
     id: str
     unit: str
     value: float
-    half_width95: float
-    band90: tuple[float, float]
+    half_width95: Maybe
+    band90: tuple[Maybe, Maybe]
     chosen: float
 
     @property
@@ -67,10 +69,10 @@ class Step:
 
     runs: int
     seconds: float
-    widest: float
-    highest: float
+    widest: Maybe
+    highest: Maybe
     complete: float
-    grid: float
+    grid: Maybe
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class Now:
 
     runs: int
     seconds: float
-    widest: float
+    widest: Maybe
     complete: float
     missing: int
     reached: bool
@@ -133,6 +135,15 @@ class Plan(Shown):
         How surely given effects are told apart.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "runs": "runs",
+        "predicted": "predicted_by_term",
+        "grid": "grid_by_term",
+        **same("undetermined", "goal"),
+        "goals": "weights",
+        **same("apart", "now", "curve", "stop", "warnings"),
+    }
     model: JointModel
     low: tuple[float, ...]
     high: tuple[float, ...]
@@ -171,39 +182,25 @@ class Plan(Shown):
         """Duration of all runs."""
         return sum(run.duration for run in self.runs)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``plan --json`` prints."""
-        return {
-            "schema": 1,
-            "runs": [vars(run) | {} for run in self.runs],
-            "predicted": {each.id: _record(each) for each in self.predicted},
-            "grid": {each.id: _record(each) for each in self.grid},
-            "undetermined": list(self.undetermined),
-            "goal": self.goal,
-            "goals": dict(self.goals),
-            "apart": None if self.apart is None else self.apart.to_dict(),
-            "now": None if self.now is None else vars(self.now) | {"widest": finite(self.now.widest)},
-            "curve": [
-                {key: finite(value) for key, value in vars(step).items()} | {"runs": step.runs}
-                for step in self.curve
-            ],
-            "stop": self.stop,
-            "warnings": list(self.warnings),
-        }
+    @property
+    def weights(self) -> dict[str, float]:
+        """How much each of what is made small counts."""
+        return dict(self.goals)
+
+    @property
+    def predicted_by_term(self) -> dict[str, Prediction]:
+        """What is expected of the plan."""
+        return {each.id: each for each in self.predicted}
+
+    @property
+    def grid_by_term(self) -> dict[str, Prediction]:
+        """What is expected of the grid of the same duration."""
+        return {each.id: each for each in self.grid}
 
 
 def counted_runs(count: int, further: bool) -> str:
     """Return a number of runs in words."""
     return f"{count} {'further ' * further}run{'s' * (count != 1)}"
-
-
-def _record(each: Prediction) -> dict[str, Any]:
-    return {
-        "half_width95": finite(each.half_width95),
-        "unit": each.unit,
-        "band90": [finite(end) for end in each.band90],
-        "chosen": each.chosen,
-    }
 
 
 def predictions(model: JointModel, information: Information, coefficients: Array) -> tuple[Prediction, ...]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from sindyjoint.numeric import finite
+from sindyjoint.described import Maybe
 
 TELL_APART = "tell-apart"
 
@@ -28,18 +28,8 @@ class Separation:
     """
 
     effects: tuple[str, ...]
-    before: float
+    before: Maybe
     after: tuple[float, ...]
     words: str
 
     enough: ClassVar[float] = 0.9  # at which effects are told apart
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``plan --json`` prints of it."""
-        before = finite(self.before)
-        return {
-            "effects": list(self.effects),
-            "before": before,
-            "after": list(self.after),
-            "words": self.words,
-        }

@@ -2,12 +2,37 @@
 
 from __future__ import annotations
 
-from functools import cache
+from importlib import import_module
 from typing import Any
 
 from pydantic import BaseModel
 
+from sindyjoint.described import json_schema
 from sindyjoint.errors import UnknownNameError
+
+# Where the record of each stands; what reads a file is checked by pydantic, what is written describes itself.
+_RECORDS = {
+    "campaign": "files.manifest:Manifest",
+    "model": "equation.model_record:ModelRecord",
+    "test": "equation.test_record:TestRecord",
+    "plan": "planning.plan:Plan",
+    "check": "soundness.check:Check",
+    "discovery": "judgement.discovery:Discovery",
+    "comparison": "judgement.comparison:Comparison",
+    "verification": "workflows.refine:RefinedModel",
+    "diagnosis": "diagnosis.result:Diagnosis",
+    "rig": "workflows.rig:RigMotion",
+    "joint-curves": "substructure.joint_curves:JointCurves",
+    "structure-curves": "substructure.structure_curves:StructureCurves",
+    "export": "export.base:Export",
+    "simulation": "workflows.simulate:WrittenTest",
+    "batch": "batch.summary:Batch",
+    "joint": "batch.record:CampaignRecord",
+    "changed": "judgement.changed:Change",
+    "structure": "judgement.rig_discovery:RigDiscovery",
+    "reproduction": "workflows.reproduce:Reproduction",
+    "tables": "judgement.paper_tables:PrintedTables",
+}
 
 
 def record_schema(name: str) -> dict[str, Any]:
@@ -23,55 +48,13 @@ def record_schema(name: str) -> dict[str, Any]:
     UnknownNameError
         For another name.
     """
-    records = _records()
-    if name not in records:
-        raise UnknownNameError(f"schema of {name!r}; expected one of {', '.join(records)}")
-    return records[name].model_json_schema(by_alias=True)
+    if name not in _RECORDS:
+        raise UnknownNameError(f"schema of {name!r}; expected one of {', '.join(_RECORDS)}")
+    module, _, kind = _RECORDS[name].partition(":")
+    record = getattr(import_module(f"sindyjoint.{module}"), kind)
+    return record.model_json_schema(by_alias=True) if issubclass(record, BaseModel) else json_schema(record)
 
 
 def record_names() -> tuple[str, ...]:
     """Return the names of what has a schema."""
-    return tuple(_records())
-
-
-@cache
-def _records() -> dict[str, type[BaseModel]]:
-    from sindyjoint.equation.model_record import ModelRecord
-    from sindyjoint.files.manifest import Manifest
-    from sindyjoint.reporting.records import (
-        batch,
-        changed,
-        check,
-        comparison,
-        curves,
-        diagnosis,
-        discovery,
-        export,
-        plan,
-        reproduction,
-        rig,
-        structure,
-        verification,
-    )
-
-    return {
-        "campaign": Manifest,
-        "model": ModelRecord,
-        "plan": plan.PlanRecord,
-        "check": check.CheckRecord,
-        "discovery": discovery.DiscoveryRecord,
-        "comparison": comparison.ComparisonRecord,
-        "verification": verification.VerificationRecord,
-        "diagnosis": diagnosis.DiagnosisRecord,
-        "rig": rig.RigRecord,
-        "joint-curves": curves.JointCurvesRecord,
-        "structure-curves": curves.StructureCurvesRecord,
-        "export": export.ExportRecord,
-        "simulation": rig.SimulationRecord,
-        "batch": batch.BatchRecord,
-        "joint": batch.JointRecord,
-        "changed": changed.ChangeRecord,
-        "structure": structure.StructureRecord,
-        "reproduction": reproduction.ReproductionRecord,
-        "tables": reproduction.PrintedTablesRecord,
-    }
+    return tuple(_RECORDS)

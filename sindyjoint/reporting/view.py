@@ -84,7 +84,7 @@ class View(Generic[R, D]):
 
     def to_dict(self, result: R) -> dict[str, Any]:
         """Return everything that is known, as JSON data."""
-        record: dict[str, Any] = result.to_dict()  # type: ignore[attr-defined]
+        record: dict[str, Any] = result.to_dict(full=True)  # type: ignore[attr-defined]
         return record
 
     def records(self, result: R) -> list[dict[str, Any]]:

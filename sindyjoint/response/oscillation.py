@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.described import same
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.response.policy import POLICY
 
@@ -26,6 +28,7 @@ class Oscillation:
         +1 if the first one is a maximum, −1 if it is a minimum.
     """
 
+    WRITTEN: ClassVar = {"time": "amplitude_time", **same("amplitude", "period")}
     time: Array
     value: Array
     first: int

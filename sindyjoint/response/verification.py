@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from sindyjoint.described import same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, rms
 from sindyjoint.response.model_law import draw_models
@@ -68,6 +69,22 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
+class Cycles:
+    """Half-cycles of the measured and of the simulated response."""
+
+    measured: Oscillation | None
+    simulated: Oscillation | None
+
+
+@dataclass(frozen=True, eq=False)
+class Energies:
+    """Energy dissipated in each cycle of the measured and of the simulated response, J."""
+
+    measured: Array
+    simulated: Array
+
+
+@dataclass(frozen=True, eq=False)
 class RunVerification:
     """One run, or one pulse test, against its simulation.
 
@@ -103,6 +120,12 @@ class RunVerification:
         Whether a fit of the model has used the run; None where that is not known.
     """
 
+    WRITTEN: ClassVar = same("name", "response_nrmse", "moment_nrmse", "rmse", "rmse_unit", "seen")
+    FILED: ClassVar = {
+        **same("drive", "channel", "noise_floor", "amplitude_rms_error", "mean_period_difference"),
+        "failure": "fault",
+        **same("cycles", "energy_per_cycle"),
+    }
     name: str
     channel: str
     drive: str
@@ -131,16 +154,20 @@ class RunVerification:
             return float("inf")
         return float(np.sqrt(max(self.response_nrmse**2 - (self.noise_floor or 0.0) ** 2, 0.0)))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the run's entry of ``--json``."""
-        return {
-            "name": self.name,
-            "response_nrmse": self.response_nrmse,
-            "moment_nrmse": self.moment_nrmse,
-            "rmse": self.rmse,
-            "rmse_unit": self.rmse_unit,
-            "seen": self.seen,
-        }
+    @property
+    def fault(self) -> str | None:
+        """Why it could not be simulated."""
+        return self.failure or None
+
+    @property
+    def cycles(self) -> Cycles:
+        """Half-cycles of both responses."""
+        return Cycles(*self.oscillations)
+
+    @property
+    def energy_per_cycle(self) -> Energies | None:
+        """Dissipated in each cycle, J."""
+        return None if self.energy is None else Energies(*self.energy)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -172,6 +199,12 @@ class Verification(Shown):
         Of the model and what it was compared with.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar[dict[str, Any]] = same(
+        *("verdict", "trust", "response_nrmse", "moment_nrmse", "noise_floor", "amplitude_rms_error"),
+        *("mean_period_difference", "free_run", "runs", "warnings"),
+    )
+    FILED: ClassVar = {"subject": {"kind": "kind", "name": "subject"}, **same("reason", "tolerance")}
     model: JointModel
     kind: str
     subject: str
@@ -194,20 +227,6 @@ class Verification(Shown):
     def passed(self) -> bool:
         """Whether the model was verified."""
         return self.verdict == "passed"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        names = ("response_nrmse", "moment_nrmse", "noise_floor", "amplitude_rms_error")
-        return {
-            "schema": 1,
-            "verdict": self.verdict,
-            "trust": None if self.trust is None else self.trust.to_dict(),
-            **{name: getattr(self, name) for name in names},
-            "mean_period_difference": self.mean_period_difference,
-            "free_run": self.free_run,
-            "runs": [run.to_dict() for run in self.runs],
-            "warnings": list(self.warnings),
-        }
 
 
 def seen_words(seen: Mapping[str, bool | None]) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from sindyjoint.record import Campaign, Motion, Run
 from sindyjoint.soundness.checked import Checked, check_accepted, list_faults, require_sound
@@ -14,7 +13,7 @@ from sindyjoint.soundness.masking import mask_campaign
 from sindyjoint.soundness.words import Words, words_of
 from sindyjoint.text import list_some
 
-__all__ = ["Check", "check_accepted", "check_campaign", "require_sound", "summarize"]
+__all__ = ["Check", "check_accepted", "check_campaign", "require_sound"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -92,15 +91,6 @@ def check_campaign(campaign: Campaign, accept: Sequence[str] = ()) -> Check:
         *_list_unchecked(campaign),
     )
     return Check(campaign, soundness, usable, warnings)
-
-
-def summarize(soundness: Soundness) -> dict[str, Any]:
-    """Return what a result's JSON says of its data: the verdict, and the ids that were found and accepted."""
-    return {
-        "verdict": soundness.verdict,
-        "ids": list(dict.fromkeys(f.id for f in soundness.findings)),
-        "accepted": list(soundness.accepted),
-    }
 
 
 def _list_unchecked(campaign: Campaign) -> Iterator[str]:

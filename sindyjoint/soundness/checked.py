@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import ClassVar, Protocol, TypeVar
 
 from sindyjoint.errors import UnknownNameError, UnsoundError
 from sindyjoint.numeric import Array
@@ -56,6 +56,8 @@ class RecordedRun(Protocol):
 class Checked(Shown):
     """The check of a campaign or of a structure; the classes for these have the fields."""
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {"verdict": "soundness.verdict", "findings": "soundness.findings"}
     soundness: Soundness
     warnings: tuple[str, ...]
 
@@ -102,10 +104,6 @@ class Checked(Shown):
         ids = " ".join(f"--accept {name}" for name in dict.fromkeys(f.id for f in self.stopping))
         faults = "; ".join(describe(self.stopping, self.words, self.motion))
         return f"the data are unsound: {faults} ({ids} goes on all the same)"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return self.soundness.to_dict()
 
     def undecided_by(self, aligned: bool = False) -> tuple[Finding, ...]:
         """Return the findings under which the paper's set of terms is neither confirmed nor refuted.

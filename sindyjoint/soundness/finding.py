@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import ClassVar, Literal
+
+from sindyjoint.described import same
 
 Severity = Literal["stops", "biases", "note"]
 SoundnessVerdict = Literal["sound", "doubtful", "unsound"]
@@ -49,10 +51,7 @@ class Finding:
     spans: tuple[tuple[int, int], ...] = field(default=(), repr=False)
     masked: bool = False
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        names = ("id", "run", "channel", "severity", "extent", "effect", "remedy")
-        return {name: getattr(self, name) for name in names}
+    WRITTEN: ClassVar = same("id", "run", "channel", "severity", "extent", "effect", "remedy")
 
 
 @dataclass(frozen=True)
@@ -80,9 +79,12 @@ class Soundness:
         """``"unsound"`` where something stops, accepted or not, ``"doubtful"`` where it biases, or ``"sound"``."""
         return verdict_of(self.findings)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {"schema": 1, "verdict": self.verdict, "findings": [f.to_dict() for f in self.findings]}
+    WRITTEN: ClassVar = same("verdict", "ids", "accepted")
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids of what was found."""
+        return tuple(dict.fromkeys(finding.id for finding in self.findings))
 
 
 def verdict_of(findings: Sequence[Finding]) -> SoundnessVerdict:

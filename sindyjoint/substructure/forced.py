@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.described import same
 from sindyjoint.numeric import Array
 from sindyjoint.substructure.continuation import (
     FREQUENCY_SHARE,
@@ -51,6 +53,25 @@ class ForcedResponse:
         That were balanced, at most.
     """
 
+    WRITTEN: ClassVar = {
+        "force": "force",
+        "peak": {
+            "frequency": "peak_frequency",
+            "amplitude": "peak_amplitude",
+            "interval95": "peak_interval95",
+        },
+        **same(
+            "folds",
+            "frequency",
+            "amplitude",
+            "phase",
+            "stable",
+            "tested",
+            "frequency_error",
+            "log_error",
+            "angle",
+        ),
+    }
     force: float
     frequency: Array
     amplitude: Array
@@ -78,6 +99,22 @@ class ForcedResponse:
     def peak_error(self) -> float:
         """Standard error of the logarithm of the largest amplitude."""
         return float(np.abs(self.log_error[int(np.argmax(self.amplitude))]))
+
+    @property
+    def peak_frequency(self) -> float:
+        """Frequency of the largest response, Hz."""
+        return self.peak[0]
+
+    @property
+    def peak_amplitude(self) -> float:
+        """Amplitude of the largest response, m."""
+        return self.peak[1]
+
+    @property
+    def peak_interval95(self) -> tuple[float, float]:
+        """Interval of 95 % of the largest amplitude, m."""
+        edge = float(np.exp(1.96 * self.peak_error))
+        return self.peak_amplitude / edge, self.peak_amplitude * edge
 
     @property
     def folds(self) -> list[float]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.described import same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY
 from sindyjoint.numeric import Array
@@ -87,6 +88,11 @@ class JointCurve:
         Whether angle, rate and frequency lie within what the model was fitted to.
     """
 
+    WRITTEN: ClassVar = {
+        **same("frequency", "amplitude"),
+        **{name: {"value": name, "low": f"low.{name}", "high": f"high.{name}"} for name in MEASURES},
+        "tested": "tested",
+    }
     frequency: float
     amplitude: Array
     secant: Array
@@ -98,6 +104,20 @@ class JointCurve:
     loss_factor_error: Array
     energy_error: Array
     tested: NDArray[np.bool_]
+
+    @property
+    def low(self) -> JointCurve:
+        """The lower ends of the 95 % intervals of the measures."""
+        return self._ends(0)
+
+    @property
+    def high(self) -> JointCurve:
+        """The upper ends of the 95 % intervals of the measures."""
+        return self._ends(1)
+
+    def _ends(self, side: int) -> JointCurve:
+        ends: dict[str, Any] = {name: self.interval95(name)[side] for name in MEASURES}
+        return replace(self, **ends)
 
     def interval95(self, measure: str) -> tuple[Array, Array]:
         """Return the ends of the 95 % interval of one of the measures, each of shape (n,)."""
@@ -124,6 +144,13 @@ class JointCurves(Shown):
     warnings : tuple of str
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "joint": same("name", "motion"),
+        "equation": "equation",
+        "tested": {"angle": "tested_angle", "rate": "tested_rate"},
+        **same("curves", "warnings"),
+    }
     name: str
     motion: str
     equation: str
@@ -132,30 +159,6 @@ class JointCurves(Shown):
     curves: tuple[JointCurve, ...]
     simulated: bool = False
     warnings: tuple[str, ...] = ()
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {
-            "schema": 1,
-            "joint": {"name": self.name, "motion": self.motion},
-            "equation": self.equation,
-            "tested": {"angle": self.tested_angle, "rate": self.tested_rate},
-            "curves": [
-                {
-                    "frequency": curve.frequency,
-                    "amplitude": curve.amplitude.tolist(),
-                    **{name: _with_interval(curve, name) for name in MEASURES},
-                    "tested": curve.tested.tolist(),
-                }
-                for curve in self.curves
-            ],
-            "warnings": list(self.warnings),
-        }
-
-
-def _with_interval(curve: JointCurve, measure: str) -> dict[str, list[float]]:
-    low, high = curve.interval95(measure)
-    return {"value": getattr(curve, measure).tolist(), "low": low.tolist(), "high": high.tolist()}
 
 
 def model_curve(model: JointModel, amplitude: ArrayLike, frequency: float) -> JointCurve:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from sindyjoint.described import same
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
@@ -58,6 +60,20 @@ class ModeCurve:
         That were balanced, at most.
     """
 
+    WRITTEN: ClassVar = same(
+        *(
+            "number",
+            "point",
+            "slips",
+            "amplitude",
+            "frequency",
+            "damping",
+            "frequency_error",
+            "damping_error",
+            "force",
+        ),
+        *("tested", "angle"),
+    )
     number: int
     point: str
     amplitude: Array

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
+from sindyjoint.described import same
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.substructure.policy import POLICY
@@ -34,6 +36,7 @@ class JointSeen:
         Joints from whose moments the sensors cannot tell its own.
     """
 
+    WRITTEN: ClassVar = {"name": "joint", **same("largest_angle", "angle_error", "moment_error", "together")}
     joint: str
     largest_angle: float
     angle_error: float

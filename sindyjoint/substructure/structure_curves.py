@@ -3,15 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
-import numpy as np
-
-from sindyjoint.numeric import Array, finite
+from sindyjoint.described import Maybe, same
+from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 from sindyjoint.shown import Shown
 from sindyjoint.substructure.forced import ForcedResponse
 from sindyjoint.substructure.modes import ModeCurve
+
+
+@dataclass(frozen=True)
+class JointRange:
+    """A joint of the rig, and the angle up to which its model was tested.
+
+    Parameters
+    ----------
+    name : str
+    tested_angle : float
+        rad (m); not finite for a joint without a model.
+    """
+
+    name: str
+    tested_angle: Maybe
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,6 +54,14 @@ class StructureCurves(Shown):
         Of the joints.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "rig": "name",
+        **same("motion", "at", "point", "harmonics"),
+        "joints": "ranges",
+        "frequencies": same("sliding", "locked"),
+        **same("modes", "levels", "warnings"),
+    }
     name: str
     at: str
     point: str
@@ -54,49 +76,7 @@ class StructureCurves(Shown):
     warnings: tuple[str, ...] = ()
     motion: Motion = "rotation"
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        return {
-            "schema": 1,
-            "rig": self.name,
-            "motion": self.motion,
-            "at": self.at,
-            "point": self.point,
-            "harmonics": self.harmonics,
-            "joints": [
-                {"name": name, "tested_angle": finite(angle)}
-                for name, angle in zip(self.joints, self.tested, strict=True)
-            ],
-            "frequencies": {"sliding": self.sliding.tolist(), "locked": self.locked.tolist()},
-            "modes": [_mode_record(mode) for mode in self.modes],
-            "levels": [_level_record(level) for level in self.levels],
-            "warnings": list(self.warnings),
-        }
-
-
-def _mode_record(mode: ModeCurve) -> dict[str, Any]:
-    names = ("amplitude", "frequency", "damping", "frequency_error", "damping_error", "force", "tested")
-    return {
-        "number": mode.number,
-        "point": mode.point,
-        "slips": list(map(finite, mode.slips)),
-        **{name: getattr(mode, name).tolist() for name in names},
-        "angle": mode.angle.tolist(),
-    }
-
-
-def _level_record(level: ForcedResponse) -> dict[str, Any]:
-    frequency, amplitude = level.peak
-    edge = float(np.exp(1.96 * level.peak_error))
-    names = ("frequency", "amplitude", "phase", "stable", "tested", "frequency_error", "log_error")
-    return {
-        "force": level.force,
-        "peak": {
-            "frequency": frequency,
-            "amplitude": amplitude,
-            "interval95": [amplitude / edge, amplitude * edge],
-        },
-        "folds": level.folds,
-        **{name: getattr(level, name).tolist() for name in names},
-        "angle": level.angle.tolist(),
-    }
+    @property
+    def ranges(self) -> tuple[JointRange, ...]:
+        """The joints of the rig."""
+        return tuple(map(JointRange, self.joints, self.tested.tolist()))

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +28,27 @@ ROUNDS = 6
 SETTLED = 0.01  # of a posterior standard error
 HARMONICS = 24  # of each run, the strongest
 STEP = 1e-4  # relative change by which numbers are varied
+
+
+@dataclass(frozen=True)
+class UpdatedNumber:
+    """A number of the structure, relative.
+
+    Parameters
+    ----------
+    name : str
+    stated : float
+        Standard uncertainty as stated.
+    change : float
+        By how much it was changed.
+    standard_error : float
+        To what it is known then.
+    """
+
+    name: str
+    stated: float
+    change: float
+    standard_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +75,11 @@ class Update:
         """Shape (k,)."""
         return np.sqrt(np.diag(self.covariance))
 
-    def to_list(self) -> list[dict[str, Any]]:
-        """Return the numbers as ``--json`` prints them."""
-        rows = zip(
-            self.names, self.prior.tolist(), self.change.tolist(), self.standard_error.tolist(), strict=True
-        )
-        return [
-            {"name": name, "stated": stated, "change": change, "standard_error": error}
-            for name, stated, change, error in rows
-        ]
+    @property
+    def numbers(self) -> tuple[UpdatedNumber, ...]:
+        """Number by number."""
+        columns = (self.prior, self.change, self.standard_error)
+        return tuple(map(UpdatedNumber, self.names, *(column.tolist() for column in columns)))
 
 
 def with_numbers(test: RigTest, change: Array) -> RigTest:

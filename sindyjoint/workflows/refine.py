@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -33,6 +33,16 @@ from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.verify import CheckedVerification
 
 
+@dataclass(frozen=True)
+class RefinedNumber:
+    """A number of a model before and after the refinement, each with its standard error."""
+
+    number: str
+    before: tuple[float, float]
+    after: tuple[float, float]
+    unit: str
+
+
 @dataclass(frozen=True, eq=False)
 class RefinedModel(CheckedVerification):
     """A model refined on a campaign, and beside its response.
@@ -44,6 +54,16 @@ class RefinedModel(CheckedVerification):
     refinement : Refinement, optional
     """
 
+    WRITTEN: ClassVar[dict[str, Any]] = {
+        **CheckedVerification.WRITTEN,
+        "refinement?": {
+            "refined": "refined",
+            "reason": "refinement.reason",
+            "numbers": "numbers",
+            "nuisances": "refinement.nuisance",
+            "undetermined": "refinement.undetermined",
+        },
+    }
     before: JointModel | None = None
     refinement: Refinement | None = None
 
@@ -52,29 +72,14 @@ class RefinedModel(CheckedVerification):
         """Whether the refinement succeeded."""
         return self.refinement is not None and self.refinement.refined
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        assert self.before is not None and self.refinement is not None
+    @property
+    def numbers(self) -> tuple[RefinedNumber, ...]:
+        """The numbers of the model."""
+        if self.before is None:
+            return ()
         rows = zip(number_labels(self.model), self.before.numbers, self.before.number_errors,
                    self.model.numbers, self.model.number_errors, strict=True)  # fmt: skip
-        return {
-            **super().to_dict(),
-            "refinement": {
-                "refined": self.refined,
-                "reason": self.refinement.reason,
-                "numbers": [
-                    {
-                        "number": name,
-                        "before": [float(a), float(b)],
-                        "after": [float(c), float(d)],
-                        "unit": unit,
-                    }
-                    for (name, unit), a, b, c, d in rows
-                ],
-                "nuisances": {name: list(pair) for name, pair in self.refinement.nuisance.items()},
-                "undetermined": list(self.refinement.undetermined),
-            },
-        }
+        return tuple(RefinedNumber(name, (a, b), (c, d), unit) for (name, unit), a, b, c, d in rows)
 
 
 def number_labels(model: JointModel) -> list[tuple[str, str]]:

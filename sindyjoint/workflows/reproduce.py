@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from sindyjoint.described import Described, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.paper_tables import TableCheck, check_tables, table_findings
 from sindyjoint.mechanics.laws import PaperLaw
@@ -33,6 +34,24 @@ PRESLIDING = 5e-5  # rad
 MAP_FREQUENCY = 3.0  # Hz
 
 
+@dataclass(frozen=True)
+class ReproducedTerm:
+    """A column of a table of the paper, and what was identified at each frequency, SI."""
+
+    id: str
+    symbol: str
+    unit: str
+    identified: tuple[float, ...]
+    standard_errors: tuple[float, ...]
+    paper: tuple[float, ...]
+    average: float
+    paper_average: float
+    deviation: float
+    paper_deviation: float
+    largest_error_in_paper_deviations: float
+    paper_procedure: float
+
+
 @dataclass(frozen=True, eq=False)
 class JointReproduction:
     """One joint: its virtual tests and what was identified from their strains and displacements.
@@ -53,12 +72,36 @@ class JointReproduction:
         The paper's procedure on the same runs: cells averaged with the sticking samples in them, then fitted.
     """
 
+    WRITTEN: ClassVar = {
+        "table": "table.number",
+        "joint": "table.joint",
+        **same("frequencies", "terms"),
+        "surface_rms": {"ours": "paper_fit.residual_rms", "paper": "table.surface_rms"},
+    }
     table: PaperTable
     campaign: Campaign
     models: tuple[JointModel, ...]
     loops: tuple[ForceStates, ...]
     surface: ForceStateMap
     paper_fit: SurfaceFit
+
+    @property
+    def frequencies(self) -> tuple[float, ...]:
+        """Tested, Hz."""
+        return FREQUENCIES
+
+    @property
+    def terms(self) -> tuple[ReproducedTerm, ...]:
+        """The columns of the table."""
+        table = self.table
+        columns = (table.average, self.deviation.tolist(), table.deviation, self.largest_error.tolist())
+        return tuple(
+            map(
+                ReproducedTerm, TERMS, SYMBOLS, UNITS, map(tuple, self.rows.T.tolist()),
+                map(tuple, self.errors.T.tolist()), zip(*table.rows, strict=True), self.average.tolist(), *columns,
+                self.paper_fit.coefficients,
+            )
+        )  # fmt: skip
 
     @property
     def rows(self) -> Array:
@@ -113,35 +156,41 @@ class PulseReproduction:
         s after the pulse, when the joint slips for the last time.
     stuck_share : float
         Of the 20 s.
+    amplitude_rms_error, mean_period_difference : float
+        As the paper prints them.
     """
 
+    WRITTEN: ClassVar = {
+        **same("plain", "richer"),
+        "paper": same("amplitude_rms_error", "mean_period_difference"),
+        **same("locked_at", "stuck_share"),
+    }
     rig: Rig
     plain: Verification
     richer: Verification
     locked_at: float
     stuck_share: float
+    amplitude_rms_error: float = PULSE.amplitude_rms_error
+    mean_period_difference: float = PULSE.mean_period_difference
 
 
 @dataclass(frozen=True, eq=False)
-class Reproduction:
+class Reproduction(Described):
     """The result of :func:`reproduce`."""
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "tables": "joints",
+        "pulse": "pulse",
+        "printed_tables": "checks",
+        "statements": "statements",
+    }
     joints: tuple[JointReproduction, ...]
     linear: ForceStateMap
     linear_law: PaperLaw
     pulse: PulseReproduction
     checks: tuple[TableCheck, ...]
     statements: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain JSON data."""
-        return {
-            "schema": 1,
-            "tables": [_record_table(joint) for joint in self.joints],
-            "pulse": _record_pulse(self.pulse),
-            "printed_tables": [check.to_dict() for check in self.checks],
-            "statements": list(self.statements),
-        }
 
 
 def reproduce(random_state: int = 0, progress: Callable[[str], None] | None = None) -> Reproduction:
@@ -293,42 +342,3 @@ def _describe_pulse(pulse: PulseReproduction) -> list[str]:
         "softens at large angles and is rigid when locked; the paper reports a period that grows slightly, which "
         "this law does not give here",
     ]
-
-
-def _record_table(joint: JointReproduction) -> dict[str, Any]:
-    return {
-        "table": joint.table.number,
-        "joint": joint.table.joint,
-        "frequencies": list(FREQUENCIES),
-        "terms": [
-            {
-                "id": term,
-                "symbol": SYMBOLS[i],
-                "unit": UNITS[i],
-                "identified": joint.rows[:, i].tolist(),
-                "standard_errors": joint.errors[:, i].tolist(),
-                "paper": [row[i] for row in joint.table.rows],
-                "average": float(joint.average[i]),
-                "paper_average": joint.table.average[i],
-                "deviation": float(joint.deviation[i]),
-                "paper_deviation": joint.table.deviation[i],
-                "largest_error_in_paper_deviations": float(joint.largest_error[i]),
-                "paper_procedure": joint.paper_fit.coefficients[i],
-            }
-            for i, term in enumerate(TERMS)
-        ],
-        "surface_rms": {"ours": joint.paper_fit.residual_rms, "paper": joint.table.surface_rms},
-    }
-
-
-def _record_pulse(pulse: PulseReproduction) -> dict[str, Any]:
-    return {
-        "plain": pulse.plain.to_dict(),
-        "richer": pulse.richer.to_dict(),
-        "paper": {
-            "amplitude_rms_error": PULSE.amplitude_rms_error,
-            "mean_period_difference": PULSE.mean_period_difference,
-        },
-        "locked_at": pulse.locked_at,
-        "stuck_share": pulse.stuck_share,
-    }

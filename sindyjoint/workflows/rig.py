@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
+from sindyjoint.described import same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
 from sindyjoint.mechanics.pulse_test import hinges
@@ -19,6 +20,45 @@ from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, joint_ran
 from sindyjoint.shown import Shown
 
 MODES = 4
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """Motion of a point of a structure.
+
+    Parameters
+    ----------
+    name : str
+    peak : float
+        Largest displacement, m.
+    """
+
+    name: str
+    peak: float
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """Motion of a joint of a structure.
+
+    Parameters
+    ----------
+    name : str
+    peak_angle : float
+        rad.
+    locked_share : float
+        Share of the time in which it sticks.
+    last_slip : float
+        s; zero for one that never slips.
+    dissipated : float
+        J.
+    """
+
+    name: str
+    peak_angle: float
+    locked_share: float
+    last_slip: float
+    dissipated: float
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,6 +74,14 @@ class RigMotion(Shown):
     warnings : tuple of str
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "rig": "rig.name",
+        "frequencies": same("slipping", "locked"),
+        **same("duration", "points", "joints"),
+        "beams_dissipated": "response.beam_dissipation",
+        "warnings": "warnings",
+    }
     rig: Rig
     slipping: Array
     locked: Array
@@ -53,33 +101,28 @@ class RigMotion(Shown):
         moving = ~self.response.stuck
         return np.array([self.response.time[row].max(initial=0.0) for row in moving])
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
+    @property
+    def duration(self) -> float:
+        """Simulated time, s."""
+        return float(self.response.time[-1])
+
+    @property
+    def points(self) -> tuple[PointMotion, ...]:
+        """The points of the structure."""
+        places = self.response.displacement
+        return tuple(PointMotion(name, float(np.abs(values).max())) for name, values in places.items())
+
+    @property
+    def joints(self) -> tuple[JointMotion, ...]:
+        """The joints of the structure."""
         response = self.response
-        return {
-            "schema": 1,
-            "rig": self.rig.name,
-            "frequencies": {"slipping": self.slipping.tolist(), "locked": self.locked.tolist()},
-            "duration": float(response.time[-1]),
-            "points": [
-                {"name": name, "peak": float(np.abs(values).max())} for name, values in response.displacement.items()
-            ],
-            "joints": [
-                {
-                    "name": name,
-                    "peak_angle": float(np.abs(angle).max()),
-                    "locked_share": float(stuck.mean()),
-                    "last_slip": float(last),
-                    "dissipated": float(heat),
-                }
-                for name, angle, stuck, last, heat in zip(
-                    response.joints, response.angle, response.stuck, self.last_slips, response.joint_dissipation,
-                    strict=True,
-                )
-            ],
-            "beams_dissipated": response.beam_dissipation,
-            "warnings": list(self.warnings),
-        }  # fmt: skip
+        columns = (
+            np.abs(response.angle).max(axis=1),
+            response.stuck.mean(axis=1),
+            self.last_slips,
+            response.joint_dissipation,
+        )
+        return tuple(map(JointMotion, response.joints, *(column.tolist() for column in columns)))
 
 
 def rig_motion(

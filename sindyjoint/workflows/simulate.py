@@ -4,15 +4,54 @@ from __future__ import annotations
 
 import inspect
 import os
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from sindyjoint.described import Described
 from sindyjoint.errors import InputError
 from sindyjoint.options import checks_options
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
     from sindyjoint.record import Campaign
+
+
+@dataclass(frozen=True)
+class WrittenRun:
+    """A simulated run.
+
+    Parameters
+    ----------
+    name : str
+    frequency : float or None
+        Hz.
+    level : str or None
+    samples : int
+    """
+
+    name: str
+    frequency: float | None
+    level: str | None
+    samples: int
+
+
+@dataclass(frozen=True)
+class WrittenTest(Described):
+    """A virtual test that was written: what ``simulate --json`` prints.
+
+    Parameters
+    ----------
+    manifest : Path
+    joint : str
+        Or structure.
+    runs : tuple of WrittenRun
+    """
+
+    SCHEMA: ClassVar = 1
+    manifest: Path
+    joint: str
+    runs: tuple[WrittenRun, ...]
 
 
 def _plan_options() -> tuple[str, ...]:

@@ -8,7 +8,6 @@ import pytest
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.files import manifest_schema, write_campaign
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.results.verification import VerificationView
 from sindyjoint.reporting.schemas import record_names, record_schema
 from sindyjoint.workflows.verify import verify
 from tests.diagnosis.hidden_effects import hide
@@ -72,7 +71,7 @@ def test_a_verification(folder, sindyjoint, tmp_path):
 
 def test_a_verification_of_a_pulse():
     result = verify(paper_model(), "pulse-rig", draws=0)
-    record = check("verification", json.dumps(VerificationView().to_dict(result), allow_nan=False))
+    record = check("verification", json.dumps(result.to_dict(full=True), allow_nan=False))
     assert record["free_run"] is None and record["runs"][0]["cycles"]["measured"]
 
 

@@ -53,7 +53,8 @@ def test_the_floor_is_what_steady_cycles_inside_ramps_differ_by(found):
     expected = SCATTER * FRICTION / found.model.fitted.moment_rms
     assert expected / 1.5 < said["floor"] < 1.5 * expected
     assert "periods of one motion inside the runs" in said["sentence"]
-    assert said["low"] < said["gap"] < said["high"]
+    low, high = said["interval"]
+    assert low < said["gap"] < high
 
 
 def test_without_scatter_the_floor_is_the_sensor_s():
@@ -94,5 +95,5 @@ def test_the_worst_light_answers_and_a_question_never_does():
     good, poor = Light("data", "good", ""), Light("range", "poor", "")
     assert Trust((good,), (), (poor,)).answer == "Yes" and Trust((good, poor)).answer == "Not yet"
     assert Trust((good,), (), (poor,)).weak == {"range"}
-    record = Trust((Light("explained", "fair", "gap", {"floor": float("nan")}),)).to_dict()
-    assert record["explained"] == {"colour": "fair", "sentence": "gap", "floor": None}
+    record = Trust((Light("explained", "fair", "gap", gap=0.1, floor=float("nan")),)).to_dict()
+    assert record["explained"] == {"colour": "fair", "sentence": "gap", "gap": 0.1}

@@ -6,8 +6,9 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import ClassVar
 
+from sindyjoint.described import Described, same
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files.atomic import write_text
 from sindyjoint.files.drafting.dialogue import Question
@@ -18,7 +19,7 @@ from sindyjoint.options import checks_options
 
 
 @dataclass(frozen=True)
-class Initialised:
+class Initialised(Described):
     """The result of :func:`init`.
 
     Parameters
@@ -29,6 +30,12 @@ class Initialised:
         What it says, and what of it is guessed.
     """
 
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "manifest": "manifest",
+        **{name: f"draft.{name}" for name in ("motion", "simulated", "channels", "columns", "runs")},
+        **same("guessed", "left_out"),
+    }
     manifest: Path
     draft: Draft
 
@@ -66,20 +73,15 @@ class Initialised:
             )
         return lines
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return what ``--json`` prints."""
-        draft = self.draft
-        return {
-            "schema": 1,
-            "manifest": str(self.manifest),
-            "motion": draft.motion,
-            "simulated": draft.simulated,
-            "channels": draft.channels,
-            "columns": [vars(column) for column in draft.columns],
-            "runs": [vars(run) for run in draft.runs],
-            "guessed": {question.key: question.guess for question in draft.questions},
-            "left_out": dict(draft.left_out),
-        }
+    @property
+    def guessed(self) -> dict[str, str | None]:
+        """What was guessed, by the keys of questions."""
+        return {question.key: question.guess for question in self.draft.questions}
+
+    @property
+    def left_out(self) -> dict[str, str]:
+        """Files that are no runs, and why."""
+        return dict(self.draft.left_out)
 
 
 SHOWN = 16

@@ -79,10 +79,6 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
         records = tuple(map(structure.thinned, data.records))
         return replace(data, model=data.whole or data.model, records=records)
 
-    def to_dict(self, result: Diagnosis) -> dict[str, Any]:
-        """Return what ``--json`` prints, with the reason and what a virtual test had hidden."""
-        return {**result.to_dict(), "reason": result.reason, "hidden": result.hidden}
-
     def tables(self, result: Diagnosis) -> tuple[TextTable, ...]:
         """Return the gap by step, the parameters of the effects, and the model's terms."""
         motion = result.model.joint.motion

@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 
 # Units that take a prefix; others ("mm", "kip", "inch") are printed as the campaign declares them.
 PREFIXED = ("rad", "m", "N", "N*m", "V", "A")
-# Of each run, as it is.
 NUMBERS = "Numbers of the model before and after the refinement, with one standard error."
 SEEN = {True: "seen", False: "not seen", None: "unknown"}
-PRINTED = ("drive", "channel", "noise_floor", "amplitude_rms_error", "mean_period_difference")
 
 
 def in_its_unit(run: RunVerification) -> str:
@@ -71,31 +69,6 @@ class VerificationView(View[Verification, Verification]):
     def kept(self, data: Verification) -> Verification:
         """Return it with no more samples than a picture shows."""
         return thinned(data)
-
-    def to_dict(self, result: Verification) -> dict[str, Any]:
-        """Return what ``--json`` prints, and what each run shows cycle by cycle."""
-        record = result.to_dict()
-        record["subject"] = {"kind": result.kind, "name": result.subject}
-        record["reason"], record["tolerance"] = result.reason, result.tolerance
-        for entry, run in zip(record["runs"], result.runs, strict=True):
-            entry |= {
-                **{name: getattr(run, name) for name in PRINTED},
-                "failure": run.failure or None,
-                "cycles": {
-                    name: None
-                    if oscillation is None
-                    else {
-                        "time": oscillation.amplitude_time.tolist(),
-                        "amplitude": oscillation.amplitude.tolist(),
-                        "period": oscillation.period.tolist(),
-                    }
-                    for name, oscillation in zip(("measured", "simulated"), run.oscillations, strict=True)
-                },
-                "energy_per_cycle": None
-                if run.energy is None
-                else {"measured": run.energy[0].tolist(), "simulated": run.energy[1].tolist()},
-            }
-        return record
 
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
         """Return the runs and the model's terms."""
