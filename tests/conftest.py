@@ -33,6 +33,8 @@ settings.load_profile("repeatable")
 
 
 TESTS = Path(__file__).resolve().parent
+# Data that ship with the package, and that a person reads.
+LIBRARIES, RIGS = TESTS.parent / "libraries", TESTS.parent / "sindyjoint" / "mechanics" / "rig_files"
 
 
 def pytest_collection_finish():
@@ -174,13 +176,19 @@ def no_step_makes_the_gap_larger():
     Diagnosis.__init__ = plain
 
 
+def effects_named(*names: str) -> tuple:
+    """Return some of the shipped effects, as `diagnose` takes them."""
+    from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+
+    return tuple(select_effects(load_effects(), names))
+
+
 @pytest.fixture
 def few_effects(monkeypatch) -> Callable[..., tuple]:
     """Let diagnoses know but some effects of the joint and its test, where not the search for them is tested."""
-    from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 
     def only(*names: str) -> tuple:
-        few = tuple(select_effects(load_effects(), names))
+        few = effects_named(*names)
         monkeypatch.setattr("sindyjoint.workflows.diagnose.load_effects", lambda library=(): few)
         return few
 

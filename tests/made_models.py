@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
+from sindyjoint import JointModel
+from sindyjoint.equation.model import Fitted, ModelTerm
 from sindyjoint.paper import INTER_PANEL, TERMS
 from sindyjoint.record import Joint
 

@@ -57,13 +57,11 @@ def test_it_explains_every_field_of_the_record(sindyjoint):
 
 
 def test_its_python_sample_runs(tmp_path, capsys):
+    from sindyjoint import simulate
     from sindyjoint.files import write_campaign
-    from sindyjoint.mechanics.virtual import virtual_campaign
 
     sample = re.search(r"```python\n(.*?)```", README, re.S)[1]
-    write_campaign(
-        virtual_campaign(frequencies=[3, 5], levels=[0.4, 0.8], duration=4.0, random_state=0), tmp_path
-    )
+    write_campaign(simulate(frequencies=[3, 5], levels=[0.4, 0.8], duration=4.0, random_state=0), tmp_path)
     names = {"angle": 1e-4, "rate": 0.01}
     lines = [line.split("#")[0].strip() for line in sample.splitlines()]
     program = "\n".join(line for line in lines if line).replace("campaign.toml", str(tmp_path))

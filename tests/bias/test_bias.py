@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import discover, simulate
 from sindyjoint.bias.broadband import estimate_exciter_inertia as broadband_exciter_inertia
 from sindyjoint.bias.correction import corrected_model
 from sindyjoint.bias.periodic import Spectrum, amplitudes, estimate_exciter_inertia, kept_shift, series
 from sindyjoint.bias.replicates import make_replicates
 from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.mechanics.virtual import BEAM_INERTIA, virtual_campaign
+from sindyjoint.mechanics import INTER_PANEL
+from sindyjoint.mechanics.virtual import BEAM_INERTIA
 from sindyjoint.states import campaign_states
 from sindyjoint.states.policy import POLICY
-from sindyjoint.workflows.discover import discover
 
 TRUTH = INTER_PANEL.parameters
 SMALL = dict(frequencies=[3, 4, 6], levels=[0.9, 0.6, 0.35], duration=5.0, random_state=0)
@@ -22,7 +22,7 @@ SMALL = dict(frequencies=[3, 4, 6], levels=[0.9, 0.6, 0.35], duration=5.0, rando
 
 @pytest.fixture(scope="module", params=["moment", "rig", "displacement"])
 def campaign(request):
-    return request.param, virtual_campaign(drive=request.param, noise=0.01, **SMALL)
+    return request.param, simulate(drive=request.param, noise=0.01, **SMALL)
 
 
 def test_series_and_amplitudes_are_inverse():
@@ -99,7 +99,7 @@ def test_corrected_errors_are_of_the_size_that_is_stated(campaign, states):
 
 def test_smoothing_alone_would_leave_the_joint_outside_its_interval():
     """Negative control: low-passed data at 5 % noise, where the correction is many standard errors."""
-    tested = virtual_campaign(noise=0.05, **SMALL)
+    tested = simulate(noise=0.05, **SMALL)
     worst = []
     for correct in (False, True):
         model = discover(tested, library="paper", states="broadband", threshold=0.0, correct=correct).model
@@ -108,7 +108,7 @@ def test_smoothing_alone_would_leave_the_joint_outside_its_interval():
 
 
 def test_what_cannot_be_simulated_keeps_its_coefficients_and_says_so():
-    tested = virtual_campaign(noise=0.01, **SMALL)
+    tested = simulate(noise=0.01, **SMALL)
     found = discover(tested, library="paper", correct=False)
     term = replace(found.model.terms[0], formula="alpha*abs(theta)", id="made_up")
     model = replace(found.model, terms=(term, *found.model.terms[1:]))

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import sympy
 
+from sindyjoint import discover, simulate
 from sindyjoint.bias.completion import completed_states
 from sindyjoint.bias.policy import POLICY
-from sindyjoint.judgement.verdict import PAPER_TERMS
-from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.mechanics import INTER_PANEL
+from sindyjoint.mechanics.laws import FormulaLaw
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.states import campaign_states
-from sindyjoint.workflows.discover import discover
 
 INERTIA = 1.5
 HEAVY = replace(INTER_PANEL, inertia=INERTIA)
@@ -25,16 +25,16 @@ DAMPING = FormulaLaw(
 
 @pytest.fixture(scope="module")
 def campaign():
-    return virtual_campaign(HEAVY, **TESTED)
+    return simulate(HEAVY, **TESTED)
 
 
 def test_light_joints_keep_their_measured_states():
-    light = virtual_campaign(frequencies=[3, 5], duration=3.0, random_state=0)
+    light = simulate(frequencies=[3, 5], duration=3.0, random_state=0)
     assert completed_states(INTER_PANEL, light.runs, campaign_states(light)) is None
 
 
 def test_the_completed_acceleration_is_nearer_to_the_truth(campaign):
-    clean = virtual_campaign(HEAVY, **{**TESTED, "noise": 0.0})
+    clean = simulate(HEAVY, **{**TESTED, "noise": 0.0})
     measured = campaign_states(campaign)
     better = completed_states(HEAVY, campaign.runs, measured)
     errors = []
@@ -57,7 +57,7 @@ def test_the_completed_acceleration_is_nearer_to_the_truth(campaign):
 def test_a_heavy_joint_is_not_refuted(declared):
     verdicts = []
     for seed in (1, 2, 3):
-        given = virtual_campaign(HEAVY, **{**TESTED, "random_state": seed})
+        given = simulate(HEAVY, **{**TESTED, "random_state": seed})
         if not declared:
             given = replace(given, joint=replace(given.joint, inertia=None))
         found = discover(given)
@@ -77,6 +77,6 @@ def test_a_heavy_joint_is_not_refuted(declared):
 
 
 def test_an_effect_that_is_there_is_still_found():
-    found = discover(virtual_campaign(HEAVY, hidden=DAMPING, **TESTED))
+    found = discover(simulate(HEAVY, hidden=DAMPING, **TESTED))
     assert found.states[0].completed
     assert found.verdict.verdict == "refuted" and set(found.verdict.extra) == {"quadratic_damping"}

@@ -47,13 +47,10 @@ def browser():
 @pytest.fixture(scope="session")
 def report(tmp_path_factory):
     """Return the report of a small virtual campaign of a joint whose name is an attack."""
-    from sindyjoint import discover
-    from sindyjoint.mechanics.virtual import virtual_campaign
+    from sindyjoint import discover, simulate
     from sindyjoint.reporting import write_discovery
 
-    campaign = virtual_campaign(
-        "inter-panel", frequencies=[3, 4, 6], levels=[0.9, 0.5], duration=3, random_state=5
-    )
+    campaign = simulate("inter-panel", frequencies=[3, 4, 6], levels=[0.9, 0.5], duration=3, random_state=5)
     hostile = replace(campaign, joint=replace(campaign.joint, name=HOSTILE))
     return write_discovery(discover(hostile), tmp_path_factory.mktemp("browser")) / "report.html"
 

@@ -6,10 +6,11 @@ import pytest
 @pytest.fixture(scope="module")
 def reproduction(browser, tmp_path_factory):
     """Return the page of a reproduction; made only where there is a browser to show it."""
-    from sindyjoint.reporting.output import write_results
-    from sindyjoint.workflows.reproduce import reproduce
+    from tests.doors.asked import ask
 
-    return write_results(reproduce(4), tmp_path_factory.mktemp("reproduction") / "out") / "report.html"
+    folder = tmp_path_factory.mktemp("reproduction") / "out"
+    assert ask("reproduce", "--random-state", 4, "--out", folder, "--quiet").status == 0
+    return folder / "report.html"
 
 
 def test_the_page_reads_turns_narrow_and_prints(open_page, reproduction, screenshots):

@@ -6,12 +6,9 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from sindyjoint import JointRegressor
-from sindyjoint.cli.app import app
-
-RUNNER = CliRunner()
+from tests.doors.asked import ask
 
 
 @pytest.fixture(scope="module")
@@ -31,26 +28,26 @@ def models(tmp_path_factory):
 
 def test_changed_leaves_with_one_and_says_what(models, tmp_path):
     files = [str(models / "before.json"), str(models / "after.json")]
-    result = RUNNER.invoke(app, ["changed", *files, "--json", "--out", str(tmp_path / "out")])
-    assert result.exit_code == 1
+    result = ask("changed", *files, "--json", "--out", str(tmp_path / "out"))
+    assert result.status == 1
     record = json.loads(result.stdout)
     assert record["changed"] and "k1" in record["sentence"]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "After against before" in page and (tmp_path / "out" / "changed.csv").is_file()
-    assert RUNNER.invoke(app, ["changed", files[0], files[0]]).exit_code == 0
+    assert ask("changed", files[0], files[0]).status == 0
 
 
 def test_an_export_holds_inputs_and_says_what_that_costs(models):
     model = str(models / "before.json")
-    result = RUNNER.invoke(app, ["export", model, "--to", "abaqus", "--at", "temperature=250"])
-    assert result.exit_code == 0 and "temperature: the law is that at 250" in result.stdout
+    result = ask("export", model, "--to", "abaqus", "--at", "temperature=250")
+    assert result.status == 0 and "temperature: the law is that at 250" in result.stdout
     assert "held at 250, tested from 250 to 310" in result.stderr
-    assert RUNNER.invoke(app, ["export", model, "--to", "c", "--at", "load=3"]).exception is not None
+    assert ask("export", model, "--to", "c", "--at", "load=3").status == 2
 
 
 def test_samples_have_the_spread_of_the_model(models):
     model = str(models / "before.json")
-    result = RUNNER.invoke(app, ["export", model, "--to", "samples", "--count", "2000"])
+    result = ask("export", model, "--to", "samples", "--count", "2000")
     rows = list(csv.reader(io.StringIO(result.stdout)))
     column = [name.split(" ")[0] for name in rows[0]].index("k1")
     drawn = np.array([float(row[column]) for row in rows[1:]])

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint import JointModel
+from sindyjoint import JointModel, simulate
 from sindyjoint.cli import main
 from sindyjoint.files import write_campaign
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.paper import TERMS as PAPER_TERMS
 
 NUMBER = (int, float)
@@ -21,9 +20,7 @@ NUMBER = (int, float)
 def written(tmp_path_factory):
     """A virtual campaign of three frequencies and levels, as files."""
     path = tmp_path_factory.mktemp("campaign")
-    made = virtual_campaign(
-        frequencies=[3, 4, 5], levels=[0.9, 0.6, 0.35], duration=5.0, noise=0.01, random_state=7
-    )
+    made = simulate(frequencies=[3, 4, 5], levels=[0.9, 0.6, 0.35], duration=5.0, noise=0.01, random_state=7)
     write_campaign(made, path)
     return path
 
@@ -149,7 +146,7 @@ def test_out_and_json_together(written, tmp_path, sindyjoint):
 
 
 def test_no_model_leaves_with_one_and_a_reason(written, tmp_path, sindyjoint):
-    made = virtual_campaign(frequencies=[3, 4, 5], levels=[0.9, 0.5], duration=5.0, random_state=0)
+    made = simulate(frequencies=[3, 4, 5], levels=[0.9, 0.5], duration=5.0, random_state=0)
     rng = np.random.default_rng(0)
     shuffled = made.with_runs(tuple(replace(run, moment=rng.permutation(run.moment)) for run in made.runs))
     write_campaign(shuffled, tmp_path / "shuffled")

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from sindyjoint.cli import main
-from sindyjoint.equation.catalogue import library_folder
+from tests.conftest import LIBRARIES
 
 
 def run(*arguments):
@@ -24,7 +24,7 @@ def test_effects_are_listed_as_text_and_as_json(capsys):
 
 
 def test_check_knows_a_file_of_effects(capsys):
-    path = library_folder() / "effects" / "memory.toml"
+    path = LIBRARIES / "effects" / "memory.toml"
     assert run("check", str(path)) == 0
     assert "effect(s): dahl_friction" in capsys.readouterr().out
 

@@ -148,9 +148,9 @@ def test_a_tampered_model_is_refused_by_every_command(tmp_path, sindyjoint, kind
     ],
 )
 def test_rigs_beyond_all_measure(tmp_path, sindyjoint, old, new, word):
-    from sindyjoint.mechanics.rigs import RIG_FOLDER
+    from tests.conftest import RIGS
 
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text(encoding="utf-8")
+    text = (RIGS / "pulse-rig.toml").read_text(encoding="utf-8")
     if old not in text:
         assert "[output]" in text
         text = text.replace("[output]", f"[output]\n{new}")

@@ -4,21 +4,17 @@ import json
 
 import numpy as np
 import pytest
-import typer
-from typer.testing import CliRunner
 
-from sindyjoint.cli.simulate import simulate
 from sindyjoint.files import load_campaign
+from tests.doors.asked import ask
 
-app = typer.Typer()
-app.command()(simulate)
 SMALL = ["--frequencies", "4", "--levels", "0.6,0.4", "--duration", "2"]
 
 
 @pytest.mark.parametrize("extra", [[], ["--raw", "--bits", "14"], ["--format", "npz", "--drive", "rig"]])
 def test_campaign_reads_back(tmp_path, extra):
-    result = CliRunner().invoke(app, [*SMALL, *extra, "--out", str(tmp_path / "made"), "--json"])
-    assert result.exit_code == 0, result.output
+    result = ask("simulate", *SMALL, *extra, "--out", str(tmp_path / "made"), "--json")
+    assert result.status == 0, result.stderr
     record = json.loads(result.stdout)
     campaign = load_campaign(record["manifest"])
     assert campaign.simulated
@@ -33,15 +29,15 @@ def test_campaign_reads_back(tmp_path, extra):
 
 
 def test_lists_that_are_no_numbers_are_refused(tmp_path):
-    result = CliRunner().invoke(app, ["--frequencies", "3;4", "--out", str(tmp_path / "made")])
-    assert "--frequencies is '3;4'; expected numbers with commas between them" in str(result.exception)
+    result = ask("simulate", "--frequencies", "3;4", "--out", str(tmp_path / "made"))
+    assert "--frequencies is '3;4'; expected numbers with commas between them" in result.stderr
     assert not (tmp_path / "made").exists()
 
 
 @pytest.mark.parametrize("format", ["csv", "tsv", "npz", "parquet", "h5", "mat"])
 def test_every_run_file_says_that_it_is_simulated(tmp_path, format):
     made = tmp_path / "made"
-    CliRunner().invoke(app, [*SMALL, "--format", format, "--out", str(made)], catch_exceptions=False)
+    ask("simulate", *SMALL, "--format", format, "--out", str(made))
     manifest = made / "campaign.toml"
     text = manifest.read_text()
     assert "simulated = true" in text

@@ -6,13 +6,12 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from sindyjoint.cli.app import app
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import designs
 from sindyjoint.diagnosis.campaign.hidden import hidden_campaign
-from sindyjoint.files.writers import write_campaign
+from sindyjoint.files import write_campaign
+from tests.doors.asked import ask
 
 # Ids of terms and effects hold an underscore, and are the same for both kinds of motion.
 ROTATION = re.compile(r"(?i)(?<![\w-])(angles?|angular|moments?|inertia|[mµ]?rad|[mkµ]?N[·*]m)(?![\w-])")
@@ -71,8 +70,8 @@ def test_no_word_of_rotation(command, slide, tmp_path, monkeypatch):
     monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::15])
     arguments = [command, str(slide), "--out", str(tmp_path / "out"), "--quiet"]
     arguments += ["--max-effects", "1"] * (command == "diagnose")
-    result = CliRunner().invoke(app, arguments)
-    assert result.exit_code == 0, result.output
+    result = ask(*arguments)
+    assert result.status == 0, result.stderr
     parts = told(result.stdout, tmp_path / "out")
     assert len(parts) > 4 and re.search("force.*displacement", " ".join(parts["stdout"].split()))
     found = {name: [m[0] for m in ROTATION.finditer(text)] for name, text in parts.items()}
@@ -81,7 +80,7 @@ def test_no_word_of_rotation(command, slide, tmp_path, monkeypatch):
 
 
 def test_a_library_is_shown_in_the_words_of_a_sliding_joint():
-    shown = CliRunner().invoke(app, ["libraries", "show", "extended", "--motion", "translation"]).stdout
+    shown = ask("libraries", "show", "extended", "--motion", "translation").stdout
     meanings = "\n".join(line.partition("  ")[2] for line in shown.splitlines())
     assert "elastic force in proportion to the displacement" in meanings
     assert not ROTATION.findall(meanings)

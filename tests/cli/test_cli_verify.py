@@ -2,7 +2,7 @@
 
 import pytest
 
-from sindyjoint.mechanics.rigs import RIG_FOLDER
+from tests.conftest import RIGS
 
 PULSE_FILE = 'file = "hammer.csv"\ntime = {{ column = "t", unit = "ms" }}\nforce = {{ column = "F", unit = "{force}" }}'
 
@@ -39,7 +39,7 @@ PULSE_FILE = 'file = "hammer.csv"\ntime = {{ column = "t", unit = "ms" }}\nforce
     ],
 )
 def test_bad_rigs_end_in_one_line(sindyjoint, model_file, tmp_path, change, message):
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text()
+    text = (RIGS / "pulse-rig.toml").read_text()
     assert change[0] in text
     path = tmp_path / "bad.toml"
     path.write_text(text.replace(*change))

@@ -15,7 +15,7 @@ from sindyjoint.files import write_campaign
 from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.reporting import write_results
-from sindyjoint.response.nuisances import read_test
+from sindyjoint.equation.test_record import read_test
 from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
 from sindyjoint.workflows.verify import verify
 from tests.diagnosis.hidden_effects import hide

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+from sindyjoint import discover, simulate
 from sindyjoint.discovery.factors import Factor
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states, regression_rows
-from sindyjoint.workflows.discover import discover
 
 TRUTH = np.array([6.066e3, -1.927e5, -2.684e9, 48.13, 1.867])
 PLAN = dict(frequencies=[3, 4, 5, 6], levels=[0.9, 0.6, 0.35], duration=4.0, noise=0.01, random_state=0)
@@ -15,7 +14,7 @@ PLAN = dict(frequencies=[3, 4, 5, 6], levels=[0.9, 0.6, 0.35], duration=4.0, noi
 @pytest.fixture(scope="session")
 def inter_panel():
     """Return a virtual test of the paper's inter-panel joint at 1 % noise."""
-    return virtual_campaign(**PLAN)
+    return simulate(**PLAN)
 
 
 @pytest.fixture(scope="session")

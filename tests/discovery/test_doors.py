@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from doors import DOORS, by_sindy, difference
 
+from sindyjoint import simulate
 from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
-from sindyjoint.mechanics.virtual import virtual_campaign
 
 SETS = ("arm-joint", "bouc-wen", "emps", "friction-damper", "pendulum", "screw-tao", "silverbox")
 # Of the same kinds.
@@ -22,14 +22,14 @@ def test_a_difference_is_seen():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_doors_agree_on_a_virtual_test(seed):
     plan = dict(frequencies=[3, 4, 5], levels=[0.9, 0.5], duration=4.0, sample_rate=500.0, noise=0.01)
-    campaign = virtual_campaign("inter-panel", **plan, random_state=seed)
+    campaign = simulate("inter-panel", **plan, random_state=seed)
     models = [door(campaign) for door in DOORS]
     assert len(models[0]) == 5 and difference(models) < 1e-9
 
 
 def test_doors_differ_where_the_rows_do():
     plan = dict(frequencies=[3, 4], levels=[0.9, 0.5], duration=4.0, sample_rate=500.0, noise=0.01)
-    one, other = (virtual_campaign("inter-panel", **plan, random_state=seed) for seed in (1, 2))
+    one, other = (simulate("inter-panel", **plan, random_state=seed) for seed in (1, 2))
     assert difference([by_sindy(one), by_sindy(other)]) > 1e-6
 
 

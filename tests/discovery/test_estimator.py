@@ -11,12 +11,9 @@ from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from sindyjoint.discovery.estimator import JointRegressor
-from sindyjoint.discovery.library import TermLibrary
-from sindyjoint.equation.catalogue import Catalogue, load_catalogue
+from sindyjoint import JointRegressor, TermLibrary, discover
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.paper import TERMS as IDS
-from sindyjoint.workflows.discover import discover
 
 TRUTH = np.array([6.066e3, -1.927e5, -2.684e9, 48.13, 1.867])
 FEATURES = "the check feeds {} features; a force state has two (angle, rate) or three (with acceleration)"
@@ -102,18 +99,6 @@ def test_the_same_library_in_pysindy_gives_the_same_coefficients(rows):
     model.fit(rows["X"], t=1.0, x_dot=rows["y"][:, None])
     theirs = library.physical_coefficients(model.coefficients())[0]
     np.testing.assert_allclose(theirs, ours.coef_, rtol=1e-8)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_order_of_the_catalogue_does_not_matter(rows, seed):
-    catalogue = load_catalogue("extended")
-    order = np.random.default_rng(seed).permutation(len(catalogue))
-    shuffled = Catalogue("shuffled", "", tuple(catalogue.terms[i] for i in order))
-    plain, other = JointRegressor(catalogue).fit(**rows), JointRegressor(shuffled).fit(**rows)
-    assert set(other.selected_) == set(plain.selected_)
-    coefficients = {t.id: (t.coefficient, t.standard_error) for t in other.model_.terms}
-    for term in plain.model_.terms:
-        assert coefficients[term.id] == pytest.approx((term.coefficient, term.standard_error), rel=1e-7)
 
 
 @pytest.mark.parametrize(("angle", "moment"), [(1e3, 1.0), (1.0, 1e-3), (57.3, 2e5)])

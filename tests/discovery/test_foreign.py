@@ -4,39 +4,8 @@ import numpy as np
 import pysindy
 import pytest
 
-from sindyjoint import JointRegressor, TermLibrary, discover
-from sindyjoint.discovery.foreign_library import catalogue_of
+from sindyjoint import JointRegressor, discover
 from sindyjoint.errors import InputError
-
-
-def test_polynomials_are_the_terms_that_they_are():
-    catalogue = catalogue_of(pysindy.PolynomialLibrary(degree=3))
-    assert catalogue.ids[:3] == ("constant_moment", "linear_stiffness", "linear_damping")
-    assert catalogue["cubic_stiffness"].unit == "N*m/rad^3" and len(catalogue) == 10
-
-
-def test_a_feature_without_a_unit_says_so():
-    catalogue = catalogue_of(pysindy.FourierLibrary(n_frequencies=1))
-    assert catalogue["sin_1_theta"].unit == "N*m"
-    rate = catalogue["sin_1_omega"]
-    assert rate.unit == "" and rate.name == "sin(1 omega) (no unit)"
-
-
-def test_concatenated_libraries_hold_each_term_once():
-    catalogue = catalogue_of(pysindy.PolynomialLibrary(degree=2) + TermLibrary("paper"))
-    assert set(TermLibrary("paper").fit(np.ones((3, 2))).get_feature_names()) < set(catalogue.ids)
-    assert len(catalogue) == 8
-
-
-def test_custom_functions_are_read_by_their_names():
-    friction = pysindy.CustomLibrary([lambda x: np.sign(x)], [lambda x: f"sign({x})"])
-    assert "coulomb_friction" in catalogue_of(friction)
-    lying = pysindy.CustomLibrary([lambda x: np.sin(x)], [lambda x: f"cos({x})"])
-    with pytest.raises(InputError, match="the feature 'cos\\(theta\\)' is not what its name says"):
-        catalogue_of(lying)
-    nameless = pysindy.CustomLibrary([lambda x: np.sin(x)])
-    with pytest.raises(InputError, match="cannot be read as a formula"):
-        catalogue_of(nameless)
 
 
 def test_a_polynomial_library_finds_the_smooth_part_of_a_law(rows):

@@ -10,12 +10,13 @@ from sklearn.exceptions import NotFittedError
 from sklearn.linear_model import Ridge
 from sklearn.pipeline import make_pipeline
 
-from sindyjoint.discovery.library import TermLibrary
-from sindyjoint.equation.catalogue import Reference, library_folder, load_catalogue, term_columns
+from sindyjoint import TermLibrary
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.paper import TERMS
+from tests.conftest import LIBRARIES
 
 # Table 1 of the paper, averages: k1, k2, k3, c1, M_F.
-TRUTH = dict(zip(load_catalogue("paper").ids, (6.066e3, -1.927e5, -2.684e9, 48.13, 1.867), strict=True))
+TRUTH = dict(zip(TERMS, (6.066e3, -1.927e5, -2.684e9, 48.13, 1.867), strict=True))
 
 
 def trajectories(samples=2000):
@@ -79,16 +80,6 @@ def test_a_coefficient_is_the_rms_moment_of_its_term():
     assert model.coefficients()[0, 0] == pytest.approx(rms, rel=1e-8)
 
 
-def test_features_have_unit_rms_or_physical_units():
-    scaled = TermLibrary("extended").fit(STACKED).transform(STACKED)
-    np.testing.assert_allclose(np.sqrt(np.mean(np.asarray(scaled) ** 2, axis=0)), 1.0, rtol=1e-12)
-    library = TermLibrary("extended", scale=None)
-    plain = np.asarray(library.fit_transform(STACKED))
-    wanted = term_columns(load_catalogue("extended").resolve(Reference.of(*STACKED.T)), *STACKED.T)
-    np.testing.assert_array_equal(plain, wanted)
-    np.testing.assert_array_equal(library.scales_, 1.0)
-
-
 def test_a_column_that_is_zero_throughout_stays_zero():
     still = np.column_stack([STACKED[:, 0], np.zeros(len(STACKED))])
     library = TermLibrary("paper")
@@ -99,11 +90,9 @@ def test_a_column_that_is_zero_throughout_stays_zero():
 
 def test_names_are_ids():
     library = TermLibrary("paper").fit(STACKED)
-    assert library.get_feature_names() == list(load_catalogue("paper").ids)
+    assert library.get_feature_names() == list(TERMS)
     out = library.get_feature_names_out(["angle", "rate"])
-    assert (
-        isinstance(out, np.ndarray) and out.dtype == object and list(out) == list(load_catalogue("paper").ids)
-    )
+    assert isinstance(out, np.ndarray) and out.dtype == object and list(out) == list(TERMS)
     assert library.n_features_in_ == 2 and library.n_output_features_ == library.size == 5
 
 
@@ -122,18 +111,8 @@ def test_inertia_and_the_third_column():
         TermLibrary("paper", include_inertia=True).fit(STACKED)
 
 
-def test_scales_of_inner_parameters_are_learned_or_given():
-    learned = TermLibrary("friction").fit(STATES)
-    largest = np.abs(STACKED).max(axis=0)
-    assert learned.reference_ == Reference(angle=largest[0], rate=largest[1])
-    for given in (Reference(rate=0.5), {"rate": 0.5}):
-        library = TermLibrary("friction", reference=given).fit(STACKED)
-        assert library.reference_ == Reference(angle=largest[0], rate=0.5)
-        assert dict(library.terms_[3].values) == {"v_s": 0.05}
-
-
 def test_clone_pickle_and_parameters():
-    library = TermLibrary(["paper", load_catalogue("measurement")], reference={"rate": 0.1}, scale=None)
+    library = TermLibrary(["paper", "measurement"], reference={"rate": 0.1}, scale=None)
     copied = clone(library)
     assert copied.get_params()["reference"] == {"rate": 0.1} and not hasattr(copied, "terms_")
     library.fit(STACKED)
@@ -174,7 +153,7 @@ def test_units_of_the_data_scale_the_coefficients():
 
 
 def test_a_path_works_as_a_name_does(tmp_path):
-    source = library_folder() / "paper.toml"
+    source = LIBRARIES / "paper.toml"
     (tmp_path / "mine.toml").write_bytes(source.read_bytes())
     assert TermLibrary(tmp_path / "mine.toml").fit(STACKED).get_feature_names() == list(TRUTH)
 

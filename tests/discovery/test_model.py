@@ -1,12 +1,11 @@
 """A discovered model: exact JSON, moment of its terms, equation."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint import JointModel
 from sindyjoint.errors import InputError, UnknownNameError
 
 THIRD = 1 / 3
@@ -54,12 +53,6 @@ def test_equation_names_every_coefficient(found):
     text = found.model.equation()
     assert text.startswith("M = I·θ̈ + k1·θ") and all(symbol in text for symbol in ("k2", "k3", "c1", "M_F"))
     assert found.model.latex().startswith("M = I")
-
-
-def test_misfit_is_what_noise_does_not_explain():
-    fitted = Fitted(2.0, 0.5, 0.3, 0.8, 1000, 4, 1e-3, 0.02)
-    assert fitted.misfit == pytest.approx(0.4 / 2.0)
-    assert replace(fitted, noise_floor=0.6).misfit == 0.0
 
 
 @pytest.mark.parametrize(

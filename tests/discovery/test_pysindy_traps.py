@@ -15,7 +15,7 @@ from sklearn.base import clone
 from sklearn.model_selection import GridSearchCV
 from sklearn.utils.fixes import parse_version
 
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint import simulate
 
 # The paper's inter-panel joint: N·m/rad, N·m·s/rad, N·m.
 TRUTH = np.array([6066.0, -1.927e5, -2.684e9, 48.13, 1.867])
@@ -114,7 +114,7 @@ def test_a_refitted_ensemble_still_holds_the_first_fit():
 
 
 def test_finite_differences_of_a_noisy_angle_halve_the_friction():
-    campaign = virtual_campaign(
+    campaign = simulate(
         "inter-panel", noise=0.01, frequencies=[3, 4, 5, 6], levels=[0.9, 0.6], duration=4.0, random_state=0
     )
     matrices, moments = [], []

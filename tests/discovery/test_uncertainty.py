@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
+from sindyjoint import discover, simulate
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.uncertainty import Inseparable, bootstrap, in_words, inclusion, inseparable
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.workflows.discover import discover
 
 FIVE = range(5)
 
@@ -15,9 +14,7 @@ FIVE = range(5)
 @pytest.fixture(scope="module")
 def poor():
     """Return the evidence of a test that stays far below the softening limit, at 5 % noise."""
-    campaign = virtual_campaign(
-        levels=[0.4, 0.25], frequencies=[3, 4, 5], duration=4.0, noise=0.05, random_state=1
-    )
+    campaign = simulate(levels=[0.4, 0.25], frequencies=[3, 4, 5], duration=4.0, noise=0.05, random_state=1)
     return discover(campaign, library="paper", threshold=0.0).regressor.evidence_, campaign
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pysindy
 import pytest
 
+from sindyjoint import simulate
 from sindyjoint.discovery.crossvalidation import find
 from sindyjoint.discovery.weak import integral_weights, weak_evidence
 from sindyjoint.errors import InputError, MissingExtraError
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.paper import TERMS as PAPER
 from tests.discovery.conftest import TRUTH
 
@@ -50,7 +50,7 @@ def test_an_unknown_inertia_is_a_term_whose_integral_is_taken_by_parts():
     from sindyjoint import discover
 
     plan = dict(frequencies=[3, 6], levels=[0.9, 0.5], duration=4.0, noise=0.001, random_state=0)
-    campaign = virtual_campaign("inter-panel", **plan)
+    campaign = simulate("inter-panel", **plan)
     found = discover(replace(campaign, joint=replace(campaign.joint, inertia=None)), correct=False)
     spoilt = [replace(state, acceleration=np.zeros_like(state.acceleration)) for state in found.states]
     terms = found.regressor.terms_

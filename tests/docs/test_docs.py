@@ -184,7 +184,7 @@ def test_every_figure_of_the_guide_has_a_command():
 
 
 def test_the_keys_page_has_every_key():
-    from sindyjoint.files.manifest import manifest_schema
+    from sindyjoint.files import manifest_schema
     from sindyjoint.mechanics.rig_file import RigFile
 
     page = (DOCS / "guide" / "keys.md").read_text(encoding="utf-8")

@@ -4,8 +4,8 @@ import pytest
 from first_hour import PUBLIC, TOLD, commands, walk_in_one, without_manifest
 from odd_folders import campaign, labview, workbook  # on the path by first_hour
 
+from sindyjoint import simulate
 from sindyjoint.files import write_campaign
-from sindyjoint.mechanics.virtual import virtual_campaign
 
 
 @pytest.fixture(scope="module")
@@ -69,9 +69,7 @@ ODD = {
 
 
 def test_any_terminal(tmp_path):
-    made = virtual_campaign(
-        frequencies=[3, 5], levels=[0.5, 0.9], duration=2.5, sample_rate=500.0, random_state=0
-    )
+    made = simulate(frequencies=[3, 5], levels=[0.5, 0.9], duration=2.5, sample_rate=500.0, random_state=0)
     write_campaign(made, tmp_path / "tests").unlink()
     quick = ("--library", "paper", "--no-correct")
     answers = walk_in_one(tmp_path / "tests", tmp_path / "results", ODD, quick)

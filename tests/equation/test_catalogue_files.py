@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from sindyjoint.equation import catalogue_file
-from sindyjoint.equation.catalogue import library_folder, load_catalogue
+from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.errors import (
     FormulaError,
     InputError,
@@ -14,6 +14,7 @@ from sindyjoint.errors import (
     UnitError,
     UnknownNameError,
 )
+from tests.conftest import LIBRARIES
 
 TERM = {
     "id": '"my_term"',
@@ -84,7 +85,7 @@ def test_the_same_term_along_two_ways_is_one_term(write):
 
 
 def test_a_copied_library_still_finds_what_it_includes(tmp_path):
-    copied = shutil.copy(library_folder() / "extended.toml", tmp_path / "my_extended.toml")
+    copied = shutil.copy(LIBRARIES / "extended.toml", tmp_path / "my_extended.toml")
     assert load_catalogue(copied) == load_catalogue("extended")
 
 
@@ -331,7 +332,7 @@ def test_files_that_are_not_there(tmp_path):
 
 
 def test_the_shipped_set_knows_all_its_look_alikes(tmp_path, monkeypatch):
-    shutil.copytree(library_folder(), tmp_path / "libraries")
+    shutil.copytree(LIBRARIES, tmp_path / "libraries")
     path = tmp_path / "libraries" / "paper.toml"
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace('"stribeck_friction"', '"striebeck"'), encoding="utf-8")

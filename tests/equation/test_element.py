@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import JointModel
 from sindyjoint.equation.element import ElementState, JointElement, Value
-from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SindyJointError
 from tests.made_models import paper_model
 

@@ -4,9 +4,10 @@ from functools import cache
 
 import numpy as np
 
+from sindyjoint import JointModel
 from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
 from sindyjoint.equation.element import ElementState, JointElement, Value
-from sindyjoint.equation.model import Fitted, JointModel, model_terms
+from sindyjoint.equation.model import Fitted, model_terms
 from sindyjoint.equation.terms import Reference
 from sindyjoint.record import Joint
 

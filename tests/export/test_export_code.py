@@ -11,8 +11,9 @@ import pytest
 
 from sindyjoint.errors import MissingExtraError
 from sindyjoint.export import export_model, write_export
+from sindyjoint.mechanics import PaperLaw
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import FormulaLaw, PaperLaw
+from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.mechanics.stickslip import simulate
 
 RATE, DURATION = 2000.0, 1.0  # Hz, s: four periods, the joint sticks in each of them twice

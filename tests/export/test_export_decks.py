@@ -7,7 +7,7 @@ import pytest
 
 from sindyjoint.errors import InputError
 from sindyjoint.export import export_model, write_export
-from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics import PaperLaw
 
 ANGLE, RATE, RMS = 7.7e-4, 4.4e-2, 3.55
 LAW = PaperLaw(6.066e3, -1.927e5, -2.684e9, 48.13, 1.867)

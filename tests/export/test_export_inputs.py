@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import JointModel
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.dependences import dependences
-from sindyjoint.equation.model import JointModel, model_terms
+from sindyjoint.equation.model import model_terms
 from sindyjoint.equation.terms import Reference
 from sindyjoint.export import export_model, write_export
 from sindyjoint.inputs import Input, reference_values

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import pytest
 
-from sindyjoint.equation.model import JointModel
+from sindyjoint import JointModel
 from sindyjoint.export import TARGETS, export_model, read_model, write_export
 from sindyjoint.text import control_character
 from tests.export.made import ELEMENTS

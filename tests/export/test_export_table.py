@@ -8,7 +8,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.export import TARGETS, export_model
 from sindyjoint.export.base import ALL_TERMS, Cycles, Represented, fidelity_table
 from sindyjoint.export.parts import Parts, softening_limits
-from sindyjoint.mechanics.laws import INTER_PANEL
+from sindyjoint.mechanics import INTER_PANEL
 
 ANGLE, RATE, RMS = 7.7e-4, 4.4e-2, 3.55
 TERMS = sorted({t.id for found in list_catalogues() for t in load_catalogue(found.name) if not t.inputs})

@@ -97,7 +97,7 @@ def read_test(path: Path) -> None:
 
 
 def read_manifest(path: Path) -> None:
-    from sindyjoint.files.campaign import load_campaign
+    from sindyjoint import load_campaign
 
     load_campaign(path)
 
@@ -115,13 +115,13 @@ def read_effects(path: Path) -> None:
 
 
 def read_rig(path: Path) -> None:
-    from sindyjoint.mechanics.rigs import load_rig
+    from sindyjoint.mechanics import load_rig
 
     load_rig(path)
 
 
 def read_model(path: Path) -> None:
-    from sindyjoint.equation.model_file import read_model as read
+    from sindyjoint.export import read_model as read
 
     model = read(path)
     # What every command begins with.
@@ -138,8 +138,8 @@ def read_record(path: Path) -> None:
 
 
 def read_saved(path: Path) -> None:
-    from sindyjoint.reporting.registry import draw, drawable
-    from sindyjoint.reporting.saved import drawing, load_results
+    from sindyjoint.reporting import draw, drawable, load_results
+    from sindyjoint.reporting.saved import drawing
 
     data = load_results(path.parent.parent)
     with drawing(path.parent.parent):
@@ -259,18 +259,15 @@ def made_test() -> Any:
 
 def _results(folder: Path, wanted: str) -> dict[str, Target]:
     """Return the factors of a campaign, or the data that figures of one kind of result are drawn from."""
+    from sindyjoint import diagnose, discover, simulate, verify
     from sindyjoint.batch.record import FACTORS_FILE
     from sindyjoint.diagnosis.effects.catalogue import load_effects
     from sindyjoint.discovery.evidence_file import evidence_bytes
-    from sindyjoint.mechanics.virtual import virtual_campaign
-    from sindyjoint.reporting.output import write_results
+    from sindyjoint.reporting import write_results
     from sindyjoint.soundness.check import check_campaign
-    from sindyjoint.workflows.diagnose import diagnose
-    from sindyjoint.workflows.discover import discover
     from sindyjoint.workflows.rig import rig_motion
-    from sindyjoint.workflows.verify import verify
 
-    campaign = virtual_campaign(random_state=0, duration=1.0, frequencies=(3.0, 5.0))
+    campaign = simulate(random_state=0, duration=1.0, frequencies=(3.0, 5.0))
     found = discover(campaign, "paper", correct=False)
     if wanted == "factors":
         return {"factors": Target([evidence_bytes(found.regressor.evidence_)], read_factors, FACTORS_FILE)}

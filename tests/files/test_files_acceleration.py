@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from sindyjoint import Campaign
+from sindyjoint import Campaign, init
 from sindyjoint.errors import InputError, UnitError
-from sindyjoint.files import load_campaign
-from sindyjoint.files.drafting.init import init
-from sindyjoint.files.writers import write_campaign
+from sindyjoint.files import load_campaign, write_campaign
 
 RATE, ANGULAR = 500.0, 2 * np.pi * 4
 TIME = np.arange(3000) / RATE

@@ -13,8 +13,8 @@ import pytest
 from made_models import paper_model
 
 from sindyjoint.checksums import SUMS, changed_files, list_kinds, read_checked, refuse_foreign_file
-from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, OutputError
+from sindyjoint.export import read_model
 from sindyjoint.files import load_campaign
 from sindyjoint.files.atomic import output_folder
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, UnitError
-from sindyjoint.files import load_campaign
-from sindyjoint.files.writers import write_campaign
+from sindyjoint.files import load_campaign, write_campaign
 
 HEAD = """
 [joint]
@@ -84,19 +83,3 @@ def test_a_declared_delay_moves_the_column_ahead(campaign_of):
 def test_faults_are_named(campaign_of, inputs, one, fault, words):
     with pytest.raises(fault, match=words):
         campaign_of(inputs, one, 'inputs = { T = "20 degC" }' if one == "" and "unit = " in inputs else "")
-
-
-def test_uncertain_gains_of_channels_are_those_of_moment_and_motion():
-    from sindyjoint.files.declared import declared_gains
-    from sindyjoint.files.manifest import Channels
-
-    moment = {"column": "M", "unit": "N*m", "gain_uncertainty": "2 %"}
-    sensor = {"column": "a", "unit": "rad/s^2", "gain_uncertainty": 0.01}
-    angle = {"column": "q", "unit": "rad", "gain_uncertainty": "0.4 %"}
-    alone = Channels.model_validate({"rate": 1000.0, "moment": moment, "acceleration": sensor})
-    assert declared_gains(alone, "rotation", "") == {"moment": 0.02, "angle": 0.01}
-    both = alone.model_copy(update={"angle": Channels.model_validate({"angle": angle}).angle})
-    assert declared_gains(both, "rotation", "") == {"moment": 0.02, "angle": 0.01}
-    wrong = Channels.model_validate({"angle": angle | {"gain_uncertainty": "3 mm"}})
-    with pytest.raises(InputError, match="gain_uncertainty"):
-        declared_gains(wrong, "rotation", "")

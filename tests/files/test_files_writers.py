@@ -10,8 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sindyjoint.errors import InputError, OutputError
-from sindyjoint.files import load_campaign, write_campaign
-from sindyjoint.files.writers import ENCODERS
+from sindyjoint.files import load_campaign, write_campaign, writers
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rig import SensorRig
 from sindyjoint.source import SensorNoise
@@ -60,7 +59,7 @@ CAMPAIGN = Campaign(
 )
 
 
-@pytest.mark.parametrize("format", ENCODERS)
+@pytest.mark.parametrize("format", ["csv", "tsv", "npz", "parquet", "h5", "mat"])
 def test_every_format_returns_every_bit(format, tmp_path):
     pytest.importorskip({"parquet": "pyarrow", "h5": "h5py"}.get(format, "numpy"))
     manifest = write_campaign(CAMPAIGN, tmp_path / "out", format)
@@ -153,7 +152,7 @@ def test_failure_midway_leaves_nothing(tmp_path, monkeypatch):
             raise OSError(28, "No space left on device")
         return b"t,m\n"
 
-    monkeypatch.setitem(ENCODERS, "csv", fail)
+    monkeypatch.setitem(writers.ENCODERS, "csv", fail)
     with pytest.raises(OutputError, match="No space left on device"):
         write_campaign(CAMPAIGN, tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
@@ -189,16 +188,6 @@ def test_any_text_and_any_number_survive(
     )
     write_campaign(campaign, tmp_path)
     assert_same(campaign, load_campaign(tmp_path))
-
-
-@settings(deadline=None)
-@given(st.lists(numbers, min_size=4, max_size=4))
-def test_text_holds_every_bit(values):
-    from sindyjoint.files.readers.text import read_text
-
-    columns = {"x": np.array(values), "y": np.array(values[::-1])}
-    table = read_text("f.csv", ENCODERS["csv"](columns, ""))
-    np.testing.assert_array_equal(table.columns(["x", "y"]), list(columns.values()))
 
 
 def test_declared_noise_comes_back_through_a_rig(tmp_path):

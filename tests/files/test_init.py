@@ -7,13 +7,12 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from odd_folders import ODD, campaign
-from typer.testing import CliRunner
 
 import sindyjoint
-from sindyjoint.cli.app import app
+from sindyjoint import init
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
 from sindyjoint.files import load_campaign
-from sindyjoint.files.drafting.init import init
+from tests.doors.asked import ask
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +71,9 @@ def test_guesses_are_marked(writer, truth, tmp_path):
 def test_discover_takes_what_init_wrote(truth, tmp_path):
     # Two nested halves of the same hour: files to equation in two commands, no line edited.
     ODD[0](tmp_path, truth)
-    runner = CliRunner()
-    assert runner.invoke(app, ["init", str(tmp_path)], catch_exceptions=False).exit_code == 0
-    result = runner.invoke(app, ["discover", str(tmp_path), "--json"], catch_exceptions=False)
-    assert result.exit_code == 0
+    assert ask("init", str(tmp_path)).status == 0
+    result = ask("discover", str(tmp_path), "--json")
+    assert result.status == 0
     found = {term["id"]: term["coefficient"] for term in json.loads(result.stdout)["terms"]}
     assert found["linear_stiffness"] == pytest.approx(6061, rel=0.05)
     assert "coulomb_friction" in found
@@ -93,12 +91,12 @@ def test_a_manifest_that_is_there_stays(truth, tmp_path):
 
 def test_off_a_terminal_open_questions_are_listed(truth, tmp_path):
     ODD[1](tmp_path, truth)
-    result = CliRunner().invoke(app, ["init", str(tmp_path)])
+    result = ask("init", str(tmp_path))
     assert isinstance(result.exception, InputError)
     message = str(result.exception)
     assert "the files do not tell" in message and "take the guesses with --yes" in message
     assert not (tmp_path / "campaign.toml").exists()
-    assert CliRunner().invoke(app, ["init", str(tmp_path), "--yes"]).exit_code == 0
+    assert ask("init", str(tmp_path), "--yes").status == 0
 
 
 def test_simulated_files_stay_simulated_without_their_manifest(truth, tmp_path):

@@ -6,10 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sindyjoint import JointRegressor, discover
-from sindyjoint.judgement.verdict import PAPER_TERMS
-from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint import JointRegressor, discover, simulate
+from sindyjoint.mechanics import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.states import campaign_states, regression_rows
 
@@ -17,7 +16,7 @@ PLAN = {"frequencies": [3, 4, 5], "levels": [0.9, 0.6, 0.35], "noise": 0.01, "ra
 
 
 def campaign(joint="inter-panel", **options):
-    return virtual_campaign(joint, **(PLAN | options))
+    return simulate(joint, **(PLAN | options))
 
 
 @cache
@@ -38,7 +37,7 @@ def test_five_terms_come_back(joint, law, noise):
     # At 1 % noise 1 % of the averages of the paper's tables (5 % of k2); noise of 5 % multiplies that by five.
     limit = np.array([0.01, 0.05, 0.01, 0.01, 0.01]) * max(1.0, noise / 0.01)
     for seed in (100, 101):
-        found = discover(virtual_campaign(joint, noise=noise, random_state=seed))
+        found = discover(simulate(joint, noise=noise, random_state=seed))
         assert set(found.model.ids) == set(PAPER_TERMS)
         assert len(found.regressor.terms_) >= 20
         assert found.verdict.verdict == "confirmed" and not found.verdict.missing and not found.verdict.extra
@@ -252,9 +251,7 @@ def test_damping_that_is_negative_in_a_joint_that_dissipates_is_pointed_at():
 def test_a_small_term_is_not_denied_where_it_stands_out_of_the_noise(part, verdict):
     law = replace(INTER_PANEL, k2=part * INTER_PANEL.k2)
     found = discover(
-        virtual_campaign(
-            law, noise=0.005, frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, random_state=1
-        )
+        simulate(law, noise=0.005, frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, random_state=1)
     )
     assert (found.verdict.verdict, found.verdict.missing) == (verdict, ("quadratic_stiffness",))
     assert ("stands out of the noise" in found.verdict.reason) == (verdict == "undecided")

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import SindyJointError
-from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw
-from sindyjoint.mechanics.rigs import RIG_FOLDER, load_rig, shipped_rigs
+from sindyjoint.mechanics import INTER_PANEL, PaperLaw, load_rig
+from tests.conftest import RIGS
 
 
-@pytest.mark.parametrize("name", shipped_rigs())
+@pytest.mark.parametrize("name", sorted(path.stem for path in RIGS.glob("*.toml")))
 def test_shipped_rigs_stay_below_their_softening_limit(name):
     rig = load_rig(name)
     response = rig.respond()
@@ -31,7 +31,7 @@ def test_pulse_rig_is_the_papers_test():
 
 
 def test_model_replaces_the_joint(tmp_path):
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text(encoding="utf-8").replace('"inter-panel"', '"model"')
+    text = (RIGS / "pulse-rig.toml").read_text(encoding="utf-8").replace('"inter-panel"', '"model"')
     (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
     law = PaperLaw(k1=5000.0)
     rig = load_rig(tmp_path / "rig.toml", {"model": law})
@@ -43,7 +43,7 @@ def test_model_replaces_the_joint(tmp_path):
 
 
 def test_soft_clamp_lowers_the_frequency(tmp_path):
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text(encoding="utf-8")
+    text = (RIGS / "pulse-rig.toml").read_text(encoding="utf-8")
     (tmp_path / "rig.toml").write_text(text + '\n[base]\nclamp_stiffness = "1e5 N*m/rad"\n', encoding="utf-8")
     soft = load_rig(tmp_path / "rig.toml").structure().frequencies(1)[0]
     assert 0.8 < soft / load_rig("pulse-rig").structure().frequencies(1)[0] < 0.99
@@ -60,7 +60,7 @@ def with_pulse_file(text, measured=MEASURED):
 
 
 def test_measured_pulse(tmp_path):
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text(encoding="utf-8")
+    text = (RIGS / "pulse-rig.toml").read_text(encoding="utf-8")
     (tmp_path / "rig.toml").write_text(with_pulse_file(text), encoding="utf-8")
     rows = [f"{t},{0.065 if 0 < t <= 4.5 else 0}" for t in np.arange(0, 6, 0.5)]
     (tmp_path / "hammer.csv").write_text("t,F\n" + "\n".join(rows) + "\n", encoding="utf-8")
@@ -92,7 +92,7 @@ def test_measured_pulse(tmp_path):
     ],
 )
 def test_bad_rigs_are_told_in_one_line(tmp_path, old, new, message):
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text(encoding="utf-8")
+    text = (RIGS / "pulse-rig.toml").read_text(encoding="utf-8")
     assert old in text
     (tmp_path / "rig.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(SindyJointError, match=message) as caught:
@@ -110,7 +110,7 @@ def test_bad_rigs_are_told_in_one_line(tmp_path, old, new, message):
     ],
 )
 def test_bad_pulse_files_are_named(tmp_path, content, unit, message):
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text(encoding="utf-8")
+    text = (RIGS / "pulse-rig.toml").read_text(encoding="utf-8")
     (tmp_path / "rig.toml").write_text(with_pulse_file(text, MEASURED.replace("kN", unit)), encoding="utf-8")
     (tmp_path / "hammer.csv").write_text(content, encoding="utf-8")
     with pytest.raises(SindyJointError, match=message) as caught:

@@ -3,8 +3,9 @@
 import numpy as np
 import sympy
 
+from sindyjoint.mechanics import INTER_PANEL
 from sindyjoint.mechanics.kernels import integrate_states
-from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw, LawWithNumbers, SumLaw, as_compiled
+from sindyjoint.mechanics.laws import FormulaLaw, LawWithNumbers, SumLaw, as_compiled
 
 
 def test_the_states_alone_are_those_of_the_whole_law():

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.mechanics import INTER_PANEL, FunctionLaw, PaperLaw
 from sindyjoint.mechanics.beam import Beam, rectangular_section
 from sindyjoint.mechanics.excitation import pulse, sampled
-from sindyjoint.mechanics.laws import INTER_PANEL, FunctionLaw, PaperLaw, SumLaw
+from sindyjoint.mechanics.laws import SumLaw
 from sindyjoint.mechanics.structure import Hinge, LumpedMass, assemble, craig_bampton
 from sindyjoint.mechanics.transient import respond
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import sympy
 
+from sindyjoint import simulate as virtual_campaign
 from sindyjoint.errors import SimulationError
+from sindyjoint.mechanics import INTER_PANEL, PaperLaw
 from sindyjoint.mechanics.excitation import multisine, sweep
-from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw, PaperLaw, SumLaw
+from sindyjoint.mechanics.laws import FormulaLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Campaign, Joint, Run
 
 TRUE_IDS = (

@@ -5,14 +5,10 @@ The full table is made by ``benchmarks/bench_recovery.py``; here a sample of it,
 
 import numpy as np
 import pytest
-from random_joints import TRUE_IDS, maxwell_campaign, random_plan, rising_stiffness
+from random_joints import TRUE_IDS, random_plan
 
-from sindyjoint.bias.replicates import make_replicates
-from sindyjoint.judgement.independence import frequency_tests
-from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.states import campaign_states
-from sindyjoint.workflows.discover import discover
+from sindyjoint import discover, simulate
+from sindyjoint.mechanics import PaperLaw
 
 STANDARD = dict(frequencies=(3.0, 4.0, 5.0, 6.0), levels=(0.92, 0.63, 0.35), sample_rate=500.0, duration=5.0)
 
@@ -47,7 +43,7 @@ def test_three_frequencies_of_two_levels_at_five_per_cent(drive):
 
 def test_viscous_joint_has_no_friction():
     law = PaperLaw(6066.0, -1.9e5, -2.684e9, 48.0, 0.0)
-    found = discover(virtual_campaign(law, duration=5.0, noise=0.01, random_state=0))
+    found = discover(simulate(law, duration=5.0, noise=0.01, random_state=0))
     assert "coulomb_friction" not in found.model.ids
     assert found.verdict.verdict == "refuted" and "Coulomb friction" in found.verdict.reason
 
@@ -68,25 +64,6 @@ def test_bias_is_found_and_taken_out_at_five_per_cent_noise():
     assert np.mean(raw) < -1.0 and abs(np.mean(fixed)) < abs(np.mean(raw))
 
 
-def test_dependence_on_frequency_is_reported():
-    plan = random_plan(1, **STANDARD)
-    rising = discover(rising_stiffness(plan, 0.01, 0.10), library="paper")
-    tests = {t.name: t for t in frequency_tests(rising, rising.bias)}
-    assert tests["linear_stiffness"].answer == "depends on frequency"
-    assert tests["linear_stiffness"].change == pytest.approx(0.095, abs=0.01)
-    branch = discover(maxwell_campaign(plan, 0.01, 600.0, 0.03), library="paper")
-    tests = {t.name: t for t in frequency_tests(branch, branch.bias)}
-    for name in ("linear_stiffness", "linear_damping"):
-        # a change smaller than the margin is still told
-        assert tests[name].p_value < 0.05
-        assert tests[name].answer == "depends on frequency" or "and significant" in tests[name].reason
-    assert tests["linear_stiffness"].change > 0 > tests["linear_damping"].change
-    constant = discover(plan.campaign(0.01), library="paper")
-    tests = {t.name: t for t in frequency_tests(constant, constant.bias)}
-    # at 5 % each, five terms pass together in three of four campaigns; this one, seed 1, is one of them
-    assert {t.answer for t in tests.values()} <= {"independent within margin", "cannot tell"}
-
-
 def test_what_the_processing_makes_of_the_paper_s_law_refutes_nothing():
     """At 5 % noise two kinds of damping stand five standard errors out here; a replicate without them shows as much."""
     campaign = random_plan(204).campaign(0.05)
@@ -94,12 +71,3 @@ def test_what_the_processing_makes_of_the_paper_s_law_refutes_nothing():
     assert found.verdict.verdict in ("undecided", "confirmed")
     # The negative control; that terms which are there are still found is in tests/bias/test_completion.py.
     assert len(discover(campaign, correct=False).verdict.extra) == 2
-
-
-@pytest.mark.parametrize("seed", [8, 11])
-def test_a_prescribed_motion_is_not_taken_for_a_driven_one(seed):
-    """Low-passed to 10 Hz, single frequencies leave gaps, and stiffness above half the band looks like a mass."""
-    plan = random_plan(seed, duration=5.0)
-    tested = plan.campaign(0.05)
-    replicates = make_replicates(plan.law, tested.runs, campaign_states(tested, "broadband"))
-    assert plan.drive == "displacement" and {replicate.driven for replicate in replicates} == {"angle"}

@@ -4,7 +4,8 @@ from itertools import cycle
 
 import numpy as np
 
-from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
+from sindyjoint import JointModel
+from sindyjoint.equation.model import Fitted, ModelTerm
 from sindyjoint.record import Joint
 from sindyjoint.reporting.data import GroupFit, Loop, PathStep, ReportData, model_sheets
 from sindyjoint.reporting.provenance import Provenance

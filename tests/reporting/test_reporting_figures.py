@@ -13,9 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sindyjoint.errors import UnknownNameError
+from sindyjoint.reporting import draw, drawable
 from sindyjoint.reporting.figures.discovery import KINDS as DISCOVERY
 from sindyjoint.reporting.figures.kind import Kind
-from sindyjoint.reporting.registry import draw, drawable
 from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, style
 
 CASES = {

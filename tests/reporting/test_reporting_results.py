@@ -9,22 +9,21 @@ import pytest
 from handmade import HOSTILE, ORIGIN, model, page_html
 from handmade_results import comparison, diagnosis, structure, verification
 from test_reporting_figures import laid_out
-from test_reporting_output import app as plotting
 from test_reporting_page import read
-from typer.testing import CliRunner
 
 from sindyjoint.checksums import changed_files
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.record import Campaign, Run
+from sindyjoint.reporting import draw, drawable, load_results, write_results
 from sindyjoint.reporting.figures.verification import KEPT_SAMPLES, thinned
-from sindyjoint.reporting.output import write_results
 from sindyjoint.reporting.places import PAGE, place_of
 from sindyjoint.reporting.provenance import provenance
-from sindyjoint.reporting.registry import draw, draw_all, drawable, kinds_of, view_of
-from sindyjoint.reporting.saved import load_results, saved_text
+from sindyjoint.reporting.registry import draw_all, kinds_of, view_of
+from sindyjoint.reporting.saved import saved_text
 from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.source import Source
+from tests.doors.asked import ask
 
 HOSTILES = {
     "verification": lambda: verification(HOSTILE, (HOSTILE, "two"), subject=HOSTILE),
@@ -192,13 +191,13 @@ def test_results_of_several_kinds_in_one_folder(tmp_path):
     assert (folder / "figures" / "energy.svg").is_file()
     verification(failed=True).report(folder)
     assert not (folder / "figures" / "energy.svg").exists() and (folder / "notes.md").is_file()
-    listed = CliRunner().invoke(plotting, [str(folder)]).stdout
+    listed = ask("plot", str(folder)).stdout
     assert "verification/response " in listed and "diagnosis/budget " in listed
     for kind in ("rivals", "diagnosis/gap"):
-        drawn = CliRunner().invoke(plotting, [str(folder), kind, "-o", str(tmp_path / "a.svg")])
-        assert drawn.exit_code == 0, drawn.exception
-    wrong = CliRunner().invoke(plotting, [str(folder), "batch/joints"]).exception
-    assert "holds no results of a 'batch'; expected one of: verification, diagnosis" in str(wrong)
+        drawn = ask("plot", str(folder), kind, "-o", str(tmp_path / "a.svg"))
+        assert drawn.status == 0, drawn.stderr
+    wrong = ask("plot", str(folder), "batch/joints").stderr
+    assert "holds no results of a 'batch'; expected one of: verification, diagnosis" in wrong
     with pytest.raises(OutputError, match="choose another folder for a batch"):
         place_of("batch", folder)
     (folder / PAGE).write_text("mine")

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from sindyjoint import JointModel
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
+from sindyjoint.equation.model import Fitted, ModelTerm
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.record import Joint

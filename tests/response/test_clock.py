@@ -3,18 +3,16 @@
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint import simulate
 from sindyjoint.response.element_law import Instant, Part, sum_law
 from sindyjoint.response.run import along_motion
 from sindyjoint.states import force_states
+from tests.conftest import effects_named
 
 
 @pytest.fixture(scope="module")
 def states():
-    campaign = virtual_campaign(
-        drive="displacement", frequencies=[3.0], levels=[0.8], duration=3.0, random_state=1
-    )
+    campaign = simulate(drive="displacement", frequencies=[3.0], levels=[0.8], duration=3.0, random_state=1)
     return force_states(campaign.runs[0], "broadband")
 
 
@@ -26,7 +24,7 @@ def test_time_runs_from_the_first_sample_along_which_internal_states_are_brought
 
 
 def test_a_stiffness_that_drifts_is_simulated_at_the_time_of_the_record(states):
-    (drift,) = [e for e in load_effects() if e.id == "stiffness_drift"]
+    (drift,) = effects_named("stiffness_drift")
     law = sum_law([Part(drift.variants[0], np.empty(0), np.array([250.0]))], instant=Instant.of(states))
     moment, _ = along_motion(law, states, states.sample_rate)
     exact = 250.0 * states.time * states.angle

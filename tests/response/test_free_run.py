@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
+from sindyjoint.mechanics import FunctionLaw, PaperLaw
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import FunctionLaw, PaperLaw, SumLaw
+from sindyjoint.mechanics.laws import SumLaw
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.numeric import rms
 from sindyjoint.record import Run

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import simulate as virtual_campaign
+from sindyjoint import verify
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.mechanics import INTER_PANEL, PaperLaw
 from sindyjoint.mechanics.excitation import sweep
-from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.refine import refine, undetermined_directions
 from sindyjoint.states import campaign_states
-from sindyjoint.workflows.verify import verify
 from tests.made_models import FORMULAS, model_of, paper_model, term
 
 TRUTH = np.array(INTER_PANEL.parameters)

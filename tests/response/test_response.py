@@ -6,10 +6,10 @@ from time import process_time
 import numpy as np
 import pytest
 
+from sindyjoint import simulate as virtual_campaign
+from sindyjoint.mechanics import INTER_PANEL, FunctionLaw
 from sindyjoint.mechanics.excitation import harmonic, sweep
-from sindyjoint.mechanics.laws import INTER_PANEL, FunctionLaw
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.run import measured_drive, simulate_run

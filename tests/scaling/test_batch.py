@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from small_joints import write_joint
 
+from sindyjoint import simulate
 from sindyjoint.batch.tasks import find_tasks
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
 from sindyjoint.files import write_campaign
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.response.model_law import model_law
 from sindyjoint.workflows.batch import batch
 from tests.export.made import ELEMENTS, PAPER, model_of
@@ -34,7 +34,7 @@ def test_the_joint_that_differs_and_the_trend_are_found(done):
 
 
 def test_a_campaign_alone_gives_the_same_digits(done, joints):
-    from sindyjoint.workflows.discover import discover
+    from sindyjoint import discover
 
     out, _ = done
     single = discover(joints / "joint-2", "paper")
@@ -90,7 +90,7 @@ def test_the_command_reports_a_broken_campaign_and_goes_on(joints, tmp_path, sin
 def test_diagnoses_are_made_where_the_campaigns_are(tmp_path, sindyjoint, few_effects):
     few_effects("jenkins_element")
     joint = model_of(PAPER, elements=[ELEMENTS["jenkins_element"]])
-    virtual = virtual_campaign(
+    virtual = simulate(
         model_law(joint), drive="displacement", frequencies=[4.0, 6.0], levels=[0.4, 0.8], duration=2.0,
         sample_rate=500.0, noise=0.002, angle_limit=8e-4,
     )  # fmt: skip

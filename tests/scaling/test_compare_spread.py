@@ -4,8 +4,7 @@ import json
 
 import pytest
 
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.workflows.compare import compare
+from sindyjoint import compare, simulate
 
 
 def digits(result):
@@ -22,7 +21,7 @@ def digits(result):
 @pytest.mark.slow
 def test_where_methods_and_replicates_are_worked_on_changes_no_digit():
     pytest.importorskip("distributed", reason="dask[distributed] is not installed")
-    campaign = virtual_campaign(random_state=0, duration=2.0)
+    campaign = simulate(random_state=0, duration=2.0)
     campaign = campaign.with_runs(campaign.runs[::3])
     wanted = {"methods": ["stlsq", "ensemble"], "libraries": ["paper"], "replicates": 100, "correct": False}
     one, two, dask = (compare(campaign, **wanted, **way) for way in ({}, {"jobs": 2}, {"workers": 2}))

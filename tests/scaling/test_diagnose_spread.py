@@ -4,13 +4,13 @@ import json
 
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import designs
-from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
 from sindyjoint.parallel import side_by_side, spread
-from sindyjoint.workflows.diagnose import diagnose
+from tests.conftest import effects_named
 from tests.diagnosis.hidden_effects import hide
 from tests.light_tasks import where
 
@@ -25,7 +25,7 @@ def test_where_the_candidates_are_tried_changes_no_digit(monkeypatch):
     monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::40])
     campaign = hide("dahl_friction", 0).campaign
     campaign = campaign.with_runs(campaign.runs[::6])
-    effects = [effect for effect in load_effects() if effect.id in EFFECTS]
+    effects = effects_named(*EFFECTS)
     results = [
         json.dumps(diagnose(campaign, effects=effects, max_effects=1, **way).to_dict())
         for way in ({}, {"jobs": 2}, {"workers": 2})

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sindyjoint import discover
 from sindyjoint.discovery.large.segments import Task, work
 from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
@@ -13,7 +14,6 @@ from sindyjoint.files.campaign import load_segment
 from sindyjoint.parallel import executor
 from sindyjoint.states import force_states
 from sindyjoint.workflows import discover as workflow
-from sindyjoint.workflows.discover import discover
 
 RATE, SAMPLES = 500.0, 40_000
 MANIFEST = """

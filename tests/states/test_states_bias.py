@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from sindyjoint.mechanics.laws import INTER_PANEL as LAW
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint import discover, simulate
+from sindyjoint.mechanics import INTER_PANEL as LAW
 from sindyjoint.states import campaign_states, force_states
-from sindyjoint.workflows.discover import discover
 
 TRUTH = np.array([LAW.k1, LAW.k2, LAW.k3, LAW.c1, LAW.M_F])
 K1, K2, K3, C1, M_F = range(5)
@@ -83,7 +82,7 @@ def errors():
     for noise in (0.01, 0.05):
         seeds = []
         for seed in range(4):
-            runs = [treatments(run) for run in virtual_campaign(noise=noise, random_state=seed).runs]
+            runs = [treatments(run) for run in simulate(noise=noise, random_state=seed).runs]
             seeds.append({name: error([run[name] for run in runs]) for name in runs[0]})
         found[noise] = {name: np.sqrt(np.mean([s[name] ** 2 for s in seeds], axis=0)) for name in seeds[0]}
     return found
@@ -128,7 +127,7 @@ def test_sticking_kept_ruins_everything(errors, noise):
 def test_skew_is_found_in_a_sticking_joint(joint, lag):
     found = []
     for seed in range(3):
-        campaign = virtual_campaign(joint, noise=0.01, skew=lag, duration=5.0, random_state=seed)
+        campaign = simulate(joint, noise=0.01, skew=lag, duration=5.0, random_state=seed)
         found.append(discover(campaign, "paper", correct=False).skew)
     # Seeds 0 to 3 at 1 kHz: 0.004 ± 0.008 ms (inter-panel), −0.021 ± 0.014 ms (panel root); a twentieth of a sample.
     times = np.array([delay.time for delay in found])
@@ -139,12 +138,12 @@ def test_skew_is_found_in_a_sticking_joint(joint, lag):
 def test_a_heavy_joint_has_no_skew_of_its_own():
     # Without the slope of the inertia's moment among what a lag changes, 1.5 kg·m² shows 1.4 ms at 1 % noise. What is
     # left, 0.11 ms, is the truncated acceleration at the end of a slip.
-    campaign = virtual_campaign(replace(LAW, inertia=1.5), noise=0.01, random_state=0)
+    campaign = simulate(replace(LAW, inertia=1.5), noise=0.01, random_state=0)
     assert abs(discover(campaign, "paper", correct=False).skew.time) < 2e-4
 
 
 def test_skew_is_aligned_on_request():
-    campaign = virtual_campaign(noise=0.01, skew=1e-3, random_state=0)
+    campaign = simulate(noise=0.01, skew=1e-3, random_state=0)
     asis, aligned = discover(campaign, "paper"), discover(campaign, "paper", align=True)
     # One millisecond of lag costs τ·k1 = 6 of the 48 N·m·s/rad (an eighth); alignment leaves the error of the delay.
     assert asis.model["linear_damping"].coefficient / LAW.c1 - 1 < -0.08
@@ -155,7 +154,7 @@ def test_skew_is_aligned_on_request():
 
 def test_a_wider_mask_changes_little():
     # 20 % of the peak rate instead of 5 %: what counts is that sticking is out, not where exactly the line is drawn.
-    campaign = virtual_campaign(noise=0.01, random_state=1)
+    campaign = simulate(noise=0.01, random_state=1)
     parts = []
     for state in campaign_states(campaign, rate_share=0.2):
         parts.append(

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import simulate
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.states import campaign_states, force_states, regression_rows
-from sindyjoint.states.build import estimate_frequency, repeats
-from sindyjoint.states.periodic import periodic_states, repeat_noise
 
 RATE = 1000.0
 
@@ -71,8 +69,8 @@ def test_noise_of_the_derivatives_is_what_many_records_scatter():
 
 
 def test_noise_floor_of_a_virtual_test_with_sticking():
-    campaign = virtual_campaign(noise=0.01, random_state=3, frequencies=[4], levels=[0.9, 0.5])
-    clean = virtual_campaign(noise=0.0, frequencies=[4], levels=[0.9, 0.5])
+    campaign = simulate(noise=0.01, random_state=3, frequencies=[4], levels=[0.9, 0.5])
+    clean = simulate(noise=0.0, frequencies=[4], levels=[0.9, 0.5])
     for run, truth in zip(campaign.runs, clean.runs, strict=True):
         states = force_states(run)
         assert states.noise.moment == pytest.approx(0.01 * np.sqrt(np.mean(truth.moment**2)), rel=0.05)
@@ -80,8 +78,8 @@ def test_noise_floor_of_a_virtual_test_with_sticking():
 
 
 def test_sticking_is_left_out_and_slipping_kept():
-    clean = virtual_campaign(noise=0.0, frequencies=[4], levels=[0.9], settling=2.0).runs[0]
-    noisy = virtual_campaign(noise=0.01, random_state=0, frequencies=[4], levels=[0.9], settling=2.0).runs[0]
+    clean = simulate(noise=0.0, frequencies=[4], levels=[0.9], settling=2.0).runs[0]
+    noisy = simulate(noise=0.01, random_state=0, frequencies=[4], levels=[0.9], settling=2.0).runs[0]
     states = force_states(noisy)
     first = round(states.time[0] * RATE)
     # Truth from the noise-free simulation: while it sticks, the angle does not change at all.
@@ -93,7 +91,7 @@ def test_sticking_is_left_out_and_slipping_kept():
 
 def test_transient_is_left_out():
     states = force_states(
-        virtual_campaign(noise=0.001, random_state=0, frequencies=[3], levels=[0.6], drive="rig").runs[0]
+        simulate(noise=0.001, random_state=0, frequencies=[3], levels=[0.6], drive="rig").runs[0]
     )
     # The rig starts from standstill, under a moment that grows over a second, near a resonance.
     assert 1.0 <= states.dropped <= 5.0
@@ -105,35 +103,6 @@ def test_transient_is_left_out():
 def test_declared_frequency_is_refined():
     run = replace(harmonic_run(4.02)[0], frequency=4.0)
     assert force_states(run).frequency == pytest.approx(4.02, abs=1e-5)
-
-
-def test_undeclared_frequency_is_estimated():
-    run = replace(harmonic_run(3.7, noise=0.01)[0], frequency=None)
-    assert estimate_frequency(run) == pytest.approx(3.7, abs=0.01)
-    states = force_states(run)
-    assert states.method == "periodic" and states.frequency == pytest.approx(3.7, abs=1e-3)
-
-
-def decay(seconds=20.0):
-    """Free decay of a quarter in ten periods."""
-    t = np.arange(round(seconds * RATE)) / RATE
-    angle = 1e-3 * np.exp(-0.1 * t) * np.sin(2 * np.pi * 4 * t)
-    return Run("decay", 5000 * angle, angle, RATE)
-
-
-def test_what_does_not_repeat_is_broadband():
-    t = np.arange(20_000) / RATE
-    sweep = 1e-3 * np.sin(2 * np.pi * (t + 0.1 * t**2))
-    noise = np.random.default_rng(0).normal(size=t.size)
-    for run in (
-        decay(),
-        Run("sweep", 5e3 * sweep, sweep, RATE),
-        Run("noise", noise, noise[::-1].copy(), RATE),
-    ):
-        assert not repeats(run)
-    assert force_states(decay()).method == "broadband"
-    # A declared frequency does not make a record of two periods and a half periodic.
-    assert not repeats(harmonic_run(seconds=0.8)[0])
 
 
 def test_methods_can_be_chosen():
@@ -176,13 +145,6 @@ def test_replicates_carry_the_noise_of_the_angle():
     assert np.std(blocks) / np.std(pooled) == pytest.approx(np.sqrt(8), rel=0.25)
 
 
-def test_repeat_noise_ignores_steps_that_fall_between_samples():
-    run, _, rate = harmonic_run(3.7)
-    moving = np.abs(rate) > 0.05 * rate.max()
-    assert repeat_noise(run.moment, RATE, 3.7, moving) < 1e-3 * run.moment.std()
-    assert repeat_noise(run.moment, RATE, 3.7, np.zeros(run.n_samples, bool)) == 0.0
-
-
 REFUSED = [
     ({"method": "wavelet"}, "method is 'wavelet'; expected 'auto', 'periodic' or 'broadband'"),
     ({"bandwidth": -3.0}, "bandwidth is -3.0 Hz; expected a positive number"),
@@ -205,16 +167,6 @@ def test_no_moving_samples(seed):
         InputError, match=r"run 'idle': (no|\d) moving samples: the velocity hardly rises above its"
     ):
         force_states(idle)
-
-
-def test_periodic_needs_three_periods_and_a_frequency():
-    run = harmonic_run(seconds=0.6)[0]
-    with pytest.raises(
-        InputError, match=r"run 'run': 2 steady period\(s\) of 4 Hz; the periodic method needs 3"
-    ):
-        periodic_states(run)
-    with pytest.raises(InputError, match="run 'run': no frequency; the periodic method needs one"):
-        periodic_states(replace(run, frequency=None))
 
 
 def test_validation_runs_are_never_used():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sindyjoint import simulate
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.states.surface import fit_surface, force_state_map, map_of_states
 
@@ -83,7 +83,7 @@ def test_the_papers_fit_comes_nearer_to_the_law_as_cells_shrink(scattered):
 
 
 def test_mean_states_fit_better_than_middles_of_cells():
-    campaign = virtual_campaign("inter-panel", frequencies=[3], noise=0, duration=3, random_state=0)
+    campaign = simulate("inter-panel", frequencies=[3], noise=0, duration=3, random_state=0)
     states = campaign_states(campaign)
     surface = map_of_states(states, campaign.joint.inertia)
     assert surface.count.sum() == sum(np.count_nonzero(s.moving) for s in states)
@@ -94,7 +94,7 @@ def test_mean_states_fit_better_than_middles_of_cells():
 
 def test_sticking_samples_blur_the_friction_step():
     # Averaged in, as the paper does, they lie anywhere between the two levels: the fitted friction is too small.
-    campaign = virtual_campaign("inter-panel", frequencies=[3], noise=0, duration=3, random_state=0)
+    campaign = simulate("inter-panel", frequencies=[3], noise=0, duration=3, random_state=0)
     states, inertia = campaign_states(campaign), campaign.joint.inertia
     with_stuck = map_of_states(states, inertia, moving=False)
     assert with_stuck.count.sum() == sum(s.n_samples for s in states)

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 import sindyjoint
+from sindyjoint import compare, diagnose, simulate, verify
 from sindyjoint.errors import InputError, UnknownNameError, UnsoundError
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.check import check_campaign
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.source import LongRecord
 from sindyjoint.workflows.batch import batch
-from sindyjoint.workflows.compare import compare
-from sindyjoint.workflows.diagnose import diagnose
-from sindyjoint.workflows.verify import verify
 
 STOP = Finding("reversed_sign", None, "moment", "stops", "in all runs", "k1 negative", "turn the sign")
 BIAS = Finding("drift", "3Hz-0.9", "angle", "biases", "5 % over the run", "shifts k2", "remove it")
@@ -26,7 +23,7 @@ NOTE = Finding("coverage", None, None, "note", "one level", "hides k3", "add lev
 @pytest.fixture(scope="module")
 def campaign():
     """Four runs of the virtual test."""
-    return virtual_campaign(frequencies=[3, 4.5], levels=[0.9, 0.5], duration=4, noise=0.01, random_state=3)
+    return simulate(frequencies=[3, 4.5], levels=[0.9, 0.5], duration=4, noise=0.01, random_state=3)
 
 
 @pytest.fixture

@@ -4,15 +4,14 @@ import numpy as np
 import pysindy
 import pytest
 
-from sindyjoint import discover
+from sindyjoint import discover, simulate
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.virtual import virtual_campaign
 
 
 @pytest.fixture(scope="module")
 def found():
     return discover(
-        virtual_campaign(
+        simulate(
             "inter-panel", frequencies=[3, 4, 5], levels=[0.9, 0.5], duration=4.0, noise=0.01, random_state=0
         )
     )

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sindyjoint.equation.catalogue import default_candidates
+from sindyjoint import discover
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.workflows.discover import discover
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 RATE = 200.0
@@ -28,12 +27,6 @@ def pendulum(largest, elastic=0.0):
                 Run(f"{frequency:g}-{level:g}", *noisy, RATE, frequency=frequency, level=f"{level:g}")
             )
     return Campaign(Joint(inertia=0.0), tuple(runs))
-
-
-def test_it_is_a_candidate_of_large_rotations_only():
-    assert "gravity_moment" in default_candidates(0.5, "rotation").ids
-    assert "gravity_moment" not in default_candidates(0.2, "rotation").ids
-    assert "gravity_moment" not in default_candidates(0.5, "translation").ids
 
 
 def test_a_pendulum_is_one_term_and_no_series_of_powers():

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from sindyjoint.workflows.diagnose import diagnose
-from sindyjoint.workflows.verify import verify
+from sindyjoint import diagnose, verify
 from tests.diagnosis.hidden_effects import hide
 
 

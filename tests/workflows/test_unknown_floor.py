@@ -6,15 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from sindyjoint.diagnosis.campaign.gap import gap_rows, noise_floor
-from sindyjoint.diagnosis.campaign.pictures import run_gaps
-from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.policy import CAMPAIGN
-from sindyjoint.equation.model import JointModel
+from sindyjoint import JointModel, discover
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.source import SensorNoise
-from sindyjoint.workflows.discover import discover
 
 RATE, N = 500.0, 8000
 
@@ -62,28 +56,3 @@ def test_declared_noise_makes_the_floor_known():
     declared = SensorNoise(moment=0.02 * size, angle=1e-7)
     found = discover(campaign(run("a", 0.01, 1, True, noise=declared)), "paper", correct=False)
     assert found.model.fitted.noise_floor == pytest.approx(0.02 * size, rel=0.01)
-
-
-def test_floor_and_pictures_are_those_of_the_runs_kept_out():
-    runs = [run("a", 0.01, 1), run("b", 0.01, 2), run("kept", 0.06, 3, use="validate")]
-    problem = CampaignProblem.build(campaign(*runs), None, "paper", load_effects(), CAMPAIGN)
-    assert problem.noise_floor.moment == pytest.approx(0.06, rel=0.15)
-    assert problem.gap.moment == pytest.approx(0.06, rel=0.25)
-    assert [s.run for s in problem.work.kept_states] == ["kept"]
-    shown = run_gaps(gap_rows(problem.work, problem.work.model), problem.work.model)
-    assert [each.run for each in shown] == ["kept"]
-    # Drawn over the displacement as it was measured, from whatever zero the rows count it.
-    (moved,) = run_gaps(gap_rows(problem.work, problem.work.model), problem.work.model, zero=0.01)
-    assert moved.angle == pytest.approx(shown[0].angle + 0.01, rel=1e-12)
-    assert shown[0].noise == pytest.approx(0.06 * float(np.std(runs[2].moment)), rel=0.15)
-    everything = CampaignProblem.build(campaign(*runs[:2]), None, "paper", load_effects(), CAMPAIGN)
-    assert everything.noise_floor.moment == pytest.approx(0.01, rel=0.15)
-
-
-def test_the_gap_has_no_floor_where_none_could_be_measured():
-    problem = CampaignProblem.build(
-        campaign(run("a", 0.01, 1, True), run("b", 0.01, 2, True)), None, "paper", load_effects(), CAMPAIGN
-    )
-    floor = noise_floor(problem.work)
-    assert np.isnan(floor.moment) and np.isnan(floor.response)
-    assert np.isfinite(problem.gap.moment)

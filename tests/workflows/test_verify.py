@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import simulate, verify
 from sindyjoint.errors import InputError, MissingInputError, UnitError
 from sindyjoint.files import write_campaign
-from sindyjoint.mechanics.laws import INTER_PANEL
+from sindyjoint.mechanics import INTER_PANEL, load_rig
 from sindyjoint.mechanics.pulse_test import presliding_law, virtual_pulse_test
-from sindyjoint.mechanics.rigs import RIG_FOLDER, load_rig
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.workflows.verify import verify
+from tests.conftest import RIGS
 from tests.made_models import model_of, paper_model, term
 
 KEYS = [
@@ -31,7 +30,7 @@ KEYS = [
 
 @pytest.fixture(scope="module")
 def campaign():
-    return virtual_campaign(frequencies=[3, 5], levels=[0.85, 0.5], duration=5.0, random_state=2)
+    return simulate(frequencies=[3, 5], levels=[0.85, 0.5], duration=5.0, random_state=2)
 
 
 # ---- the pulse rig
@@ -120,7 +119,7 @@ def measured_rig(folder, law="model", unit="mm", factor=1e3, **options):
         header="t,w",
         comments="",
     )
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text().replace('law = "inter-panel"', f'law = "{law}"')
+    text = (RIGS / "pulse-rig.toml").read_text().replace('law = "inter-panel"', f'law = "{law}"')
     text += '\n[measured]\nfile = "tip.csv"\npoint = "tip"\ntime = { column = "t", unit = "s" }\n'
     text += f'displacement = {{ column = "w", unit = "{unit}" }}\n'
     path = folder / "rig.toml"
@@ -150,7 +149,7 @@ def test_a_measured_response_in_another_unit_is_refused(tmp_path):
 
 def test_a_rig_for_a_model_needs_a_truth(tmp_path):
     path = tmp_path / "rig.toml"
-    path.write_text((RIG_FOLDER / "pulse-rig.toml").read_text().replace('"inter-panel"', '"model"'))
+    path.write_text((RIGS / "pulse-rig.toml").read_text().replace('"inter-panel"', '"model"'))
     with pytest.raises(InputError, match="a virtual test needs the true law; add a \\[measured\\] table"):
         verify(paper_model(), path)
 

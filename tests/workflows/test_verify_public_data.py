@@ -4,10 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from sindyjoint import discover, load_campaign
+from sindyjoint import diagnose, discover, load_campaign, verify
 from sindyjoint.response.refine import refine
-from sindyjoint.workflows.diagnose import diagnose
-from sindyjoint.workflows.verify import verify
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 
