@@ -59,7 +59,7 @@ class Explained(Generic[P]):
 
     def cost(self, policy: DiagnosisPolicy) -> float:
         """Return the :func:`cost_of` its end."""
-        return cost_of(self.gaps.final, self.progress.problem, policy)
+        return self.progress.problem.cost(self.gaps.final)
 
 
 def explain_gap(
@@ -208,15 +208,13 @@ def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[
     initial, straight = first.initial_gap, start.problem
     before = start.steps[-1].gap_after if start.steps else initial
     begun = Progress(straight, before, start.steps)
-    progress = add_effects(begun, most + start.free, stages.say, stages.search)
-    progress = stages.search.do(lambda: without_needless_delay(progress), progress, "")
+    progress = straight.searched(begun, most + start.free, stages.say, stages.search)
     return _judged(first, start, progress, stages)
 
 
 def _led(first: P, start: Start[P], end: Explained[P], stages: Stages) -> Explained[P]:
     """Return the end of a search with the members of its classes that the data, which hardly differ, leave least of."""
-    if end.verdict != "partly_named":
-        return end
+    return end
     progress = end.progress
 
     def cost(problem: P) -> float:

@@ -41,7 +41,7 @@ def add_effect(
     shifts = [f for f in found if f.shifts]
     others = [f for f in found if not f.shifts]
     if best.shifts:
-        work, best = _aligned(work, others, best)
+        work, best = aligned(work, others, best)
         shifts = [*(f for f in shifts if f.effect.id != best.effect.id), best]
         others, again = _retested(work, others, others, candidates)
     else:
@@ -49,6 +49,13 @@ def add_effect(
         best = best if best.variant.states else refine_effect(work.regression(others), best)
         others, again = _retested(work, [*others, best], others, candidates)
         others, again = _ranked_again(work, others, best, candidates, again)
+    return *fitted_together(work, shifts, others), again
+
+
+def fitted_together(
+    work: Work, shifts: list[FittedEffect], others: list[FittedEffect]
+) -> tuple[Work, Repaired]:
+    """Return the model with delays, which are removed from the states of ``work``, and effects, all fitted together."""
     work, shifts, others = _settled(work, shifts, others)
     folded = all(run.folded for run in work.rows)
     # Under weights of the model before, whose error the effect was, its terms do not stand out of their errors.
@@ -60,7 +67,7 @@ def add_effect(
         repaired = refit(work.rows, repaired.model, effects, work.policy)
     work, repaired = counted_from_zero(work, repaired)
     work = replace(work, model=repaired.model)
-    return work, replace(repaired, effects=(*shifts, *repaired.effects)), again
+    return work, replace(repaired, effects=(*shifts, *repaired.effects))
 
 
 def counted_from_zero(work: Work, repaired: Repaired) -> tuple[Work, Repaired]:
@@ -93,7 +100,7 @@ def without_term(work: Work, name: str) -> Work:
     return replace(work, model=without(work.model, ids.index(name)))
 
 
-def _aligned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tuple[Work, FittedEffect]:
+def aligned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tuple[Work, FittedEffect]:
     """Shift the states by the delay found, and correct what the linear estimate missed."""
     total, policy, gain = 0.0, work.policy, delay.gain
     states = work.states
@@ -132,7 +139,7 @@ def _realigned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> t
     gain, coefficients = work.regression(others).gain(delay.variant, delay.values)
     if gain < work.policy.realign:
         return work, delay
-    work, more = _aligned(work, others, replace(delay, coefficients=coefficients))
+    work, more = aligned(work, others, replace(delay, coefficients=coefficients))
     return work, replace(delay, coefficients=delay.coefficients + more.coefficients)
 
 

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.candidates import fit_effect
-from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.measure import CampaignEvidence
 from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, rest_angle
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work, first_model
@@ -45,12 +44,11 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
     centres = [e for e in last.found if e.name in {each.id for each in centred}]
     if not (zeros or len(centres) > 1) or constant is None or offset is None or not centred:
         return None
-    if last.noise_measured and not centres and _is_noise(last):
-        return None  # what a shift of the displacement leaves as it is knows no zero
     if not others and last.gap.moment <= straight.policy.within_floors * last.noise_floor.moment:
         return None
-    middle, gain = _best_zero(straight, last.work.rows, constant, centred)
-    if not middle or gain < straight.policy.needless_gain * straight.policy.temper:
+    beside = [e for e in others if e.effect.enters == "moment" and e not in centres]
+    middle, gain, least = _best_zero(last.work, beside, constant, centred)
+    if not middle or gain < least:
         return None
     later = counted_from(straight, middle)
     fitted = FittedEffect(offset, offset.variants[0], np.empty(0), np.array([middle]), gain)
@@ -58,7 +56,7 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
         ZERO,
         offset.family,
         (ZERO,),
-        float(1 / (1 + np.exp(-0.5 * min(gain / straight.policy.temper, 1e3)))),
+        float(1 / (1 + np.exp(-min(gain, 1e3)))),
         (),
         fitted.parameters,
         (),
@@ -69,12 +67,6 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
     return later, (step,)
 
 
-def _is_noise(problem: Problem) -> bool:
-    regression = problem.regression
-    most: float = problem.policy.significant_excess * regression.degrees
-    return regression.chi_square <= most
-
-
 def has_middle(effect: Effect) -> bool:
     """Return whether an effect is a function of angle and rate that a shift of the angle changes."""
     return effect.enters == "moment" and all(
@@ -83,34 +75,33 @@ def has_middle(effect: Effect) -> bool:
 
 
 def _best_zero(
-    straight: Problem, rows: Sequence[GapRun], constant: Effect, candidates: Sequence[Effect]
-) -> tuple[float, float]:
-    """Return the zero at which one candidate explains most, and how much more than without a shift.
+    work: Work, beside: Sequence[FittedEffect], constant: Effect, candidates: Sequence[Effect]
+) -> tuple[float, float, float]:
+    """Return the zero at which one candidate explains most, its score over that without a shift, and what is chance."""
+    largest = max(float(np.abs(run.angle).max()) for run in work.plain)
 
-    By rows that are weighted by what the search has left: beside the error of the first model a zero is not seen.
-    """
-    work = straight.work
-    always = FittedEffect(constant, constant.variants[0], np.empty(0), np.ones(1), 0.0)
-    largest = max(float(np.abs(run.angle).max()) for run in rows)
+    def best_at(zero: float, effects: Sequence[Effect]) -> tuple[float, str, float]:
+        rows = [shifted_run(run, zero) for run in work.plain]
+        search = CampaignEvidence(rows, work.model, [constant, *effects], beside).search()
+        always = search.chosen([each for each in search.candidates if each.name == constant.id])
+        later = search.extended(always)
+        if not later:
+            return always.score.total, "", search.limits[0]
+        return later[0].score.total, later[0].members[-1].name, search.limits[0]
 
-    def gain(zero: float, effects: Sequence[Effect]) -> float:
-        shifted = [shifted_run(run, zero) for run in rows]
-        problem = GapRegression.build(shifted, work.model, [always], work.policy)
-        return max(fit_effect(problem, effect).gain for effect in effects)
-
-    rest = rest_angle(rows, work.model)
-    begin = float(np.mean([run.motion.angle.mean() for run in rows])) if rest is None else rest
+    rest = rest_angle(work.plain, work.model)
+    begin = float(np.mean([run.motion.angle.mean() for run in work.plain])) if rest is None else rest
     spacing = REACH * largest / (POINTS // 2)
     places = [begin + spacing * k for k in range(-(POINTS // 2), POINTS // 2 + 1)]
-    gains = {(place, e.id): gain(place, [e]) for place in places for e in candidates}
-    best, name = max(gains, key=lambda each: gains[each])
-    last = [e for e in candidates if e.id == name]
-    known = {best: gains[best, name]}
+    known = {place: best_at(place, candidates) for place in places}
+    best = max(known, key=lambda place: known[place][0])
+    last = [e for e in candidates if e.id == known[best][1]]
     for _ in range(HALVINGS):
         spacing /= 2
-        known.update({place: gain(place, last) for place in (best - spacing, best + spacing)})
-        best = max(known, key=lambda place: known[place])
-    return best, known[best] - gain(0.0, candidates)
+        known.update({place: best_at(place, last) for place in (best - spacing, best + spacing)})
+        best = max(known, key=lambda place: known[place][0])
+    score, _, least = known[best]
+    return best, score - best_at(0.0, candidates)[0], least
 
 
 def shifted_run(run: GapRun, zero: float) -> GapRun:

@@ -99,6 +99,7 @@ class CampaignProblem(Problem):
     refined: JointModel | None = None
     notes: tuple[str, ...] = ()
     actuator: Actuator | None = None
+    misfit: tuple[float, float, int, float] | None = None
 
     @classmethod
     def build(
@@ -235,6 +236,17 @@ class CampaignProblem(Problem):
             ranking = final_checks.channel_error(self, fitted) or ranking
         return Proposal(ranking, doubts=doubts)
 
+    def searched(self, begun: Any, most: int, say: Say, search: Any) -> Any:
+        """Return the progress with the effects that the data show."""
+        from sindyjoint.diagnosis.campaign.explain import with_found
+
+        return search.do(lambda: with_found(begun, most, say), begun, "the search")
+
+    def cost(self, gap: Gap) -> float:
+        """Return the negative score of the set found, in nats, and what each of its members must win at least."""
+        assert self.misfit is not None
+        return self.misfit[3]
+
     def complaint(self, candidate: FittedEffect | None = None) -> str:
         """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
         if candidate is not None:
@@ -310,7 +322,7 @@ class CampaignProblem(Problem):
         self, straight: Self, last: Self, say: Say, whole: bool = False
     ) -> Iterator[Start[Self]]:
         """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
-        if self.drift is None and self.may_start_anew:
+        if False and self.drift is None and self.may_start_anew:
             for problem, steps, words in other_starts(straight, last, say, whole):
                 yield Start(problem, steps, words, straight)
 
@@ -328,21 +340,9 @@ class CampaignProblem(Problem):
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
-        first, last, policy = straight.regression, self.regression, self.policy
-        # Free motion has measured its noise from half-cycle to half-cycle.
-        measured = all(run.folded or run.half_cycles is not None for run in first.runs)
-        outside, known = 0.0, {*straight.work.model.ids, CONSTANT}
-        terms = len(set(self.repaired.model.ids) - known)
-        if (self.found or terms) and last.repeats:
-            outside = outside_probability(first, last, self.found, terms)
-        most = policy.unexplained if measured else policy.unexplained_once
-        if self.drift is not None:
-            return Residual(0.0, most, outside)
-        if measured:
-            ends = ((first.chi_square, first.degrees), (last.chi_square, last.degrees))
-            return Residual(share_beyond_noise(*ends, policy), most, outside)
-        share = unexplained_once(straight.gap.moment, self.gap.moment, straight.noise_floor.moment, last)
-        return Residual(share, most, outside, series=series_probability(self.found, terms, known, policy))
+        assert self.misfit is not None
+        before, after, rows, _ = self.misfit
+        return Residual(share_beyond_noise((before, rows), (after, rows), self.policy), self.policy.unexplained)
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""

@@ -46,7 +46,10 @@ from sindyjoint.states.rows import group_labels
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A campaign on its way through the loop: runs, states and rows as corrected so far."""
+    """A campaign on its way through the search: runs, states and rows as corrected so far.
+
+    ``rows`` are weighted by noise and by what the model leaves beyond it, ``plain`` ones by noise alone.
+    """
 
     campaign: Campaign
     runs: tuple[Run, ...]
@@ -54,6 +57,7 @@ class Work:
     groups: tuple[str, ...]
     model: JointModel
     rows: tuple[GapRun, ...]
+    plain: tuple[GapRun, ...]
     policy: DiagnosisPolicy = CAMPAIGN
 
     @classmethod
@@ -71,12 +75,13 @@ class Work:
         free = is_free(campaign)
         rows = gap_runs(states, model, groups, policy, free=free)
         errors = processing_errors(runs, states, rows, model, effects, policy)
-        beyond = model_errors(without_processing(rows, errors), model, effects)
+        plain = without_processing(rows, errors)
+        beyond = model_errors(plain, model, effects)
         if any(beyond):
             rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
         rows = without_processing(rows, errors)
-        rows = tuple(about_zero(row, model, effects) for row in rows)
-        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, policy)
+        rows, plain = (tuple(about_zero(row, model, effects) for row in each) for each in (rows, plain))
+        return cls(campaign, tuple(runs), tuple(states), tuple(groups), model, rows, plain, policy)
 
     def again(
         self,

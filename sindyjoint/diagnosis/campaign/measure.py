@@ -1,0 +1,179 @@
+"""A campaign as evidence: its runs as whitened rows, the model's terms and every candidate effect as columns of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from sindyjoint.clock import spend
+from sindyjoint.diagnosis.campaign.admissible import yield_complaint
+from sindyjoint.diagnosis.campaign.repair import all_columns
+from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
+from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.motion import JoinedMotions
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.terms import Reference
+from sindyjoint.evidence.rows import Rotated
+from sindyjoint.evidence.score import Evidence
+from sindyjoint.evidence.search import Candidate, Chosen, Search
+from sindyjoint.numeric import Array, main_frequency
+
+# Points of a grid of nonlinear parameters, by their number.
+GRID = {1: (13,), 2: (7, 5), 3: (5, 3, 3)}
+# Groups of rows that are predicted from the others: runs, and segments of them where runs are fewer.
+GROUPS = 8
+# Trials of a refinement, per parameter.
+TRIALS = 30
+# Columns beyond this have no square.
+FARTHEST = 1e150
+
+
+@dataclass(eq=False)
+class CampaignEvidence:
+    """The rows of a campaign, and the columns along its motions.
+
+    Parameters
+    ----------
+    runs : sequence of GapRun
+    model : JointModel
+    effects : sequence of Effect
+        Candidates.
+    beside : sequence of FittedEffect
+        Whose columns are there in any case, as the model's terms are.
+    """
+
+    runs: Sequence[GapRun]
+    model: JointModel
+    effects: Sequence[Effect]
+    beside: Sequence[FittedEffect] = ()
+
+    def __post_init__(self) -> None:
+        runs = self.runs
+        size = float(np.sqrt(np.mean(np.concatenate([run.target for run in runs]) ** 2)))
+        segments = -(-GROUPS // len(runs))
+        self.rotated = [Rotated(run, *_along(run), size, segments) for run in runs]
+        self._ends = np.cumsum([run.target.size for run in runs])[:-1]
+        labels = np.concatenate([1000 * i + each.segment for i, each in enumerate(self.rotated)])
+        self.evidence = Evidence(
+            self.whitened(np.concatenate([run.target for run in runs])),
+            np.unique(labels, return_inverse=True)[1],
+            np.concatenate([each.spread for each in self.rotated]),
+        )
+        self.base = self.evidence.add(
+            self.whitened(np.vstack([all_columns(run, self.model, self.beside) for run in runs]))
+        )
+        self.reference: Reference = reference_scales(runs)
+        self.motions = JoinedMotions.of([run.motion for run in runs])
+        self.rough = JoinedMotions.of([run.motion.rough() for run in runs])
+        self.by_id = {effect.id: effect for effect in self.effects}
+
+    def whitened(self, rows: Array) -> Array:
+        """Return stacked rows of all runs, whitened and rotated."""
+        parts = np.split(rows, self._ends)
+        return np.concatenate([turn(part) for turn, part in zip(self.rotated, parts, strict=True)])
+
+    def column(self, variant: Variant, values: Array, rough: bool = False) -> Array | None:
+        """Return a variant's whitened columns, or None where its states cannot be followed."""
+        motions = self.rough if rough else self.motions
+        plain = variant.along(motions, values)
+        if not np.all(np.abs(plain) < FARTHEST):
+            return None
+        return self.whitened(plain)
+
+    def candidates(self) -> list[Candidate]:
+        """Return all effects on the grids of their nonlinear parameters."""
+        found = []
+        for effect in self.effects:
+            for form, variant in enumerate(effect.variants):
+                for values in self._grid(variant):
+                    if yield_complaint(FittedEffect(effect, variant, values, np.ones(1), 0.0), self.runs):
+                        continue
+                    columns = self.column(variant, values, rough=True)
+                    if columns is None or not self._independent(columns):
+                        continue
+                    place = self.evidence.add(columns)[0]
+                    found.append(Candidate(effect.id, form, values, place, variant.columns[0].positive, effect.enters != "moment"))
+        return found
+
+    def _independent(self, columns: Array) -> bool:
+        """Return whether columns are outside the span of the model's terms."""
+        if not hasattr(self, "_basis"):
+            base = self.evidence.columns[:, self.base]
+            left, singular, _ = np.linalg.svd(base, full_matrices=False)
+            self._basis = left[:, singular > 1e-9 * singular[0]]
+        norm = np.linalg.norm(columns)
+        outside = columns - self._basis @ (self._basis.T @ columns)
+        return bool(norm > 0 and np.linalg.norm(outside) > 1e-5 * norm)
+
+    def _grid(self, variant: Variant) -> Array:
+        bounds = variant.bounds(self.reference)
+        if not len(bounds):
+            return np.empty((1, 0))
+        axes = [
+            np.geomspace(low, high, count)
+            for (low, high), count in zip(bounds, GRID.get(len(bounds), (4,) * len(bounds)), strict=True)
+        ]
+        return np.array(np.meshgrid(*axes, indexing="ij")).reshape(len(bounds), -1).T
+
+    def refine(self, candidate: Candidate, beside: Sequence[int], size: float) -> Candidate:
+        """Return a candidate with the nonlinear parameters that explain most beside some columns."""
+        variant = self.by_id[candidate.name].variants[candidate.form]
+        bounds = np.log(variant.bounds(self.reference)).T
+        weight = np.sqrt(1 / (1 + size**2 * self.evidence.spread))
+        basis, _ = np.linalg.qr(self.evidence.columns[:, list(beside)] * weight[:, None])
+        target = self.evidence.target * weight
+        residual = target - basis @ (basis.T @ target)
+        slow = self.motions.angle.size > 60_000
+
+        def loss(point: Array) -> float:
+            columns = self.column(variant, np.exp(np.clip(point, *bounds)), rough=slow)
+            if columns is None:
+                return 0.0
+            column = columns[:, 0] * weight
+            column = column - basis @ (basis.T @ column)
+            return -float((column @ residual) ** 2 / max(float(column @ column), 1e-300))
+
+        start = np.clip(np.log(candidate.values), *bounds)
+        count = np.array(GRID.get(start.size, (4,) * start.size))
+        step = 0.5 * (bounds[1] - bounds[0]) / np.maximum(count - 1, 1)
+        simplex = np.vstack([start, start + np.diag(np.where(start + step < bounds[1], step, -step))])
+        options = dict(initial_simplex=simplex, xatol=3e-3, fatol=0.05, maxfev=TRIALS * start.size)
+        spend(float(TRIALS * start.size * self.motions.angle.size))
+        found = minimize(loss, start, method="Nelder-Mead", options=options)
+        values = np.exp(np.clip(found.x, *bounds))
+        columns = self.column(variant, values)
+        if columns is None:
+            return candidate
+        place = self.evidence.add(columns)[0]
+        return replace(candidate, values=values, place=place)
+
+    def search(self) -> Search:
+        """Return the search over sets of the candidates."""
+        return Search(self.evidence, self.base, self.candidates(), self.refine)
+
+    def fitted(self, found: Chosen) -> list[FittedEffect]:
+        """Return the members of a set as effects with their numbers."""
+        places = [*self.base, *(m.place for m in found.members)]
+        solved = self.evidence.fit(places, found.score.size)[len(self.base) :]
+        effects = []
+        for value, each in zip(solved, found.members, strict=True):
+            effect = self.by_id[each.name]
+            variant = effect.variants[each.form]
+            columns = self.column(variant, each.values)
+            assert columns is not None
+            coefficient = np.array([value / np.linalg.norm(columns)])
+            effects.append(FittedEffect(effect, variant, each.values, coefficient, 0.0))
+        return effects
+
+
+def _along(run: GapRun) -> tuple[Array, bool]:
+    """Return the place of each row along the motion, in periods, and whether the rows are one period."""
+    motion = run.motion
+    if run.folded:
+        return motion.keep / motion.angle.size, True
+    frequency = motion.frequency or main_frequency(motion.angle, 1 / motion.step)
+    return motion.time[motion.keep] * (frequency or 1.0), False

@@ -1,0 +1,227 @@
+"""A beam search over sets of candidates by their predictive score: add, drop, exchange.
+
+Of several sets the one with the higher held-out score is preferred. One with more in it must win by more than the best
+of all candidates wins where there is nothing but noise (measured on simulated noise), in the sum over the groups and in
+their deviates, so that no single group decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.evidence.score import Evidence, Score
+from sindyjoint.numeric import Array
+
+#: Chance that something is added where there is nothing but noise, all candidates tried.
+ALPHA = 0.001
+# Simulated noise of which that is the quantile, and where its exponential tail begins.
+SHAMS, TAIL = 60, 0.95
+# Standard deviations that a single group counts for at most.
+MOST_DEVIATE = 3.0
+# Share of the score within which columns err: where noise explains the rest, less is no further effect.
+LITTLE = 0.05
+BEAM, DEPTH = 5, 4
+# Of the candidates that lead a round so many have their numbers refined.
+REFINED = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One form of an effect with its nonlinear parameters.
+
+    Parameters
+    ----------
+    name : str
+    form : int
+        Which of the effect's forms.
+    values : ndarray
+        Nonlinear parameters.
+    place : int
+        Of its column.
+    positive : bool
+        Whether a negative coefficient would make no sense.
+    corrects : bool
+        Whether it corrects a channel, so that the states are made again.
+    """
+
+    name: str
+    form: int
+    values: Array
+    place: int
+    positive: bool
+    corrects: bool = False
+
+    @property
+    def numbers(self) -> int:
+        """Numbers that a fit of it chooses."""
+        return 1 + self.values.size
+
+
+Refine = Callable[[Candidate, Sequence[int], float], Candidate]
+
+
+def deviate(rises: Array) -> float:
+    """Return signed roots of twice each group's rise, clipped, as one normal deviate."""
+    roots = np.sign(rises) * np.sqrt(2 * np.abs(rises))
+    clipped = np.clip(roots, -MOST_DEVIATE, MOST_DEVIATE)
+    return float(clipped.sum() / np.sqrt(rises.size))
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """A set of candidates beside the terms of the model, and its score."""
+
+    members: tuple[Candidate, ...]
+    score: Score
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Of its members."""
+        return frozenset(each.name for each in self.members)
+
+
+@dataclass(eq=False)
+class Search:
+    """A search for what a model lacks.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    base : sequence of int
+        Places of the columns that are there in any case.
+    candidates : list of Candidate
+    refine : callable
+        Returns a candidate with its numbers refined beside some columns.
+    """
+
+    evidence: Evidence
+    base: Sequence[int]
+    candidates: list[Candidate]
+    refine: Refine
+    _limits: tuple[float, float] | None = field(init=False, default=None)
+    _extended: dict[Any, list[Chosen]] = field(init=False, default_factory=dict)
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Rise in nats, and deviate, that the best candidate exceeds by chance with a probability of ALPHA."""
+        if self._limits is None:
+            places = [each.place for each in self.candidates]
+            rises = self.evidence.chance_rises(self.base, places, SHAMS, 0)
+            total = np.quantile(rises.sum(axis=1), TAIL) + np.log((1 - TAIL) / ALPHA)
+            self._limits = (
+                max(float(total), float(np.log((1 - TAIL) / ALPHA))),
+                float(np.quantile([deviate(each) for each in rises], TAIL)),
+            )
+        return self._limits
+
+    def wins(self, later: Chosen, fewer: Chosen) -> bool:
+        """Return whether a set wins over one with less in it by more than chance, for each member that it has more."""
+        least, need = self.limits
+        rises = later.score.by_group - fewer.score.by_group
+        more = max(len(later.members) - len(fewer.members), 1)
+        return bool(rises.sum() > more * least and deviate(rises) > need)
+
+    def chosen(self, members: Sequence[Candidate]) -> Chosen:
+        """Return a set with its score."""
+        places = [*self.base, *(each.place for each in members)]
+        return Chosen(tuple(members), self.evidence.score(places))
+
+    def admissible(self, members: Sequence[Candidate], score: Score) -> bool:
+        """Return whether the coefficients have the signs that physics asks for."""
+        places = [*self.base, *(each.place for each in members)]
+        coefficients = self.evidence.fit(places, score.size)[len(self.base) :]
+        return all(value > 0 for value, each in zip(coefficients, members, strict=True) if each.positive)
+
+    def extended(self, begin: Chosen, without: frozenset[str] = frozenset()) -> list[Chosen]:
+        """Return a set with each further effect, in its best form, those that lead refined; the best first."""
+        key = (tuple(sorted(each.place for each in begin.members)), without)
+        if key not in self._extended:
+            self._extended[key] = self._extend(begin, begin.names | without)
+        return self._extended[key]
+
+    def _extend(self, begin: Chosen, taken: frozenset[str]) -> list[Chosen]:
+        open_ = [each for each in self.candidates if each.name not in taken]
+        places = [*self.base, *(each.place for each in begin.members)]
+        scores = self.evidence.beside(places, [each.place for each in open_], begin.score.size)
+        order = sorted(zip(scores, open_, strict=True), key=lambda each: -each[0].total)
+        best: dict[tuple[str, int], Chosen] = {}
+        for score, each in order:
+            members = (*begin.members, each)
+            if (each.name, each.form) not in best and self.admissible(members, score):
+                best[each.name, each.form] = Chosen(members, score)
+        leading = sorted(best.values(), key=lambda each: -each.score.total)
+        if not leading:
+            return []
+        rise = leading[0].score.total - begin.score.total
+        for i, each in enumerate(leading[:REFINED]):
+            last = each.members[-1]
+            worth = each.score.total - begin.score.total > max(0.5 * rise, 0.4 * self.limits[0])
+            if last.values.size and worth:
+                leading[i] = self.refined(each)
+        by_name: dict[str, Chosen] = {}
+        for each in sorted(leading, key=lambda each: -each.score.total):
+            by_name.setdefault(each.members[-1].name, each)
+        return list(by_name.values())
+
+    def refined(self, found: Chosen) -> Chosen:
+        """Return a set with the numbers of its last member refined, if it is better by that."""
+        *others, last = found.members
+        places = [*self.base, *(each.place for each in others)]
+        later = self.chosen((*others, self.refine(last, places, found.score.size)))
+        better = later.score.total > found.score.total and self.admissible(later.members, later.score)
+        return later if better else found
+
+    def run(self, begin: Sequence[Candidate] = (), most: int = DEPTH) -> Chosen:
+        """Return the best set of at most so many candidates.
+
+        Two may win together of which neither wins alone: the beam goes one step beyond the best set.
+        """
+        best = start = self.chosen(begin)
+        beam, idle = [best], 0
+        for _ in range(most):
+            pool = [later for each in beam for later in self.extended(each)]
+            pool.sort(key=lambda each: -each.score.total)
+            distinct: dict[frozenset[str], Chosen] = {}
+            for each in pool:
+                distinct.setdefault(each.names, each)
+            beam = list(distinct.values())[:BEAM]
+            if not beam:
+                break
+            if self.wins(beam[0], best) and not self.enough(best, beam[0], start):
+                best, idle = self.without_needless(beam[0]), 0
+                if len(best.members) < len(beam[0].members):
+                    beam[0] = best
+            elif idle:
+                break
+            else:
+                idle = 1
+        return best
+
+    def enough(self, best: Chosen, later: Chosen, start: Chosen) -> bool:
+        """Return whether a set leaves no more than noise, and a larger one adds next to nothing to its score."""
+        if not best.members or best.score.chi_square.sum() > self.evidence.target.size:
+            return False
+        rise = later.score.total - best.score.total
+        return rise < LITTLE * (best.score.total - start.score.total)
+
+    def without_needless(self, found: Chosen) -> Chosen:
+        """Return a set without the members that win nothing beside the others."""
+        for each in found.members[:-1]:
+            fewer = self.chosen([m for m in found.members if m is not each])
+            if not self.wins(found, fewer):
+                return self.without_needless(fewer)
+        return found
+
+    def rivals(self, found: Chosen, member: Candidate) -> list[Chosen]:
+        """Return the sets with another effect in the place of a member, the best first."""
+        others = self.chosen([m for m in found.members if m is not member])
+        return self.extended(others, frozenset([member.name]))
+
+    def alike(self, found: Chosen, other: Chosen) -> bool:
+        """Return whether a set loses less to another than chance makes."""
+        return not self.wins(found, other)
+
