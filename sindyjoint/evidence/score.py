@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from sindyjoint.numeric import Array
 
 #: Sizes of the discrepancy that are tried, relative to the RMS of the moment. Twice as much changes little.
-SIZES = np.array([0.0, *(5e-4 * 2.0 ** np.arange(10))])
+SIZES = np.array([0.0, *(5e-4 * 2.0 ** np.arange(12))])
 # A ridge on columns of unit norm, for those that depend on others.
 RIDGE = 1e-10
 
@@ -67,17 +67,26 @@ class Evidence:
     target: Array
     group: NDArray[np.intp]
     spread: Array
-    columns: Array = field(init=False)
+    _columns: Array = field(init=False)
+    _count: int = field(init=False, default=0)
     _found: dict[tuple[int, ...], Score] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.columns = np.empty((self.target.size, 0))
+        self._columns = np.empty((64, self.target.size))
+
+    @property
+    def columns(self) -> Array:
+        """Columns of unit norm, shape (n, p)."""
+        return self._columns[: self._count].T
 
     def add(self, columns: Array) -> list[int]:
         """Add columns, shape (n, k), and return their places."""
+        first, self._count = self._count, self._count + columns.shape[1]
+        if self._count > len(self._columns):
+            self._columns = np.vstack([self._columns, np.empty((self._count, self.target.size))])
         norm = np.linalg.norm(columns, axis=0)
-        self.columns = np.hstack([self.columns, columns / np.where(norm > 0, norm, 1.0)])
-        return list(range(self.columns.shape[1] - columns.shape[1], self.columns.shape[1]))
+        self._columns[first : self._count] = (columns / np.where(norm > 0, norm, 1.0)).T
+        return list(range(first, self._count))
 
     @cached_property
     def groups(self) -> int:
@@ -137,7 +146,7 @@ class Evidence:
         sizes = slice(0, int(np.searchsorted(SIZES, most)) + 2)
         k = len(chosen)
         order, _ = self._order
-        X, Z, y = self.columns[order][:, chosen], self.columns[order][:, others], self.target[order]
+        X, Z, y = self._rows(chosen), self._rows(others), self.target[order]
         weights = self._weights[sizes][:, order]
         shape = (len(weights), self.groups, len(others), k + 1)
         product, right = np.empty((*shape, k + 1)), np.empty(shape)
@@ -169,6 +178,11 @@ class Evidence:
             Score(log_density[s, :, j], chi[0, :, j], float(SIZES[s])) for j, s in enumerate(best.tolist())
         ]
 
+    def _rows(self, places: Sequence[int] | NDArray[np.intp]) -> Array:
+        """Return some columns, group by group, shape (n, k)."""
+        order, _ = self._order
+        return self._columns[np.asarray(places, dtype=int)][:, order].T
+
     @cached_property
     def _parts(self) -> list[slice]:
         order, edges = self._order
@@ -179,7 +193,7 @@ class Evidence:
         chosen, others = list(chosen), list(others)
         k = len(chosen)
         order, _ = self._order
-        X, Z = self.columns[order][:, chosen], self.columns[order][:, others]
+        X, Z = self._rows(chosen), self._rows(others)
         noise = np.random.default_rng(seed).standard_normal((order.size, count))
         product = np.empty((self.groups, len(others), k + 1, k + 1))
         right = np.empty((count, self.groups, len(others), k + 1))
@@ -209,7 +223,7 @@ class Evidence:
     def _products(self, used: NDArray[np.intp], sizes: slice) -> tuple[Array, Array, Array]:
         """Return X'WX, X'Wy and y'Wy of each size and group: (s, g, p, p), (s, g, p), (s, g)."""
         order, _ = self._order
-        X, y, weights = self.columns[order][:, used], self.target[order], self._weights[sizes][:, order]
+        X, y, weights = self._rows(used), self.target[order], self._weights[sizes][:, order]
         parts = self._parts
         matrix = [[(X[p] * w[p, None]).T @ X[p] for p in parts] for w in weights]
         moment = [[X[p].T @ (w[p] * y[p]) for p in parts] for w in weights]

@@ -24,9 +24,12 @@ SHAMS, TAIL = 60, 0.95
 MOST_DEVIATE = 3.0
 # Share of the score within which columns err: where noise explains the rest, less is no further effect.
 LITTLE = 0.05
+# Prediction errors, RMS in units of what noise makes expected, up to which nothing more is called missing; and by which
+# share a member must make them smaller where more is.
+WITHIN, LEAST_HELP = 1.5, 0.1
 BEAM, DEPTH = 5, 4
 # Of the candidates that lead a round so many have their numbers refined.
-REFINED = 10
+REFINED = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +106,8 @@ class Search:
     candidates: list[Candidate]
     refine: Refine
     _limits: tuple[float, float] | None = field(init=False, default=None)
-    _extended: dict[Any, list[Chosen]] = field(init=False, default_factory=dict)
+    _rivals: dict[Any, list[Chosen]] = field(init=False, default_factory=dict)
+    _refined: list[Candidate] = field(init=False, default_factory=list)
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -137,41 +141,37 @@ class Search:
         return all(value > 0 for value, each in zip(coefficients, members, strict=True) if each.positive)
 
     def extended(self, begin: Chosen, without: frozenset[str] = frozenset()) -> list[Chosen]:
-        """Return a set with each further effect, in its best form, those that lead refined; the best first."""
-        key = (tuple(sorted(each.place for each in begin.members)), without)
-        if key not in self._extended:
-            self._extended[key] = self._extend(begin, begin.names | without)
-        return self._extended[key]
-
-    def _extend(self, begin: Chosen, taken: frozenset[str]) -> list[Chosen]:
+        """Return a set with each further effect in its best form, the best first."""
+        taken = begin.names | without
         open_ = [each for each in self.candidates if each.name not in taken]
         places = [*self.base, *(each.place for each in begin.members)]
         scores = self.evidence.beside(places, [each.place for each in open_], begin.score.size)
         order = sorted(zip(scores, open_, strict=True), key=lambda each: -each[0].total)
-        best: dict[tuple[str, int], Chosen] = {}
+        best: dict[str, Chosen] = {}
         for score, each in order:
             members = (*begin.members, each)
-            if (each.name, each.form) not in best and self.admissible(members, score):
-                best[each.name, each.form] = Chosen(members, score)
-        leading = sorted(best.values(), key=lambda each: -each.score.total)
-        if not leading:
-            return []
-        rise = leading[0].score.total - begin.score.total
-        for i, each in enumerate(leading[:REFINED]):
-            last = each.members[-1]
-            worth = each.score.total - begin.score.total > max(0.5 * rise, 0.4 * self.limits[0])
-            if last.values.size and worth:
-                leading[i] = self.refined(each)
-        by_name: dict[str, Chosen] = {}
-        for each in sorted(leading, key=lambda each: -each.score.total):
-            by_name.setdefault(each.members[-1].name, each)
-        return list(by_name.values())
+            if each.name not in best and self.admissible(members, score):
+                best[each.name] = Chosen(members, score)
+        return list(best.values())
+
+    def with_numbers(self, pool: Sequence[Chosen], least: float) -> list[Chosen]:
+        """Return sets, the best first, the numbers of the last members of those that lead refined."""
+        later = list(pool)
+        for i, each in enumerate(later[:REFINED]):
+            if each.score.total > least and each.members[-1].values.size:
+                later[i] = self.refined(each)
+        return sorted(later, key=lambda each: -each.score.total)
 
     def refined(self, found: Chosen) -> Chosen:
         """Return a set with the numbers of its last member refined, if it is better by that."""
         *others, last = found.members
+        if last in self._refined:
+            return found
         places = [*self.base, *(each.place for each in others)]
-        later = self.chosen((*others, self.refine(last, places, found.score.size)))
+        candidate = self.refine(last, places, found.score.size)
+        self._refined.append(candidate)
+        self.candidates.append(candidate)
+        later = self.chosen((*others, candidate))
         better = later.score.total > found.score.total and self.admissible(later.members, later.score)
         return later if better else found
 
@@ -184,11 +184,12 @@ class Search:
         beam, idle = [best], 0
         for _ in range(most):
             pool = [later for each in beam for later in self.extended(each)]
-            pool.sort(key=lambda each: -each.score.total)
             distinct: dict[frozenset[str], Chosen] = {}
-            for each in pool:
+            for each in sorted(pool, key=lambda each: -each.score.total):
                 distinct.setdefault(each.names, each)
-            beam = list(distinct.values())[:BEAM]
+            leading = list(distinct.values())
+            rise = leading[0].score.total - best.score.total if leading else 0.0
+            beam = self.with_numbers(leading, best.score.total + max(0.5 * rise, 0.4 * self.limits[0]))[:BEAM]
             if not beam:
                 break
             if self.wins(beam[0], best) and not self.enough(best, beam[0], start):
@@ -199,7 +200,25 @@ class Search:
                 break
             else:
                 idle = 1
-        return best
+        return self.without_idle(best)
+
+    def without_idle(self, found: Chosen) -> Chosen:
+        """Return a set less the members that hardly make the prediction better, where a remainder is left in any case.
+
+        Beside what nothing explains such a member stands in for a part of it.
+        """
+        if not self.remains(found):
+            return found
+        for each in found.members[::-1]:
+            fewer = self.chosen([m for m in found.members if m is not each])
+            ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
+            if ratio > (1 - LEAST_HELP) ** 2:
+                return self.without_idle(fewer)
+        return found
+
+    def remains(self, found: Chosen) -> bool:
+        """Return whether a set misses groups left out by more than noise makes expected."""
+        return bool(found.score.chi_square.sum() > WITHIN**2 * self.evidence.target.size)
 
     def enough(self, best: Chosen, later: Chosen, start: Chosen) -> bool:
         """Return whether a set leaves no more than noise, and a larger one adds next to nothing to its score."""
@@ -218,8 +237,13 @@ class Search:
 
     def rivals(self, found: Chosen, member: Candidate) -> list[Chosen]:
         """Return the sets with another effect in the place of a member, the best first."""
-        others = self.chosen([m for m in found.members if m is not member])
-        return self.extended(others, frozenset([member.name]))
+        key = (found.members, member)
+        if key not in self._rivals:
+            others = self.chosen([m for m in found.members if m is not member])
+            pool = self.extended(others, frozenset([member.name]))
+            halfway = 0.5 * (found.score.total + others.score.total)
+            self._rivals[key] = self.with_numbers(pool, halfway)
+        return self._rivals[key]
 
     def alike(self, found: Chosen, other: Chosen) -> bool:
         """Return whether a set loses less to another than chance makes."""

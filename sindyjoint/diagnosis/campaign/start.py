@@ -43,6 +43,9 @@ from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics
 from sindyjoint.states.rows import group_labels
 
+# Rows of all runs that are searched; more of them hardly change what is found.
+SEARCHED = 6000
+
 
 @dataclass(frozen=True, eq=False)
 class Work:
@@ -77,6 +80,8 @@ class Work:
         errors = processing_errors(runs, states, rows, model, effects, policy)
         plain = without_processing(rows, errors)
         beyond = model_errors(plain, model, effects)
+        if sum(row.target.size for row in plain) > SEARCHED:
+            plain = gap_runs(states, model, groups, policy, free=free, most=SEARCHED)
         if any(beyond):
             rows = gap_runs(states, model, groups, policy, errors=beyond, free=free)
         rows = without_processing(rows, errors)

@@ -50,6 +50,7 @@ def gap_runs(
     policy: DiagnosisPolicy = CAMPAIGN,
     errors: Sequence[float] | None = None,
     free: bool = False,
+    most: int = MOST_ROWS,
 ) -> tuple[GapRun, ...]:
     """Return the rows of every run.
 
@@ -65,6 +66,8 @@ def gap_runs(
         Error of the model itself per run, N·m, which counts as noise where repetition has not measured that.
     free : bool
         Whether the runs are free motion: rows are then made of half-cycles, where there are enough of them.
+    most : int
+        Rows of all runs together, about.
     """
     samples = sum(s.n_samples for s in states)
     # The processing itself errs (truncated series, folded phases); below that nothing is claimed.
@@ -73,7 +76,7 @@ def gap_runs(
         _folded(s, model, g, least)
         if s.method == "periodic"
         else (free and _free_decay(s, model, g, policy))
-        or _strided(s, model, g, float(np.hypot(least, error)), MOST_ROWS * s.n_samples // samples)
+        or _strided(s, model, g, float(np.hypot(least, error)), most * s.n_samples // samples)
         for s, g, error in zip(states, groups, errors or [0.0] * len(states), strict=True)
     )
 
