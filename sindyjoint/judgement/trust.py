@@ -121,7 +121,8 @@ def assess(
         predicts = _predicts(model, campaign, test, seen, states, gap)
     except SindyJointError as error:
         lost = Light("explained", "poor", f"the model cannot be held against these runs: {error}")
-        return data, lost, Light("predicts", "poor", "nothing could be predicted"), coverage(campaign)
+        unknown = Light("predicts", "poor", "nothing could be predicted")
+        return data, lost, unknown, _determined(model, campaign)
     return data, judge_gap(gap, floor, model.joint.motion), predicts, _determined(model, campaign)
 
 
