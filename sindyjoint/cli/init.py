@@ -13,7 +13,7 @@ from sindyjoint.cli.options import AsJson
 
 if TYPE_CHECKING:
     from sindyjoint.files.drafting.dialogue import Question
-    from sindyjoint.soundness.check import Check
+    from sindyjoint.soundness.checked import Checked
 
 SHOWN = 8  # findings
 
@@ -41,9 +41,9 @@ def init(
 
     Example: sindyjoint init virtual --force
     """
+    from sindyjoint.described import to_plain
     from sindyjoint.errors import InputError
     from sindyjoint.files.drafting.init import init as run
-    from sindyjoint.soundness.check import summarize
 
     given = {}
     for answer in answers or []:
@@ -57,7 +57,7 @@ def init(
         typer.echo(str(made))
     checked, picture = _check(made.manifest, force)
     if as_json:
-        record = made.to_dict() | {"check": summarize(checked.soundness), "picture": str(picture)}
+        record = made.to_dict() | {"check": to_plain(checked.soundness), "picture": str(picture)}
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
         return
     soundness = checked.soundness
@@ -70,7 +70,7 @@ def init(
     typer.echo(f"\nnext: sindyjoint check {folder}, then sindyjoint discover {folder} --out RESULTS")
 
 
-def _check(manifest: Path, force: bool) -> tuple[Check, Path]:
+def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
     """Check what was written, and draw all runs beside it."""
     from sindyjoint.checksums import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes

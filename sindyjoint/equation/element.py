@@ -195,7 +195,7 @@ class JointElement:
         Nonlinear parameters.
     states : tuple of ElementState
     signals : tuple of str
-        What its formulas are made of beside angle, rate, parameters and states.
+        What its formulas may be made of beside angle, rate, parameters and states.
     """
 
     id: str
@@ -205,7 +205,7 @@ class JointElement:
     columns: tuple[Value, ...]
     parameters: tuple[Value, ...]
     states: tuple[ElementState, ...]
-    signals: tuple[str, ...] = ()
+    signals: tuple[str, ...] = field(default=(), compare=False)
 
     @property
     def numbers(self) -> tuple[Value, ...]:

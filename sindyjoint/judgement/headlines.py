@@ -81,8 +81,7 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         fit = Light("response", colour, f"error {percent(result.response_nrmse)}, {floor}; {tolerated}")
     own = [fit]
     if result.kind == "campaign" or any(run.drive != "pulse" for run in result.runs):
-        known = {run.name: run.seen for run in result.runs}
-        words = seen_words(known)
+        words = seen_words({run.name: run.seen for run in result.runs})
         own.append(
             Light("held out", "fair", "; ".join(words))
             if words

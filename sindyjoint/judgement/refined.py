@@ -45,7 +45,7 @@ def refined(result: Discovery, nuisance: Sequence[Kind] = (), **options: object)
     )
     apart = _warn_of_disagreement(result.model, refinement.model) if refinement.refined else ()
     # The intervals of a refinement hold noise alone.
-    refined_model, lost = refinement.model, []
+    refined_model, lost = refinement.model, list[str]()
     if refinement.refined:
         estimated, lost = estimated_errors(refinement, result.states)
         measured = result.measured or result.campaign

@@ -121,7 +121,8 @@ def assess(
         predicts = _predicts(model, campaign, test, seen, states, gap)
     except SindyJointError as error:
         lost = Light("explained", "poor", f"the model cannot be held against these runs: {error}")
-        return data, lost, Light("predicts", "poor", "nothing could be predicted"), coverage(campaign)
+        unknown = Light("predicts", "poor", "nothing could be predicted")
+        return data, lost, unknown, _determined(model, campaign)
     return data, judge_gap(gap, floor, model.joint.motion), predicts, _determined(model, campaign)
 
 
@@ -299,9 +300,9 @@ def left_out_error(
     rows = [(X / scale, y) for X, y in rows]
     names = sorted(set(groups))
     chosen = {name: [i for i, group in enumerate(groups) if group == name] for name in names}
-    grams = {name: sum(rows[i][0].T @ rows[i][0] for i in chosen[name]) for name in names}
-    rights = {name: sum(rows[i][0].T @ rows[i][1] for i in chosen[name]) for name in names}
-    whole, right = sum(grams.values()), sum(rights.values())
+    grams = {name: np.sum([rows[i][0].T @ rows[i][0] for i in chosen[name]], axis=0) for name in names}
+    rights = {name: np.sum([rows[i][0].T @ rows[i][1] for i in chosen[name]], axis=0) for name in names}
+    whole, right = (np.sum(list(each.values()), axis=0) for each in (grams, rights))
 
     def error(name: str, matrix: Array, vector: Array) -> float:
         coefficients = np.linalg.lstsq(matrix, vector, rcond=1e-14)[0]

@@ -133,11 +133,11 @@ class ReportData:
         Index into path.
     candidates : tuple of str
     groups : tuple of GroupFit
+    trust : Trust
     paper : bool
         Whether the question of the paper's five terms comes first.
     over : tuple of OverInput
         The law over each declared input.
-    trust : Trust
     """
 
     model: JointModel
@@ -154,9 +154,9 @@ class ReportData:
     chosen: int | None
     candidates: tuple[str, ...]
     groups: tuple[GroupFit, ...]
+    trust: Trust
     paper: bool = False
     over: tuple[OverInput, ...] = ()
-    trust: Trust = Trust(())
 
 
 def gather(result: Discovery) -> ReportData:

@@ -269,9 +269,6 @@ class SoundnessPolicy:
     )
     longest_broadband: float = limit(5e-3, "delay of runs that do not repeat that is believed", unit="s")
     most_broadband: int = limit(24, "runs that do not repeat that are held against each other", source="time")
-    broadband_contrast: float = limit(
-        10.0, "delay of runs that do not repeat in standard errors", source=CALIBRATED
-    )
     broadband_gain: float = limit(
         0.2, "what a delay must win where runs do not repeat, in parts of what it leaves", source=CALIBRATED
     )

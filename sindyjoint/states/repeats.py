@@ -35,7 +35,11 @@ def with_scatter(states: ForceStates, inertia: float | None) -> ForceStates:
     if states.method != "broadband" or states.repeated:
         return states
     scatter = scatter_of_repeats(states, inertia)
-    if scatter is None or scatter <= states.noise.moment:
+    if scatter is None:
+        return states
+    # That of a transfer moment holds the noise of the acceleration, which is counted for itself.
+    scatter = float(np.sqrt(max(scatter**2 - ((inertia or 0.0) * states.noise.acceleration) ** 2, 0.0)))
+    if scatter <= states.noise.moment:
         return states
     return replace(
         states, noise=replace(states.noise, moment=scatter, measured=True, source="steady periods")
@@ -45,9 +49,10 @@ def with_scatter(states: ForceStates, inertia: float | None) -> ForceStates:
 def scatter_of_repeats(states: ForceStates, inertia: float | None) -> float | None:
     """Return the RMS of what the moment does not repeat in periods of one motion, N·m; None where none is repeated.
 
-    With the differences ΔM of the moments of two periods and those of their motion, s² = ½ mean (ΔM − a Δθ − b Δθ̇)²:
-    what a small difference of the motion makes of the moment is taken out to first order, by least squares over all
-    pairs. M is the transfer moment; where the inertia is not known, Δθ̈ is a column, too.
+    With the differences ΔM of the moments of two periods and those of their motion, s² = ½ mean (ΔM − a₁ Δθ − a₂ Δθ² −
+    a₃ Δθ³ − b Δθ̇)²: what a small difference of the motion makes of the moment is taken out to first order, by least
+    squares over all pairs, with a stiffness that may change along the angle. M is the transfer moment; where the
+    inertia is not known, Δθ̈ is a column, too.
 
     Parameters
     ----------
@@ -74,7 +79,8 @@ def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
     count = states.n_samples // per if per >= SHORTEST else 0
     if count < 2 or count > MOST_PERIODS:
         return
-    motion = [states.angle, states.rate, *([states.acceleration] if inertia is None else [])]
+    motion = [states.angle, states.angle**2, states.angle**3, states.rate]
+    motion += [states.acceleration] if inertia is None else []
     signals, moment = np.column_stack(motion), states.transfer_moment(inertia or 0.0)
     reach = per // PLACES
     for first in range(0, (count - 1) * per, per):

@@ -258,7 +258,7 @@ class _CurveMaker:
         return StructureCurves(
             self.placed.name, self.at, self.point, tuple(h.name for h in structure.hinges), self.placed.tested,
             sliding, locked, tuple(followed), tuple(responses),
-            max(each.harmonics for each in (*followed, *responses)), True, tuple(warnings),
+            max(each.harmonics for each in followed + responses), True, tuple(warnings),
             self.placed.motion,
         )  # fmt: skip
 

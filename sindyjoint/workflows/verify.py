@@ -155,7 +155,7 @@ def verify(
             )
         say("checking the data")
         found = require_sound(check_rig_test(against, accept))
-        result = _with_check(
+        result: Verification = _with_check(
             verify_runs(models, found.usable, settings, say), found.soundness, found.warnings
         )
         return replace(result, trust=judge_verification(result, against.simulated, found.soundness))

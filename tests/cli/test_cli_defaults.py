@@ -124,6 +124,7 @@ OF_THE_COMMAND = {
     "kind",
     "help",
     "plan",
+    "of",
 }
 # Of the noise of the virtual test, which only a command makes.
 OWN = {

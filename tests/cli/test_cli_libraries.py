@@ -19,7 +19,7 @@ def refused(*arguments):
     """Return the line on stderr."""
     answer = ask("libraries", *arguments)
     assert answer.status == 2 and answer.stdout == "" and answer.stderr.count("\n") == 1
-    return answer.stderr
+    return answer.stderr.rstrip("\n")
 
 
 def test_list_names_every_catalogue():

@@ -4,6 +4,7 @@ KEYS = [
     "schema",
     "verdict",
     "reason",
+    "trust",
     "gap",
     "budget",
     "where",

@@ -101,6 +101,7 @@ class Based(Made):
     other: Made | None = None
     numbers: int = 0
     initial_gap = Gap(1.0, 1.0, 1.0)
+    floor_is_bound = False
 
     def corrected(self):
         return self, ()

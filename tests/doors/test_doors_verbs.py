@@ -133,7 +133,7 @@ def test_the_verdict_on_the_papers_terms_names_the_missing_one(record):
 def test_trust_is_good_where_all_is_well(record):
     trust = record["discover"]["trust"]
     assert trust["answer"] == "good"
-    assert {light["colour"] for light in trust["lights"].values()} == {"good"}
+    assert {trust[light]["colour"] for light in ("data", "explained", "predicts", "determined")} == {"good"}
     assert record["check"] == {"schema": 1, "verdict": "sound", "findings": []}
     assert all(record[verb]["soundness"]["verdict"] == "sound" for verb in ("discover", "verify", "diagnose"))
 
@@ -257,7 +257,7 @@ def test_the_other_verbs_do_too(bench, worn, record, place):
     model = read_model(place / "out" / "discover")
     verified = sindyjoint.verify(model, bench, draws=3, random_state=0)
     assert verified.to_dict()["response_nrmse"] == record["verify"]["response_nrmse"]
-    assert [finding.id for finding in sindyjoint.check(bench).findings] == []
+    assert [finding.id for finding in sindyjoint.check(bench).soundness.findings] == []
     curves = sindyjoint.curves(model).to_dict()
     assert curves["curves"][0]["energy"]["value"] == record["curves"]["curves"][0]["energy"]["value"]
     changed = sindyjoint.changed(bench, worn, random_state=0)

@@ -79,8 +79,10 @@ def test_friction_damper_says_what_it_cannot_explain(public_data, sindyjoint):
         if "hysteresis, play or another effect outside this library is likely" in w
     ]
     assert len(said) == 1 and "of the mean square force" in said[0]
+    # From one cycle to the next its force differs by 5 %, where its sensor has 0.1 %.
+    rms = record["fit"]["moment_rms"]
     assert (
-        record["fit"]["residual_rms"] > 0.2 * record["fit"]["moment_rms"] > 10 * record["fit"]["noise_floor"]
+        record["fit"]["residual_rms"] > 0.2 * rms and 0.04 * rms < record["fit"]["noise_floor"] < 0.06 * rms
     )
     friction = next(term for term in record["terms"] if term["id"] == "coulomb_friction")
     assert 8e3 < friction["coefficient"] < 14e3  # N; loops of ±10 to 14 kN

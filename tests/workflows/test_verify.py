@@ -17,6 +17,7 @@ from tests.made_models import model_of, paper_model, term
 KEYS = [
     "schema",
     "verdict",
+    "trust",
     "response_nrmse",
     "moment_nrmse",
     "noise_floor",

@@ -57,7 +57,9 @@ class Initialised(Described):
         lines += _aligned([heads, *rows])
         more = len(draft.columns) - SHOWN
         lines += [f"  and {more} more columns"] if more > 0 else []
-        kinds = [(run.frequency, run.level) for run in draft.runs if run.frequency is not None]
+        kinds: list[tuple[float | None, str]] = [
+            (run.frequency, run.level) for run in draft.runs if run.frequency is not None
+        ]
         for run in draft.runs[:SHOWN]:
             rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
             repeated = kinds.count((run.frequency, run.level))
@@ -151,15 +153,15 @@ def init(
     question: Question | None = None
     while ask is not None and drafted.questions:
         # An answer may bring up other questions, or settle them; a wrong one is asked for again, the others stay.
-        question = question or drafted.questions[0]
-        answer = ask(question)
+        asked = question or drafted.questions[0]
+        answer = ask(asked)
         try:
-            drafted = draft(given | {question.key: answer})
-            given[question.key], question = answer, None
+            drafted = draft(given | {asked.key: answer})
+            given[asked.key], question = answer, None
         except InputError as error:
-            if question.complaint == str(error):
+            if asked.complaint == str(error):
                 raise
-            question = replace(question, complaint=str(error))
+            question = replace(asked, complaint=str(error))
     open_ones = drafted.missing if guess else drafted.questions
     if open_ones:
         listed = "; ".join(f"{question.key}: {question.text}" for question in open_ones)

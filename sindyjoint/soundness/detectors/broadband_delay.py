@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -64,8 +65,7 @@ def _measure(runs: Sequence[Run], inertia: float | None) -> tuple[float, float] 
     states = [force_states(run) for run in runs]
     terms = law_of_channels(inertia).resolve(reference_of(states))
     delay = estimate_delay(states, terms, inertia)
-    size, contrast = abs(delay.time), abs(delay.time) / max(delay.standard_error, 1e-300)
-    if not (POLICY.least_delay < size < POLICY.longest_broadband and contrast > POLICY.broadband_contrast):
+    if not (delay.significant and POLICY.least_delay < abs(delay.time) < POLICY.longest_broadband):
         return None
     before = _misfit(states, terms, inertia)
     left = _misfit([shifted(s, delay.time) for s in states], terms, inertia)
@@ -77,8 +77,8 @@ def _measure(runs: Sequence[Run], inertia: float | None) -> tuple[float, float] 
     if explained < POLICY.broadband_memory * left:
         return None
     # A delay is the same in every run; what a law shifts is not.
-    error = max(delay.standard_error, _scatter(states, terms, inertia))
-    return (delay.time, error) if size > POLICY.broadband_contrast * error else None
+    delay = replace(delay, standard_error=max(delay.standard_error, _scatter(states, terms, inertia)))
+    return (delay.time, delay.standard_error) if delay.significant else None
 
 
 def _scatter(states: Sequence[ForceStates], terms: Sequence[ResolvedTerm], inertia: float | None) -> float:

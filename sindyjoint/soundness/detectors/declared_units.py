@@ -49,8 +49,8 @@ def _find_unequal(campaign: Campaign, words: Words) -> Iterator[Finding]:
                 columns.setdefault((unit.channel, unit.column), {})[run.name] = unit.unit
     for (channel, column), declared in columns.items():
         usual, count = Counter(declared.values()).most_common(1)[0]
-        for run_name, unit in declared.items():
-            ratio = unit_ratio(unit, usual)
+        for run_name, own in declared.items():
+            ratio = unit_ratio(own, usual)
             if not ratio or abs(ratio - 1) < POLICY.same_unit:
                 continue
             yield Finding(
@@ -58,7 +58,7 @@ def _find_unequal(campaign: Campaign, words: Words) -> Iterator[Finding]:
                 run_name,
                 channel,
                 "biases",
-                f"column {column!r} is declared in {unit!r} here and in {usual!r} in {count} of {len(declared)} runs, "
+                f"column {column!r} is declared in {own!r} here and in {usual!r} in {count} of {len(declared)} runs, "
                 f"and no file states which: {ratio:.4g} between them",
                 "the coefficients are those of two scales",
                 f"declare one unit for the {words.of(channel)} of all runs",
