@@ -23,6 +23,7 @@ from sindyjoint.numeric import Array
 
 #: Sizes of the discrepancy that are tried, relative to the RMS of the moment. Twice as much changes little.
 SIZES = np.array([0.0, *(5e-4 * 2.0 ** np.arange(12))])
+Sizes = slice | NDArray[np.intp]
 # A ridge on columns of unit norm, for those that depend on others.
 RIDGE = 1e-10
 
@@ -143,7 +144,9 @@ class Evidence:
         chosen, others = list(chosen), list(others)
         if not others:
             return []
-        sizes = slice(0, int(np.searchsorted(SIZES, most)) + 2)
+        # By factors of four: a discrepancy twice as large scores nearly alike.
+        last = int(np.searchsorted(SIZES, most))
+        sizes = np.unique([0, *range(last, 0, -2)])
         k = len(chosen)
         order, _ = self._order
         X, Z, y = self._rows(chosen), self._rows(others), self.target[order]
@@ -162,7 +165,7 @@ class Evidence:
                 square[s, g] = target @ y[part]
         return self._densities(product, right, square, sizes)
 
-    def _densities(self, product: Array, right: Array, square: Array, sizes: slice) -> list[Score]:
+    def _densities(self, product: Array, right: Array, square: Array, sizes: Sizes) -> list[Score]:
         """Return the scores of sets from X'WX (s, g, sets, k, k), X'Wy (s, g, sets, k) and y'Wy (s, g)."""
         others = product.sum(axis=1, keepdims=True) - product + RIDGE * np.eye(product.shape[-1])
         left_out = right.sum(axis=1, keepdims=True) - right
@@ -175,7 +178,7 @@ class Evidence:
         log_density = -0.5 * (chi + volume + self._volume[sizes][:, :, None])
         best = np.argmax(log_density.sum(axis=1), axis=0)  # per set
         return [
-            Score(log_density[s, :, j], chi[0, :, j], float(SIZES[s])) for j, s in enumerate(best.tolist())
+            Score(log_density[s, :, j], chi[0, :, j], float(SIZES[sizes][s])) for j, s in enumerate(best.tolist())
         ]
 
     def _rows(self, places: Sequence[int] | NDArray[np.intp]) -> Array:
@@ -220,7 +223,7 @@ class Evidence:
         volume = np.linalg.slogdet(others + product)[1] - np.linalg.slogdet(others)[1]
         return -0.5 * (chi + volume)
 
-    def _products(self, used: NDArray[np.intp], sizes: slice) -> tuple[Array, Array, Array]:
+    def _products(self, used: NDArray[np.intp], sizes: Sizes) -> tuple[Array, Array, Array]:
         """Return X'WX, X'Wy and y'Wy of each size and group: (s, g, p, p), (s, g, p), (s, g)."""
         order, _ = self._order
         X, y, weights = self._rows(used), self.target[order], self._weights[sizes][:, order]

@@ -322,7 +322,7 @@ class CampaignProblem(Problem):
         self, straight: Self, last: Self, say: Say, whole: bool = False
     ) -> Iterator[Start[Self]]:
         """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
-        if False and self.drift is None and self.may_start_anew:
+        if self.drift is None and self.may_start_anew:
             for problem, steps, words in other_starts(straight, last, say, whole):
                 yield Start(problem, steps, words, straight)
 
