@@ -68,6 +68,7 @@ class Evidence:
     target: Array
     group: NDArray[np.intp]
     spread: Array
+    norms: list[float] = field(init=False, default_factory=list)
     _columns: Array = field(init=False)
     _count: int = field(init=False, default=0)
     _found: dict[tuple[int, ...], Score] = field(init=False, default_factory=dict)
@@ -86,7 +87,9 @@ class Evidence:
         if self._count > len(self._columns):
             self._columns = np.vstack([self._columns, np.empty((self._count, self.target.size))])
         norm = np.linalg.norm(columns, axis=0)
-        self._columns[first : self._count] = (columns / np.where(norm > 0, norm, 1.0)).T
+        norm[norm == 0] = 1.0
+        self.norms += norm.tolist()
+        self._columns[first : self._count] = (columns / norm).T
         return list(range(first, self._count))
 
     @cached_property
@@ -234,8 +237,8 @@ class Evidence:
         return np.array(matrix), np.array(moment), np.array(square)
 
     def fit(self, chosen: Sequence[int], size: float) -> Array:
-        """Return the coefficients of columns of unit norm, from all rows weighted by a size of the discrepancy."""
+        """Return the coefficients of columns, from all rows weighted by a size of the discrepancy."""
         weight = np.sqrt(1 / (1 + size**2 * self.spread))
-        return np.linalg.lstsq(
-            self.columns[:, list(chosen)] * weight[:, None], self.target * weight, rcond=None
-        )[0]
+        rows = self.columns[:, list(chosen)] * weight[:, None]
+        solved = np.linalg.lstsq(rows, self.target * weight, rcond=None)[0]
+        return np.asarray(solved / np.array(self.norms)[list(chosen)])

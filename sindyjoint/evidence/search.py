@@ -49,6 +49,8 @@ class Candidate:
         Whether a negative coefficient would make no sense.
     corrects : bool
         Whether it corrects a channel, so that the states are made again.
+    hysteretic : bool
+        Whether its column follows internal states.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Candidate:
     place: int
     positive: bool
     corrects: bool = False
+    hysteretic: bool = False
 
     @property
     def numbers(self) -> int:
@@ -221,10 +224,15 @@ class Search:
         return bool(found.score.chi_square.sum() > WITHIN**2 * self.evidence.target.size)
 
     def enough(self, best: Chosen, later: Chosen, start: Chosen) -> bool:
-        """Return whether a set leaves no more than noise, and a larger one adds next to nothing to its score."""
-        if not best.members or best.score.chi_square.sum() > self.evidence.target.size:
+        """Return whether a set leaves no more than noise, and a larger one adds next to nothing to its score.
+
+        Beside hysteresis, whose columns err at every reversal, as little is no further effect up to ``WITHIN`` noises.
+        """
+        if not best.members or self.remains(best):
             return False
         rise = later.score.total - best.score.total
+        if best.score.chi_square.sum() > self.evidence.target.size:
+            start = self.chosen([each for each in best.members if not each.hysteretic])
         return rise < LITTLE * (best.score.total - start.score.total)
 
     def without_needless(self, found: Chosen) -> Chosen:
@@ -246,6 +254,6 @@ class Search:
         return self._rivals[key]
 
     def alike(self, found: Chosen, other: Chosen) -> bool:
-        """Return whether a set loses less to another than chance makes."""
-        return not self.wins(found, other)
-
+        """Return whether a set loses less to another than chance makes, and predicts as well."""
+        worse = other.score.chi_square.sum() * (1 - LEAST_HELP) ** 2 > found.score.chi_square.sum()
+        return not self.wins(found, other) and not (worse and self.remains(other))

@@ -96,7 +96,11 @@ class CampaignEvidence:
                     if columns is None or not self._independent(columns):
                         continue
                     place = self.evidence.add(columns)[0]
-                    found.append(Candidate(effect.id, form, values, place, variant.columns[0].positive, effect.enters != "moment"))
+                    positive, corrects = variant.columns[0].positive, effect.enters != "moment"
+                    hysteretic = bool(variant.states)
+                    found.append(
+                        Candidate(effect.id, form, values, place, positive, corrects, hysteretic)
+                    )
         return found
 
     def _independent(self, columns: Array) -> bool:
@@ -163,10 +167,7 @@ class CampaignEvidence:
         for value, each in zip(solved, found.members, strict=True):
             effect = self.by_id[each.name]
             variant = effect.variants[each.form]
-            columns = self.column(variant, each.values)
-            assert columns is not None
-            coefficient = np.array([value / np.linalg.norm(columns)])
-            effects.append(FittedEffect(effect, variant, each.values, coefficient, 0.0))
+            effects.append(FittedEffect(effect, variant, each.values, np.array([value]), 0.0))
         return effects
 
 
