@@ -131,8 +131,8 @@ def test_the_api_page_has_every_field_that_a_program_uses():
     assert {attribute: name for attribute, name in used.items() if attribute not in known} == {}
 
 
-def written_by(name):
-    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+def written_by(name, folder=DOCS):
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -150,6 +150,19 @@ def test_the_gallery_has_every_example_with_its_picture_and_output():
         assert (DOCS / "gallery" / f"{program.stem}.png").stat().st_size > 10_000
         assert (DOCS / "gallery" / f"{program.stem}.txt").stat().st_size > 50
     assert {path.stem for path in (DOCS / "gallery").iterdir()} == {Path(name).stem for name in examples}
+
+
+def test_the_page_of_measured_figures_is_what_its_data_say():
+    # After a new figure: python benchmarks/write_measured.py
+    writer = written_by("write_measured", ROOT / "benchmarks")
+    assert (DOCS / "guide" / "measured.md").read_text(encoding="utf-8") == writer.page()
+    assert writer.with_interval("0 of 20") == "0 of 20 (0–16.8 %)"  # 1 - 0.025^(1/20)
+    kept = {path.stem for path in (DOCS / "comparisons").iterdir()}
+    data = tomllib.loads((ROOT / "benchmarks" / "measured.toml").read_text(encoding="utf-8"))["table"]
+    assert kept == {table["output"] for table in data if "output" in table}
+    for table in data:
+        widths = {len(cells) for cells in table.get("rows", ())}
+        assert widths <= {len(table.get("columns", ()))}, table["tried"]
 
 
 def test_the_callouts_of_the_report_are_explained():
