@@ -204,7 +204,7 @@ def test_the_keys_page_has_every_key():
     for schema in (manifest_schema(), RigFile.model_json_schema()):
         for table in (schema, *schema.get("$defs", {}).values()):
             for key, field in table.get("properties", {}).items():
-                assert f"| `{key}` |" in page, key
+                assert f"|`{key}`|" in page, key
                 assert field.get("description") or "$ref" in str(field), key
 
 
