@@ -23,6 +23,7 @@ HEAD = """\
 The figures of README and guide, with their commands; run them in a clone after `pip install -e ".[test]"`.
 Most draw joints at random, so that the truth is known; `FOLDER` holds public data. A rate has its 95 % interval
 (Clopper and Pearson), its cases taken as independent. `benchmarks/write_measured.py` writes this page.
+What a benchmark wrote with `run --out FILE`, `show FILE` prints; `RIG` and `DRIVE` stand for those of the rows.
 """
 
 
@@ -48,7 +49,7 @@ def section(table: dict[str, Any]) -> str:
         parts.append("\n".join(["```sh", *commands, "```"]))
     if "output" in table:
         parts.append(f"```{{literalinclude}} ../comparisons/{table['output']}.txt\n:language: text\n```")
-    else:
+    elif table["rows"]:
         lines = [table["columns"], ["-"] * len(table["columns"])]
         lines += [[with_interval(cell) for cell in cells] for cells in table["rows"]]
         parts.append("\n".join(map(row, lines)))
