@@ -41,11 +41,13 @@ def notebooks() -> list[Path]:
 
 
 def text_of(program: Path) -> tuple[str, str]:
-    """Return title and description of a program: its docstring without usage, cut at the first colon or question."""
+    """Return title and description of a program: the first paragraph of its docstring, cut at a colon or question.
+
+    The page shows the program, and with it the rest of the docstring.
+    """
     parts = (ast.get_docstring(ast.parse(program.read_text(encoding="utf-8"))) or "").split("\n\n")
     title, rest = re.split(r"(?<=[:?]) ", " ".join(parts[0].split()), maxsplit=1)
-    body = [" ".join(part.split()) for part in parts[1:] if not part.strip().startswith("python ")]
-    return title.rstrip(":"), "\n\n".join([rest[0].upper() + rest[1:], *body])
+    return title.rstrip(":"), rest[0].upper() + rest[1:]
 
 
 def run(program: Path) -> None:
@@ -74,7 +76,7 @@ def section(program: Path) -> str:
 
 {body}
 
-![{title}](gallery/{program.stem}.png)
+![](gallery/{program.stem}.png)
 
 ```{{literalinclude}} gallery/{program.stem}.txt
 :language: text
@@ -108,7 +110,7 @@ def notebook_section(path: Path) -> str:
     first = "".join(json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"])
     title, _, body = first.partition("\n")
     title = title.lstrip("# ")
-    picture = f"![{title}](gallery/{path.stem}.png)\n\n" if (KEPT / f"{path.stem}.png").exists() else ""
+    picture = f"![](gallery/{path.stem}.png)\n\n" if (KEPT / f"{path.stem}.png").exists() else ""
     return f"""\
 ## Notebook: {title}
 
