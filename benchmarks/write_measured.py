@@ -21,19 +21,19 @@ HEAD = """\
 # Measured
 
 The figures of README and guide, with their commands; run them in a clone after `pip install -e ".[test]"`.
-Most draw joints at random, so that the truth is known; `FOLDER` holds public data. A rate has its 95 % interval
-(Clopper and Pearson), its cases taken as independent. `benchmarks/write_measured.py` writes this page.
+Most draw joints at random, so that the truth is known; `FOLDER` holds public data. A count has the 95 % interval of
+its rate in per cent (Clopper and Pearson), its cases taken as independent. `benchmarks/write_measured.py` writes this page.
 What a benchmark wrote with `run --out FILE`, `show FILE` prints; `RIG` and `DRIVE` stand for those of the rows.
 """
 
 
 def with_interval(cell: str) -> str:
-    """Return a cell; a count ``N of M`` with the 95 % interval of its rate."""
-    count = re.fullmatch(r"(\d+) of (\d+)", cell)
+    """Return a cell; a count ``N/M`` with the 95 % interval of its rate in per cent."""
+    count = re.fullmatch(r"(\d+)/(\d+)", cell)
     if not count:
         return cell
     low, high = binomtest(int(count[1]), int(count[2])).proportion_ci(0.95)
-    return f"{cell} ({100 * low:.3g}–{100 * high:.3g} %)"
+    return f"{cell} ({100 * low:.3g}–{100 * high:.3g})"
 
 
 def row(cells: list[str]) -> str:
