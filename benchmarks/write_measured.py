@@ -21,9 +21,10 @@ HEAD = """\
 # Measured
 
 The figures of README and guide, with their commands; run them in a clone after `pip install -e ".[test]"`.
-Most draw joints at random, so that the truth is known; `FOLDER` holds public data. A count has the 95 % interval of
-its rate in per cent (Clopper and Pearson), its cases taken as independent. `benchmarks/write_measured.py` writes this page.
-What a benchmark wrote with `run --out FILE`, `show FILE` prints; `RIG` and `DRIVE` stand for those of the rows.
+Most draw joints at random, so that the truth is known; `FOLDER` holds public data. A count has the 95 %
+interval of its rate in per cent (Clopper and Pearson), its cases taken as independent. What a benchmark wrote
+with `run --out FILE`, `show FILE` prints; `RIG` and `DRIVE` stand for those of the rows.
+`benchmarks/write_measured.py` writes this page.
 """
 
 

@@ -86,7 +86,6 @@ def section(program: Path) -> str:
 <details><summary><code>examples/{program.name}</code></summary>
 
 ```{{literalinclude}} ../examples/{program.name}
-:language: python
 ```
 
 </details>
