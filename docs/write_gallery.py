@@ -25,8 +25,8 @@ KEPT = DOCS / "gallery"
 HEAD = """\
 # Gallery
 
-Every program of `examples/`, with what it prints and draws. Each runs by itself in less than a minute.
-`docs/write_gallery.py` runs them and writes this page; all data are simulated.
+Every program of `examples/`, with what it prints and draws. Each runs by itself in less than a minute; all data are
+simulated.
 """
 
 

@@ -21,8 +21,8 @@ PAGE = Path(__file__).parent / "guide" / "keys.md"
 HEAD = """\
 # Every key of campaign.toml and rig.toml
 
-Written from what reads the files by `docs/write_keys.py`. A quantity is text with a unit, such as `"0.02 kg*m^2"`;
-any unit that pint knows is converted. A key without a kind takes text; without a default it is empty, false or 0.
+A quantity is text with a unit, such as `"0.02 kg*m^2"`; any unit that pint knows is converted. A key without a kind
+takes text; without a default it is empty, false or 0.
 An unknown key is refused, and the nearest known one is named.
 """
 FILES = {"campaign.toml": Manifest, "rig.toml": RigFile}

@@ -215,7 +215,7 @@ def test_every_command_has_a_line():
         group.name for group in app.registered_groups
     }
     text = (DOCS / "guide" / "commands.md").read_text(encoding="utf-8")
-    assert names - set(re.findall(r"^\| `sindyjoint (\w+)", text, re.M)) == set()
+    assert names - set(re.findall(r"^- `sindyjoint (\w+)", text, re.M)) == set()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
