@@ -1,10 +1,10 @@
-"""Write the comparisons on the guide's page *Measured* by running the benchmarks.
+"""Run the comparisons with other programs and keep what they print for the guide's page *Measured*.
 
     python benchmarks/write_comparisons.py            # all seeds: half an hour of one core
     python benchmarks/write_comparisons.py --size middle    # a fifth of that
     python benchmarks/write_comparisons.py --size quick     # a few seeds each
 
-Every table between the two marks of ``docs/guide/measured.md`` is what a benchmark printed, under its command.
+Each file of ``docs/comparisons`` has versions, the command and what it printed.
 """
 
 from __future__ import annotations
@@ -18,57 +18,29 @@ from importlib.metadata import version
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PAGE = HERE.parent / "docs" / "guide" / "measured.md"
-BEGIN, END = "<!-- written by benchmarks/write_comparisons.py -->\n", "<!-- end -->\n"
+KEPT = HERE.parent / "docs" / "comparisons"
 
-HEAD = "`python benchmarks/write_comparisons.py` writes this section. Made with {versions}. {size}\n"
-SIZES = {
-    "full": "All seeds were run.",
-    "middle": "Of the seeds a part was run; each command says how many, and the script without `--size` runs all.",
-    "quick": "A few seeds were run; each command says how many, and the script without `--size` runs all.",
+ALL_JOINTS = ["--joints", "inter-panel", "panel-root", "random"]
+ALL_NOISES = ["--noise", "0.001", "0.01", "0.05"]
+# Arguments of each benchmark by size.
+PARTS = {
+    "bench_pysindy": {
+        "full": ["--seeds", "20", *ALL_JOINTS],
+        "middle": ["--seeds", "6", *ALL_JOINTS],
+        "quick": ["--seeds", "3", "--noise", "0.01", "--joints", "inter-panel"],
+    },
+    "bench_map_fit": {
+        "full": ["--seeds", "20", "--noise", "0.01"],
+        "middle": ["--seeds", "6", "--noise", "0.01"],
+        "quick": ["--seeds", "3", "--noise", "0.01"],
+    },
+    "bench_recovery_paper": {
+        "full": ["--seeds", "50", *ALL_NOISES],
+        "middle": ["--seeds", "10", *ALL_NOISES],
+        "quick": ["--seeds", "5", "--noise", "0.01", "0.05"],
+    },
+    "bench_simulation": {"full": [], "middle": [], "quick": []},
 }
-
-# Title, what to look for, script, arguments by size.
-PARTS = (
-    (
-        "pysindy on the same campaigns",
-        "Campaigns with exactly the paper's five terms, from the same candidates and runs. `plain`: pysindy with its "
-        "defaults; `oracle`: the best of 31 thresholds, by the truth; `plugged`: pysindy with `TermLibrary` and "
-        "`UniqueShareSTLSQ` on force states; `bare`: the same without labels of the rows.",
-        "bench_pysindy.py",
-        {
-            "full": ["--seeds", "20", "--joints", "inter-panel", "panel-root", "random"],
-            "middle": ["--seeds", "6", "--joints", "inter-panel", "panel-root", "random"],
-            "quick": ["--seeds", "3", "--noise", "0.01", "--joints", "inter-panel"],
-        },
-    ),
-    (
-        "The paper's averaged map and surface fit",
-        "Errors of the coefficients, compared with the paper's method: averaged cells of the map, a fitted surface.",
-        "bench_map_fit.py",
-        {
-            "full": ["--seeds", "20", "--noise", "0.01"],
-            "middle": ["--seeds", "6", "--noise", "0.01"],
-            "quick": ["--seeds", "3", "--noise", "0.01"],
-        },
-    ),
-    (
-        "Recovery of the paper's joints",
-        "Campaigns with exactly the five terms, and errors of the coefficients.",
-        "bench_recovery_paper.py",
-        {
-            "full": ["--seeds", "50", "--noise", "0.001", "0.01", "0.05"],
-            "middle": ["--seeds", "10", "--noise", "0.001", "0.01", "0.05"],
-            "quick": ["--seeds", "5", "--noise", "0.01", "0.05"],
-        },
-    ),
-    (
-        "Simulation",
-        "Time of the stick–slip joint and of the rig, compared with SciPy and OpenSees.",
-        "bench_simulation.py",
-        {"full": [], "middle": [], "quick": []},
-    ),
-)
 
 
 def run(script: str, arguments: list[str]) -> str:
@@ -83,7 +55,7 @@ def run(script: str, arguments: list[str]) -> str:
 
 
 def main() -> None:
-    """Run every benchmark and write the page."""
+    """Run every benchmark and keep its output."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -93,18 +65,11 @@ def main() -> None:
     versions = ", ".join(
         [f"Python {platform.python_version()}", *(f"{name} {version(name)}" for name in names)]
     )
-    text = [HEAD.format(versions=versions, size=SIZES[size])]
-    for title, what, script, sizes in PARTS:
-        arguments = sizes[size]
-        print(script, *arguments, file=sys.stderr)
-        command = " ".join(["python", f"benchmarks/{script}", *arguments])
-        text.append(
-            f"### {title}\n\n{what}\n\n```sh\n{command}\n```\n\n```text\n{run(script, arguments)}\n```\n"
-        )
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
-    after = rest.partition(END)[2]
-    PAGE.write_text(f"{before}{BEGIN}\n{chr(10).join(text)}\n{END}{after}", encoding="utf-8")
-    print(PAGE, file=sys.stderr)
+    for name, sizes in PARTS.items():
+        command = " ".join(["python", f"benchmarks/{name}.py", *sizes[size]])
+        print(command, file=sys.stderr)
+        text = f"{versions}\n$ {command}\n{run(f'{name}.py', sizes[size])}\n"
+        (KEPT / f"{name}.txt").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

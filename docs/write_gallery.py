@@ -25,8 +25,8 @@ KEPT = DOCS / "gallery"
 HEAD = """\
 # Gallery
 
-Every program of `examples/`, with what it prints and draws. Each runs by itself in less than a minute.
-`docs/write_gallery.py` runs them and writes this page; all data are simulated.
+Every program of `examples/`, with what it prints and draws. Each runs by itself in less than a minute; all data are
+simulated.
 """
 
 
@@ -41,11 +41,13 @@ def notebooks() -> list[Path]:
 
 
 def text_of(program: Path) -> tuple[str, str]:
-    """Return title and description of a program: its docstring without usage, cut at the first colon or question."""
+    """Return title and description of a program: the first paragraph of its docstring, cut at a colon or question.
+
+    The page shows the program, and with it the rest of the docstring.
+    """
     parts = (ast.get_docstring(ast.parse(program.read_text(encoding="utf-8"))) or "").split("\n\n")
     title, rest = re.split(r"(?<=[:?]) ", " ".join(parts[0].split()), maxsplit=1)
-    body = [" ".join(part.split()) for part in parts[1:] if not part.strip().startswith("python ")]
-    return title.rstrip(":"), "\n\n".join([rest[0].upper() + rest[1:], *body])
+    return title.rstrip(":"), rest[0].upper() + rest[1:]
 
 
 def run(program: Path) -> None:
@@ -74,7 +76,7 @@ def section(program: Path) -> str:
 
 {body}
 
-![{title}](gallery/{program.stem}.png)
+![](gallery/{program.stem}.png)
 
 ```{{literalinclude}} gallery/{program.stem}.txt
 :language: text
@@ -84,7 +86,6 @@ def section(program: Path) -> str:
 <details><summary><code>examples/{program.name}</code></summary>
 
 ```{{literalinclude}} ../examples/{program.name}
-:language: python
 ```
 
 </details>
@@ -108,7 +109,7 @@ def notebook_section(path: Path) -> str:
     first = "".join(json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"])
     title, _, body = first.partition("\n")
     title = title.lstrip("# ")
-    picture = f"![{title}](gallery/{path.stem}.png)\n\n" if (KEPT / f"{path.stem}.png").exists() else ""
+    picture = f"![](gallery/{path.stem}.png)\n\n" if (KEPT / f"{path.stem}.png").exists() else ""
     return f"""\
 ## Notebook: {title}
 

@@ -21,11 +21,12 @@ PAGE = Path(__file__).parent / "guide" / "keys.md"
 HEAD = """\
 # Every key of campaign.toml and rig.toml
 
-Written from what reads the files by `docs/write_keys.py`. A quantity is text with a unit, such as `"0.02 kg*m^2"`;
-any unit that pint knows is converted. An unknown key is refused, and the nearest known one is named.
+A quantity is text with a unit, such as `"0.02 kg*m^2"`; any unit that pint knows is converted. A key without a kind
+takes text; without a default it is empty, false or 0.
+An unknown key is refused, and the nearest known one is named.
 """
 FILES = {"campaign.toml": Manifest, "rig.toml": RigFile}
-WORDS = {str: "text", int: "number", float: "number", bool: "true or false", type(None): ""}
+WORDS = {str: "text", int: "number", float: "number", bool: "boolean", type(None): ""}
 
 
 def models(kind: Any) -> Iterator[type[BaseModel]]:
@@ -55,25 +56,46 @@ def kind_of(kind: Any) -> str:
         return "table"
     arguments = typing.get_args(kind)
     if typing.get_origin(kind) is typing.Literal:
-        return " or ".join(f'`"{value}"`' for value in arguments)
+        return ", ".join(f'`"{value}"`' for value in arguments)
     if typing.get_origin(kind) is list:
         return f"list of {kind_of(arguments[0])}"
     if typing.get_origin(kind) is dict:
         return "table"
-    return " or ".join(dict.fromkeys(filter(None, map(kind_of, arguments))))
+    return ", ".join(dict.fromkeys(filter(None, map(kind_of, arguments))))
 
 
 def default_of(field: FieldInfo) -> str:
-    """Return the default of a key: a dash where it may be left out, nothing where it must be given."""
+    """Return the default of a key: nothing where it may be left out without one."""
     if field.is_required():
         return "**required**"
     value = field.default
-    empty = value is None or isinstance(value, BaseModel) or value in ("", {}, [], ())
-    return (
-        "–"
-        if empty or field.default_factory
-        else f"`{str(value).lower() if isinstance(value, bool) else repr(value)}`"
-    )
+    if (
+        field.default_factory
+        or value is None
+        or isinstance(value, BaseModel)
+        or value in ("", {}, [], (), False, 0)
+    ):
+        return ""
+    return f"`{value}`"
+
+
+def row(key: str, field: FieldInfo) -> str:
+    """Return the line of a key; that it takes text goes without saying."""
+    kind = kind_of(field.annotation)
+    return f"|`{key}`|{'' if kind == 'text' else kind}|{default_of(field)}|{field.description}|"
+
+
+def section(name: str, table: type[BaseModel], named: dict[type[BaseModel], str]) -> str:
+    """Return a table of keys; of one that extends another, what it adds."""
+    text = " ".join((table.__doc__ or "").split("\n\n")[0].split())
+    fields = table.model_fields
+    for base in table.__mro__[1:]:
+        if base in named:
+            text += f" Keys of `[{named[base]}]`, and"
+            fields = {key: field for key, field in fields.items() if key not in base.model_fields}
+    title = f"### `[{name}]`\n\n" if name else ""
+    rows = ["|key|takes|default|meaning|", "|-|-|-|-|", *(row(*each) for each in fields.items())]
+    return f"{title}{text}\n\n" + "\n".join(rows) + "\n"
 
 
 def page() -> str:
@@ -81,15 +103,10 @@ def page() -> str:
     parts = [HEAD]
     for file, root in FILES.items():
         parts.append(f"## {file}\n")
+        named: dict[type[BaseModel], str] = {}
         for name, table in tables(root):
-            title = f"### `[{name}]`\n\n" if name else ""
-            rows = ["| key | takes | default | meaning |", "|---|---|---|---|"]
-            rows += [
-                f"| `{key}` | {kind_of(field.annotation)} | {default_of(field)} | {field.description} |"
-                for key, field in table.model_fields.items()
-            ]
-            text = " ".join((table.__doc__ or "").split("\n\n")[0].split())
-            parts.append(f"{title}{text}\n\n" + "\n".join(rows) + "\n")
+            parts.append(section(name, table, named))
+            named[table] = name
     return "\n".join(parts)
 
 

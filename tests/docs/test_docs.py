@@ -13,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from fresh_clone import blocks, commands_of, write_own_data
+from fresh_clone import VERBS, blocks, commands_of, main_path_holds, write_own_data
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -131,8 +131,8 @@ def test_the_api_page_has_every_field_that_a_program_uses():
     assert {attribute: name for attribute, name in used.items() if attribute not in known} == {}
 
 
-def written_by(name):
-    spec = importlib.util.spec_from_file_location(name, DOCS / f"{name}.py")
+def written_by(name, folder=DOCS):
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -150,6 +150,19 @@ def test_the_gallery_has_every_example_with_its_picture_and_output():
         assert (DOCS / "gallery" / f"{program.stem}.png").stat().st_size > 10_000
         assert (DOCS / "gallery" / f"{program.stem}.txt").stat().st_size > 50
     assert {path.stem for path in (DOCS / "gallery").iterdir()} == {Path(name).stem for name in examples}
+
+
+def test_the_page_of_measured_figures_is_what_its_data_say():
+    # After a new figure: python benchmarks/write_measured.py
+    writer = written_by("write_measured", ROOT / "benchmarks")
+    assert (DOCS / "guide" / "measured.md").read_text(encoding="utf-8") == writer.page()
+    assert writer.with_interval("0/20") == "0/20 (0–16.8)"  # 1 - 0.025^(1/20)
+    kept = {path.stem for path in (DOCS / "comparisons").iterdir()}
+    data = tomllib.loads((ROOT / "benchmarks" / "measured.toml").read_text(encoding="utf-8"))["table"]
+    assert kept == {table["output"] for table in data if "output" in table}
+    for table in data:
+        widths = {len(cells) for cells in table.get("rows", ())}
+        assert widths <= {len(table.get("columns", ()))}, table["tried"]
 
 
 def test_the_callouts_of_the_report_are_explained():
@@ -177,7 +190,7 @@ def test_every_figure_of_the_guide_has_a_command():
     for page in (ROOT / "README.md", *PAGES):
         text = page.read_text(encoding="utf-8")
         if page.name not in ("measured.md", "changelog.md"):
-            assert not re.search(r"\d+ of \d+ \|", text), page.name
+            assert not re.search(r"\d+ of \d+ ?\|", text), page.name
     sections = (DOCS / "guide" / "measured.md").read_text(encoding="utf-8").split("\n## ")[1:]
     for section in sections:
         assert re.search(r"(python|sindyjoint|tests/|examples/)", section), section.splitlines()[0]
@@ -191,7 +204,7 @@ def test_the_keys_page_has_every_key():
     for schema in (manifest_schema(), RigFile.model_json_schema()):
         for table in (schema, *schema.get("$defs", {}).values()):
             for key, field in table.get("properties", {}).items():
-                assert f"| `{key}` |" in page, key
+                assert f"|`{key}`|" in page, key
                 assert field.get("description") or "$ref" in str(field), key
 
 
@@ -202,7 +215,7 @@ def test_every_command_has_a_line():
         group.name for group in app.registered_groups
     }
     text = (DOCS / "guide" / "commands.md").read_text(encoding="utf-8")
-    assert names - set(re.findall(r"^\| `sindyjoint (\w+)", text, re.M)) == set()
+    assert names - set(re.findall(r"^- `sindyjoint (\w+)", text, re.M)) == set()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
@@ -219,12 +232,11 @@ def test_the_guide_names_files_that_exist():
             assert (ROOT / name).exists(), f"{page.name}: {name}"
 
 
-def test_a_newcomer_gets_there_in_three_commands(tmp_path, monkeypatch, sindyjoint):
+def test_a_newcomer_gets_there_in_three_commands_and_on_in_two(tmp_path, monkeypatch, sindyjoint):
     from sindyjoint.files import load_campaign
 
     commands = commands_of(START)
     # The first installs: the script that checks everything types it in a fresh clone.
-    assert len(commands) <= 3
     assert commands[0] in (ROOT / "README.md").read_text(encoding="utf-8")
     assert "tests/docs/fresh_clone.py" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     write_own_data(START, tmp_path / "hinge")
@@ -232,13 +244,23 @@ def test_a_newcomer_gets_there_in_three_commands(tmp_path, monkeypatch, sindyjoi
     levels = {"low", "middle", "high"}
     assert {(run.frequency, run.level) for run in runs} == {(f, each) for f in (3, 4, 5) for each in levels}
     monkeypatch.chdir(tmp_path)
-    for command in commands[1:]:
+    said = {}
+    for verb, command in zip(VERBS[1:], commands[1:], strict=True):
         words = shlex.split(command)
-        assert words[0] == ".venv/bin/sindyjoint"
+        assert words[:2] == [".venv/bin/sindyjoint", verb]
         done = sindyjoint(*words[1:])
         assert done.status == 0, done.stderr
-    assert "linear stiffness" in done.stdout and "Coulomb friction" in done.stdout
-    assert (tmp_path / "results" / "report.html").stat().st_size > 100_000
+        said[verb] = done.stdout
+    main_path_holds(said, tmp_path / "results")
+
+
+def test_the_main_path_is_short():
+    # What a user reads for the main job: the index names these pages.
+    index = (DOCS / "index.md").read_text(encoding="utf-8")
+    path = index[index.index("**Main path**") : index.index("**Reference**")]
+    pages = re.findall(r"\]\((guide/\w+\.md)\)", path)
+    assert len(pages) == 3 and pages[0] == "guide/start.md"
+    assert sum(len((DOCS / page).read_text(encoding="utf-8").split()) for page in pages) <= 3000
 
 
 def test_samples_of_manifests_and_catalogues_load(tmp_path):
