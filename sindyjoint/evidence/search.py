@@ -102,12 +102,15 @@ class Search:
     candidates : list of Candidate
     refine : callable
         Returns a candidate with its numbers refined beside some columns.
+    before : float
+        What corrections of the channels have won before, nats.
     """
 
     evidence: Evidence
     base: Sequence[int]
     candidates: list[Candidate]
     refine: Refine
+    before: float = 0.0
     _limits: tuple[float, float] | None = field(init=False, default=None)
     _rivals: dict[Any, list[Chosen]] = field(init=False, default_factory=dict)
     _refined: list[Candidate] = field(init=False, default_factory=list)
@@ -213,6 +216,8 @@ class Search:
         if not self.remains(found):
             return found
         for each in found.members[::-1]:
+            if each.corrects:  # a correction shows when the states are made again
+                continue
             fewer = self.chosen([m for m in found.members if m is not each])
             ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
             if ratio > (1 - LEAST_HELP) ** 2:
@@ -228,16 +233,16 @@ class Search:
 
         Beside hysteresis, whose columns err at every reversal, as little is no further effect up to ``WITHIN`` noises.
         """
-        if not best.members or self.remains(best):
+        if self.remains(best) or not (best.members or self.before):
             return False
         rise = later.score.total - best.score.total
         if best.score.chi_square.sum() > self.evidence.target.size:
             start = self.chosen([each for each in best.members if not each.hysteretic])
-        return rise < LITTLE * (best.score.total - start.score.total)
+        return rise < LITTLE * (best.score.total - start.score.total + self.before)
 
     def without_needless(self, found: Chosen) -> Chosen:
         """Return a set without the members that win nothing beside the others."""
-        for each in found.members[:-1]:
+        for each in found.members:
             fewer = self.chosen([m for m in found.members if m is not each])
             if not self.wins(found, fewer):
                 return self.without_needless(fewer)

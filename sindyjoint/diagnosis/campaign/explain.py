@@ -10,15 +10,15 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.add import aligned, fitted_together
 from sindyjoint.diagnosis.campaign.measure import CampaignEvidence
+from sindyjoint.diagnosis.campaign.other_starts import with_delay
 from sindyjoint.diagnosis.campaign.repair import keeping, refit
-from sindyjoint.diagnosis.campaign.start import Work
+from sindyjoint.diagnosis.campaign.start import Work, is_free
+from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.loop import Progress, _with_gaps_renewed, _step
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
-from sindyjoint.equation.model import JointModel
 from sindyjoint.evidence.search import Candidate, Chosen, Search, deviate
-from sindyjoint.numeric import Array
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
@@ -40,8 +40,10 @@ class Found:
         Of both, in that order.
     misfit : (float, float)
         Held-out χ² per row of the model alone and with the effects, in units of what noise makes expected.
-    cost : float
-        The negative score, nats, and what each member must win at least.
+    price : float
+        What the members must win at least, nats.
+    total : float
+        The score, nats.
     """
 
     work: Work
@@ -49,50 +51,112 @@ class Found:
     effects: list[FittedEffect]
     rankings: list[Ranking[FittedEffect]]
     misfit: tuple[float, float]
-    cost: float
+    price: float
+    total: float
     rows: int
+
+    def cost(self, rows: int) -> float:
+        """Return the negative score and the price, nats, for so many rows.
+
+        States that are made again with a delay have other moving samples: scores compare as means over the rows.
+        """
+        return self.price - self.total * rows / self.rows
 
 
 def find_effects(problem: Problem, most: int, say: Say) -> Found:
-    """Return the best set of at most so many effects."""
-    work, model = problem.work, problem.work.model
-    shifts: list[FittedEffect] = []
-    shift_rankings: list[Ranking[FittedEffect]] = []
-    first = None
-    before: frozenset[str] = frozenset()
-    for _ in range(ROUNDS):
-        say("trying sets of effects")
-        taken = {each.name for each in shifts}
-        ev = CampaignEvidence(work.plain, model, [e for e in problem.candidates if e.id not in taken])
-        search = ev.search()
-        none = search.chosen(())
-        first = first if first is not None else mean_square(none)
-        best = simplest(search, search.run(most=most - len(shifts)))
-        fitted = ev.fitted(best)
-        rankings = [ranked(ev, search, best, member) for member in best.members]
-        moved = [i for i, each in enumerate(fitted) if each.shifts]
-        again = bool(moved) or any(each.effect.enters != "moment" for each in fitted)
-        if not again or (best.names == before and not moved):
-            break
-        before = best.names
-        others = [each for each in fitted if not each.shifts]
-        for i in moved:
-            work, shift = aligned(work, others, fitted[i])
-            shifts.append(shift)
-            shift_rankings.append(rankings[i])
-        later = refit(work.plain, model, others, keeping(work.policy))
-        model = later.model
-        work = work.again(model, later.effects)
-    keep = [i for i, each in enumerate(fitted) if not each.shifts]
-    return Found(
-        work,
-        shifts,
-        [fitted[i] for i in keep],
-        [*shift_rankings, *(rankings[i] for i in keep)],
-        (first, mean_square(best)),
-        search.limits[0] * len(best.members) - best.score.total,
-        ev.evidence.target.size,
+    """Return the best set of at most so many effects.
+
+    A correction of a channel changes the states: they are made again with it, and searched again. Its column says what
+    that would come to only where it is small; so searches without a delay, and from the channels aligned first, stand
+    beside.
+    """
+    work, candidates = problem.work, problem.candidates
+    delayed = None if is_free(work.campaign) else with_delay(problem)
+    if delayed is None:
+        plain = _round(work, candidates, most, say, [], [])
+        if not plain.shifts:
+            return plain
+        ids = {each.name for each in plain.shifts}
+        others = [each for each in candidates if each.id not in ids]
+        found = [plain, _round(work, others, most, say, [], [])]
+        return min(found, key=lambda each: each.cost(plain.rows))
+    own, aligned_ = _in_common(work, delayed.problem.work)
+    plain = _round(own, [each for each in candidates if each.enters != "time shift"], most, say, [], [])
+    before, after = (_alone(each) for each in (own, aligned_))
+    ranking = Ranking((delayed.delay,), (delayed.belief,), 1 - delayed.belief, (delayed.delay,))
+    won = max(after[0] - before[0], 0.0)
+    straight = _round(aligned_, candidates, most, say, [delayed.delay], [ranking], won, before[1])
+    if straight.cost(plain.rows) < plain.cost(plain.rows):
+        return replace(straight, work=delayed.problem.work)
+    return replace(plain, work=work)
+
+
+def _in_common(one: Work, other: Work) -> tuple[Work, Work]:
+    """Return two works with those samples alone that move in both: scores compare over the same rows."""
+    moving = [a.moving & b.moving for a, b in zip(one.states, other.states, strict=True)]
+    return tuple(  # type: ignore[return-value]
+        each.again(
+            each.model,
+            (),
+            tuple(replace(s, moving=m) for s, m in zip(each.states, moving, strict=True)),
+        )
+        for each in (one, other)
     )
+
+
+def _alone(work: Work) -> tuple[float, float, int]:
+    """Return score and held-out χ² of the model alone, and its rows."""
+    ev = CampaignEvidence(work.plain, work.model, ())
+    score = ev.evidence.score(ev.base)
+    return score.total, float(score.chi_square.sum()), ev.evidence.target.size
+
+
+def _round(
+    work: Work,
+    candidates: Sequence[Effect],
+    most: int,
+    say: Say,
+    shifts: list[FittedEffect],
+    rankings: list[Ranking[FittedEffect]],
+    won: float = 0.0,
+    first: float | None = None,
+    before: frozenset[str] = frozenset(),
+    rounds: int = ROUNDS,
+) -> Found:
+    """Return the best set on some states, from which delays were removed before."""
+    say("trying sets of effects")
+    taken = {each.name for each in shifts}
+    ev = CampaignEvidence(work.plain, work.model, [e for e in candidates if e.id not in taken])
+    search = ev.search(won)
+    none = search.chosen(())
+    first = mean_square(none) if first is None else first
+    best = simplest(search, search.run(most=most - len(shifts)))
+    fitted = ev.fitted(best)
+    ranked_here = [ranked(ev, search, best, member) for member in best.members]
+    moved = [i for i, each in enumerate(fitted) if each.shifts]
+    keep = [i for i, each in enumerate(fitted) if not each.shifts]
+    others = [fitted[i] for i in keep]
+    corrected = bool(moved) or any(each.effect.enters != "moment" for each in fitted)
+    if not corrected or rounds == 1 or (best.names == before and not moved):
+        members = len(best.members) + len(shifts)
+        return Found(
+            work,
+            shifts,
+            others,
+            [*rankings, *(ranked_here[i] for i in keep)],
+            (first, mean_square(best)),
+            search.limits[0] * members,
+            best.score.total,
+            ev.evidence.target.size,
+        )
+    for i in moved:
+        without = search.chosen([m for m in best.members if m is not best.members[i]])
+        won += best.score.total - without.score.total
+        work, shift = aligned(work, others, fitted[i])
+        shifts, rankings = [*shifts, shift], [*rankings, ranked_here[i]]
+    later = refit(work.plain, work.model, others, keeping(work.policy))
+    work = work.again(later.model, later.effects)
+    return _round(work, candidates, most, say, shifts, rankings, won, first, best.names, rounds - 1)
 
 
 def mean_square(found: Chosen) -> float:
@@ -114,7 +178,8 @@ def simplest(search: Search, best: Chosen) -> Chosen:
             if cost(each.members[-1]) < cost(member) and search.alike(best, each)
         ]
         if fewer:
-            return simplest(search, min(fewer, key=lambda each: (cost(each.members[-1]), -each.score.total)))
+            simpler = min(fewer, key=lambda each: (cost(each.members[-1]), -each.score.total))
+            return simplest(search, search.without_needless(simpler))
     return best
 
 
@@ -149,7 +214,8 @@ def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
     """Return the progress with the best set of effects that the data show, fitted together, as steps."""
     problem = begun.problem
     found = find_effects(problem, most - len(begun.steps), say)
-    problem = replace(problem, misfit=(*found.misfit, found.rows, found.cost + 10.0 * (problem.zero != 0.0)))
+    cost = found.cost(sum(run.white_size for run in begun.problem.work.plain)) + 10.0 * (problem.zero != 0.0)
+    problem = replace(problem, misfit=(*found.misfit, found.rows, cost))
     if not found.rankings:
         return replace(begun, problem=problem)
     work, repaired = fitted_together(found.work, found.shifts, found.effects)

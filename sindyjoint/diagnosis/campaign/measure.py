@@ -155,9 +155,9 @@ class CampaignEvidence:
         place = self.evidence.add(columns)[0]
         return replace(candidate, values=values, place=place)
 
-    def search(self) -> Search:
-        """Return the search over sets of the candidates."""
-        return Search(self.evidence, self.base, self.candidates(), self.refine)
+    def search(self, before: float = 0.0) -> Search:
+        """Return the search over sets of the candidates; ``before``: what corrections have won already, nats."""
+        return Search(self.evidence, self.base, self.candidates(), self.refine, before)
 
     def fitted(self, found: Chosen) -> list[FittedEffect]:
         """Return the members of a set as effects with their numbers."""

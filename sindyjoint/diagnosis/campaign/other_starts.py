@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.gap import gap_of, moment_gap
-from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.start import first_model, is_free
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -33,23 +32,14 @@ Problem = Any
 
 
 def other_starts(
-    straight: Problem, last: Problem, say: Say, whole: bool
+    straight: Problem, last: Problem, say: Say
 ) -> Iterator[tuple[Problem, tuple[Step, ...], str]]:
-    """Yield problems to start from, the steps that led there, and in words what they are.
+    """Yield the terms that discovery finds as starts, of channels as they are and aligned, with steps and words.
 
-    Only problems whose own gap is not far above that of ``last``, where the search ended so far, are worth another one.
-    Where it ended with nothing left to explain (``whole``), only a delay that it has not found is tried.
+    Only where the gap is not far above that of ``last``, where the search ended so far, another one is worth it.
     """
     worth = straight.policy.start_worth * last.gap.moment
-    if whole and any(effect.shifts for effect in last.found):
-        return
-    if whole and all(effect.name in (CONSTANT, ZERO) for effect in last.found):
-        worth = np.inf  # it begins without these, and finds them again
     delayed = None if is_free(straight.work.campaign) else with_delay(straight)
-    if delayed is not None and delayed.moment_gap <= worth:
-        yield delayed.problem, (delayed.step,), "the channels aligned"
-    if whole:
-        return
     for begun, words in ((straight, ""), (delayed and delayed.problem, " and the channels aligned")):
         if begun is None:
             continue

@@ -322,8 +322,8 @@ class CampaignProblem(Problem):
         self, straight: Self, last: Self, say: Say, whole: bool = False
     ) -> Iterator[Start[Self]]:
         """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
-        if self.drift is None and self.may_start_anew:
-            for problem, steps, words in other_starts(straight, last, say, whole):
+        if self.drift is None and self.may_start_anew and not whole:
+            for problem, steps, words in other_starts(straight, last, say):
                 yield Start(problem, steps, words, straight)
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
