@@ -12,15 +12,7 @@ from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.advice import advise
 from sindyjoint.diagnosis.budget import NOT_DIVIDED
 from sindyjoint.diagnosis.falling import grows, with_falling_gaps
-from sindyjoint.diagnosis.loop import (
-    Progress,
-    add_effects,
-    cost_of,
-    led_by,
-    other_members,
-    without_needless_delay,
-)
-from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.loop import Progress
 from sindyjoint.diagnosis.problem import P, Say, Start
 from sindyjoint.diagnosis.result import Diagnosis, Gap, Step
 from sindyjoint.diagnosis.stages import Stages
@@ -57,9 +49,10 @@ class Explained(Generic[P]):
         """Whether nothing remains to be explained."""
         return self.verdict in ("nothing_missing", "named", "ambiguous")
 
-    def cost(self, policy: DiagnosisPolicy) -> float:
-        """Return the :func:`cost_of` its end."""
-        return self.progress.problem.cost(self.gaps.final)
+    @property
+    def cost(self) -> float:
+        """What the set of effects found costs: its negative score, and the price of its numbers."""
+        return self.progress.problem.cost()
 
 
 def explain_gap(
@@ -151,56 +144,26 @@ def _best_search(
 ) -> tuple[Explained[P], str]:
     """Return the search that ended best, and what to say of other starts."""
     search, say = stages.search, stages.say
-    begin = Start(straight, steps)
-    given = _led(first, begin, _explain(first, begin, most, stages), stages)
-    best, ends = given, [given]
+    ends = [_explain(first, Start(straight, steps), most, stages)]
     zero = search.do(
-        lambda: first.zero_start(straight, given.progress.problem, say), None, "the joint's own zero"
+        lambda: first.zero_start(straight, ends[0].progress.problem, say), None, "the joint's own zero"
     )
     if zero is not None:
-        best = _with_end(first, zero, _explain(first, zero, most, stages), best, ends, stages)
-    last = best if best.whole else given
-    starts = search.do(
-        lambda: list(first.other_starts(straight, last.progress.problem, say, best.whole)), (), "other starts"
-    )
-    start = min(starts, key=lambda each: each.problem.gap.moment, default=None)
-    if start is not None:
-        end = _explain(first, start, most, stages)
-        best = _with_end(first, start, end, best, ends, stages, _lead(start, best))
+        ends.append(_explain(first, zero, most, stages))
+    last = _best_of(first, ends)
+    if not last.whole:
+        starts = search.do(
+            lambda: list(first.other_starts(straight, last.progress.problem, say)), (), "other starts"
+        )
+        ends += [_explain(first, start, most, stages) for start in starts]
+    best = _best_of(first, ends)
     return best, _compare_starts(best, ends)
 
 
-def _lead(start: Start[P], best: Explained[P]) -> float:
-    """Return what an admissible start is ahead by, in nats of the moment gap, before any effect is added to it.
-
-    The model that is better held out is the base: effects beside a lesser one stand in for what it lacks.
-    """
-    if best.whole or start.problem.complaint():
-        return 0.0
-    ratio = best.gaps.final.moment / max(start.problem.gap.moment, 1e-300)
-    return float(np.log(ratio)) if ratio > 1 else 0.0
-
-
-def _with_end(
-    first: P,
-    start: Start[P],
-    end: Explained[P],
-    best: Explained[P],
-    ends: list[Explained[P]],
-    stages: Stages,
-    lead: float = 0.0,
-) -> Explained[P]:
-    """Add the end of the search from another start; return the best so far, or that one where it is better.
-
-    To try the members of its classes takes time: that is for a start that is ahead, or has ended better.
-    """
-
-    def better(each: Explained[P]) -> bool:
-        worse = grows(first.initial_gap, each.gaps.final)
-        return not worse and each.cost(first.policy) < best.cost(first.policy) + lead
-
-    ends.append(_led(first, start, end, stages) if lead > 0 or better(end) else end)
-    return ends[-1] if better(ends[-1]) else best
+def _best_of(first: P, ends: Sequence[Explained[P]]) -> Explained[P]:
+    """Return the end that costs least, of those whose gap is no larger than that of the model as it was given."""
+    kept = [each for each in ends if not grows(first.initial_gap, each.gaps.final)]
+    return min(kept, key=lambda each: each.cost, default=ends[0])
 
 
 def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[P]:
@@ -212,23 +175,6 @@ def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[
     return _judged(first, start, progress, stages)
 
 
-def _led(first: P, start: Start[P], end: Explained[P], stages: Stages) -> Explained[P]:
-    """Return the end of a search with the members of its classes that the data, which hardly differ, leave least of."""
-    return end
-    progress = end.progress
-
-    def cost(problem: P) -> float:
-        return cost_of(problem.gap, problem, first.policy)
-
-    def led() -> Progress[P] | None:
-        best = min(other_members(progress), key=lambda each: cost(each[2]), default=None)
-        better = best is not None and cost(best[2]) < cost(progress.problem)
-        return led_by(progress, *best) if best is not None and better else None
-
-    later = stages.search.do(led, None, "other members of the classes")
-    return end if later is None else _judged(first, start, later, stages)
-
-
 def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) -> Explained[P]:
     """Return what a search has come to; *undecided* where the verdict is not reached."""
     final = progress.steps[-1].gap_after if progress.steps else start.problem.gap
@@ -238,8 +184,6 @@ def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) ->
         gaps = Gaps(first.initial_gap, final, problem.floor(), problem.uncertainty(), problem.floor_is_bound)
         residual = problem.residual(straight)
         verdict, reason = judge(progress.steps, residual, gaps, first.policy)
-        if progress.doubt is not None and verdict in ("unknown", "partly_named", "undecided"):
-            reason = f"{reason}; {progress.doubt.words}"
         return Explained(straight, progress, residual, gaps, verdict, reason, start.words)
 
     stages.say("the verdict")

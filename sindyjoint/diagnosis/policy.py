@@ -44,15 +44,9 @@ class DiagnosisPolicy:
     # The loop: what is accepted, refused, taken back.
     most_effects: int = convention(4, "most effects that are added")
     most_refusals: int = convention(2, "most effects that are refused before the loop stops")
-    worse_response: float = calibrated(
-        1.5, "an effect that makes the response gap so much worse is refused ..."
-    )
     little_help: float = calibrated(
         0.7,
         "... unless the moment gap falls to this share; where it grows with a step, the response gap must fall to it",
-    )
-    worse_moment: float = calibrated(
-        2.0, "an effect that makes the gap of runs left out so much worse overfits"
     )
     long_valley: float = judgement(
         1.5,
@@ -64,9 +58,6 @@ class DiagnosisPolicy:
         "share by which the response gap may grow by refinement: at reversals of a prescribed motion it "
         "counts samples that are not fitted",
     )
-    least_gain: float = convention(0.05, "share of a held-out gap to be won where noise was not measured")
-    pair_gain: float = calibrated(1.2, "factor by which a pair beats the best effect and any companion")
-    pair_residual: float = calibrated(0.67, "the same in free motion: share of their residual that it leaves")
     realign: float = convention(4.0, "fall of χ² at which a delay is corrected beside a later effect")
     needless_ratio: float = convention(3.0, "coefficient over standard error below which a term may go ...")
     needless_share: float = convention(0.02, "... if it carries less than this share of the moment's RMS")
@@ -78,23 +69,11 @@ class DiagnosisPolicy:
     )
 
     # Other starts, where the first search leaves something unexplained.
-    number_cost: float = convention(
-        0.02, "share by which each number of a law must make the gaps smaller for one start to be better"
-    )
     start_worth: float = convention(
         1.1, "gap of a start over the best one so far up to which it is searched from"
     )
 
     # Admissible effects.
-    bound_margin: float = convention(0.005, "share of a parameter's logarithmic range that counts as its end")
-    inner_margin: float = convention(
-        0.15, "share of that range, at either end, off which a number is moved where the data allow it"
-    )
-    special_margin: float = convention(
-        0.5,
-        "share of that range by which a rival stands off the end where it is a special case: its usual form, in the "
-        "middle",
-    )
     admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
     pushing_share: float = convention(
         0.05, "share of the time in which dry friction may push before that is refused"
@@ -127,7 +106,6 @@ class DiagnosisPolicy:
         source="the share of the gap that remains; never so little that a name stands above 0.8",
     )
     unexplained: float = calibrated(0.15, "share of the gap beyond noise above which the rest is unknown")
-    unexplained_once: float = calibrated(0.3, "the same where nothing repeats, and that share is an estimate")
     unexplained_rms: bool = convention(False, "whether that share is of the RMS, not of the mean square")
     significant_excess: float = calibrated(1.25, "mean square, in units of noise, up to which all is noise")
     significant_gap: float = calibrated(
@@ -135,14 +113,6 @@ class DiagnosisPolicy:
     )
     outside: float = convention(0.5, "probability of an effect of no catalogue above which it is unknown")
     least_outside: float = convention(0.005, "probability of that below which it is left out of the rivals")
-    outside_prior: tuple[float, ...] = calibrated(
-        (-4.5, -4.5, -2.0, -0.5, 1.0), "log-odds of that with 0, 1, 2, 3 or more effects found", unit="nat"
-    )
-    outside_error: float = calibrated(
-        0.03, "share of what was explained within which a residual is model error"
-    )
-    shapeless: float = calibrated(0.02, "the same of a residual without form: sharp corners leave some")
-    noise_known: float = calibrated(1.5, "factor within which the noise near sharp corners is known")
 
     # Budget and localisation; drift of channels and change of the joint.
     significant_fall: float = convention(3.0, "standard deviations of χ² from which a held-out error falls")

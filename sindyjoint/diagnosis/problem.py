@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, Self, TypeVar
 
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.inadmissible import Inadmissible
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import Candidate, Ranking
@@ -18,41 +18,15 @@ from sindyjoint.diagnosis.verdict import Residual
 Say = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """The candidates that a round may add.
-
-    Parameters
-    ----------
-    ranking : Ranking
-        Of those whose signs the catalogue admits.
-    paired : bool
-        Whether the first one stands there because of a second beside it.
-    doubts : tuple of Inadmissible
-        A candidate with another sign that clearly leads them all.
-    """
-
-    ranking: Ranking[Any]
-    paired: bool = False
-    doubts: tuple[Inadmissible, ...] = ()
-
-
 P = TypeVar("P", bound="Problem")
 
 
 @dataclass(frozen=True)
 class Added(Generic[P]):
-    """A problem with one effect more.
-
-    Parameters
-    ----------
-    problem : Problem
-    again : mapping of str to Ranking or None
-        Effects found before that were tested again: the candidates for their place, or None where they are needless.
-    """
+    """A problem with one effect more, and the ids of effects found before that it makes needless."""
 
     problem: P
-    again: Mapping[str, Ranking[Any] | None]
+    needless: Collection[str] = ()
 
 
 @dataclass(frozen=True)
@@ -103,11 +77,6 @@ class Problem(Protocol):
         return ()
 
     @property
-    def noise_measured(self) -> bool:
-        """Whether repetition, or the record itself, has measured the noise of every row: any gain then counts."""
-        return True
-
-    @property
     def is_noise(self) -> bool:
         """Whether it is sure, without a further search, that nothing but noise remains."""
         return False
@@ -135,22 +104,6 @@ class Problem(Protocol):
         """Whether that is only an upper bound."""
         return False
 
-    def replaced(self, name: str, other: Any) -> Self | None:
-        """Return the problem with one of its effects replaced by another one; None where that is not possible."""
-        return None
-
-    def zero_errors(self, refused: Collection[str]) -> Ranking[Any] | None:
-        """Return the zero errors of the channels in order of probability; None where none is believed."""
-        return None
-
-    def without_delay(self) -> tuple[Self, str] | None:
-        """Return the problem with the channels in their own time, and what its delay is called; None without one."""
-        return None
-
-    def ranked_again(self, name: str, members: Collection[str]) -> Ranking[Any] | None:
-        """Return the members of a class that one effect leads, ranked beside the others; None without any."""
-        return None
-
     def gap_without(self, names: Collection[str]) -> Gap:
         """Return the gap without some of the effects, the others fitted anew."""
         return self.gap
@@ -167,15 +120,24 @@ class Problem(Protocol):
         """Return the problem with channels put right that drift for all to see, and the steps that this took."""
         return self, ()
 
-    def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
-        """Return the candidates in order of probability; None where there are none."""
+    def searched(self, begun: Any, most: int, say: Say, search: Portion) -> Any:
+        """Return the progress with the effects that the data show, at most so many, as far as the portion goes."""
 
-    def complaint(self, candidate: Any = None) -> str:
-        """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
+    def cost(self) -> float:
+        """Return what the set of effects found costs, the less the better the data are predicted."""
+        return 0.0
+
+    def propose(self, refused: Collection[str], say: Say) -> Ranking[Any] | None:
+        """Return the candidates in order of probability; None where there are none."""
+        return None
+
+    def complaint(self) -> str:
+        """Return what physics has against the law with the effects; empty if nothing."""
         return ""
 
     def add(self, best: Any) -> Added[Self] | None:
         """Return the problem with an effect more, everything fitted together; None where the fit fails."""
+        return None
 
     def units(self, fitted: Any) -> dict[str, str]:
         """Return the units of an effect's parameters."""

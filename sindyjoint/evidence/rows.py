@@ -13,7 +13,7 @@ import numpy as np
 
 from sindyjoint.numeric import Array
 
-# Length over which a discrepancy keeps its sign, in periods of the motion (of the main frequency where nothing repeats).
+# Length over which a discrepancy keeps its sign, in periods of the motion (of its main frequency).
 LENGTH = 0.05
 # Rows of a long run that are rotated together.
 PIECE = 160
@@ -88,4 +88,3 @@ def _kernel(place: Array, cyclic: bool) -> Array:
         apart = np.abs(apart)
     kernel: Array = np.exp(-apart / LENGTH)
     return kernel
-

@@ -181,7 +181,8 @@ class Evidence:
         log_density = -0.5 * (chi + volume + self._volume[sizes][:, :, None])
         best = np.argmax(log_density.sum(axis=1), axis=0)  # per set
         return [
-            Score(log_density[s, :, j], chi[0, :, j], float(SIZES[sizes][s])) for j, s in enumerate(best.tolist())
+            Score(log_density[s, :, j], chi[0, :, j], float(SIZES[sizes][s]))
+            for j, s in enumerate(best.tolist())
         ]
 
     def _rows(self, places: Sequence[int] | NDArray[np.intp]) -> Array:

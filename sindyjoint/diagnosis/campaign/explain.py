@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.add import aligned, fitted_together
+from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT
 from sindyjoint.diagnosis.campaign.measure import CampaignEvidence
+from sindyjoint.diagnosis.campaign.numbers.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.other_starts import with_delay
 from sindyjoint.diagnosis.campaign.repair import keeping, refit
 from sindyjoint.diagnosis.campaign.start import Work, is_free
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.loop import Progress, _with_gaps_renewed, _step
+from sindyjoint.diagnosis.loop import Progress, step_of, with_gaps_renewed
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.evidence.search import Candidate, Chosen, Search, deviate
@@ -25,6 +27,16 @@ Problem = Any
 
 # States are made again where a channel is put right, and the search with them.
 ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class Searched:
+    """Held-out χ² of the model alone and with the effects found, of so many rows, and the cost of the set, nats."""
+
+    before: float
+    after: float
+    rows: int
+    cost: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +52,8 @@ class Found:
         Of both, in that order.
     misfit : (float, float)
         Held-out χ² per row of the model alone and with the effects, in units of what noise makes expected.
-    price : float
-        What the members must win at least, nats.
+    least : float
+        What a member must win, nats.
     total : float
         The score, nats.
     """
@@ -51,7 +63,7 @@ class Found:
     effects: list[FittedEffect]
     rankings: list[Ranking[FittedEffect]]
     misfit: tuple[float, float]
-    price: float
+    least: float
     total: float
     rows: int
 
@@ -60,7 +72,7 @@ class Found:
 
         States that are made again with a delay have other moving samples: scores compare as means over the rows.
         """
-        return self.price - self.total * rows / self.rows
+        return self.least * len(self.rankings) - self.total * rows / self.rows
 
 
 def find_effects(problem: Problem, most: int, say: Say) -> Found:
@@ -138,14 +150,13 @@ def _round(
     others = [fitted[i] for i in keep]
     corrected = bool(moved) or any(each.effect.enters != "moment" for each in fitted)
     if not corrected or rounds == 1 or (best.names == before and not moved):
-        members = len(best.members) + len(shifts)
         return Found(
             work,
             shifts,
             others,
             [*rankings, *(ranked_here[i] for i in keep)],
             (first, mean_square(best)),
-            search.limits[0] * members,
+            search.limits[0],
             best.score.total,
             ev.evidence.target.size,
         )
@@ -213,19 +224,19 @@ def odds_of(best: Chosen, other: Chosen) -> float:
 def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
     """Return the progress with the best set of effects that the data show, fitted together, as steps."""
     problem = begun.problem
+    rows = sum(run.white_size for run in problem.work.plain)
     found = find_effects(problem, most - len(begun.steps), say)
-    cost = found.cost(sum(run.white_size for run in begun.problem.work.plain)) + 10.0 * (problem.zero != 0.0)
-    problem = replace(problem, misfit=(*found.misfit, found.rows, cost))
+    cost = found.cost(rows) + found.least * len(begun.steps)
+    problem = replace(problem, search=Searched(*found.misfit, found.rows, cost))
     if not found.rankings:
         return replace(begun, problem=problem)
     work, repaired = fitted_together(found.work, found.shifts, found.effects)
     problem = replace(problem, work=work, repaired=repaired)
-    names = [ranking.fitted[0].name for ranking in found.rankings]
-    last = problem.gap
-    steps = [
-        _step(problem, ranking, begun.gap, last) for ranking in found.rankings
-    ]
-    steps = _with_gaps_renewed(steps, begun.gap, problem)
-    return Progress(
-        problem, last, (*begun.steps, *steps), {**begun.rankings, **dict(zip(names, found.rankings, strict=True))}
-    )
+    rankings = found.rankings
+    if problem.zero:
+        problem, needless = with_zero_fitted(problem)
+        rankings = [each for each in rankings if not (needless and each.fitted[0].name == CONSTANT)]
+    steps = [step_of(problem, ranking, begun.gap, problem.gap) for ranking in rankings]
+    by_name = {each.fitted[0].name: each for each in rankings}
+    later = with_gaps_renewed(steps, begun.gap, problem)
+    return Progress(problem, problem.gap, (*begun.steps, *later), {**begun.rankings, **by_name})

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.kept import kept_runs
 from sindyjoint.diagnosis.campaign.numbers.free_decay import continuation_gap
 from sindyjoint.diagnosis.campaign.repair import (
-    Repaired,
     about_zero,
     held_out_gap,
-    keeping,
     kept_weighted_gap,
     refit,
 )
@@ -55,21 +53,11 @@ def moment_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -
     return held_out_gap(work.rows, model, adding, work.noise, work.policy)[0]
 
 
-def moment_gap_beside(work: Work, repaired: Repaired, other: FittedEffect, now: Gap) -> Gap:
-    """Return the gap of the moment alone with one effect more, of any sign; its nonlinear parameters stay as they are.
-
-    On runs marked for validation ``now``, the gap without it, falls as the residual does.
-    """
-    before, shifts = repaired.effects, [e for e in repaired.effects if e.shifts]
-    plain = [e for e in before if not e.shifts]
-    both = refit(work.rows, work.model, [*plain, other], keeping(work.policy))
-    if not work.campaign.validation_runs:
-        moment, weighted = held_out_gap(work.rows, both.model, both.effects, work.noise, work.policy, False)
-        return Gap(moment, float("nan"), weighted)
-    rows = kept_rows(work, both.model, (*shifts, *both.effects))
-    pairs = ((both.model, both.effects), (repaired.model, plain))
-    after, earlier = (kept_weighted_gap(rows, model, effects) for model, effects in pairs)
-    return Gap(now.moment * after / max(earlier, 1e-300), float("nan"), after)
+def gap_without(work: Work, found: Sequence[FittedEffect], names: Collection[str]) -> Gap:
+    """Return the gap of the model without some of its effects, the others fitted anew."""
+    kept = [f for f in found if f.name not in names]
+    fitted = refit(work.rows, work.model, [f for f in kept if not f.shifts], work.policy)
+    return gap_of(work, fitted.model, (*(f for f in kept if f.shifts), *fitted.effects))
 
 
 def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> tuple[GapRun, ...]:

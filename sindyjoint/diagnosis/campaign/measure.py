@@ -1,4 +1,4 @@
-"""A campaign as evidence: its runs as whitened rows, the model's terms and every candidate effect as columns of them."""
+"""A campaign as evidence: its runs as whitened rows, the model's terms and all candidate effects as columns."""
 
 from __future__ import annotations
 
@@ -98,9 +98,7 @@ class CampaignEvidence:
                     place = self.evidence.add(columns)[0]
                     positive, corrects = variant.columns[0].positive, effect.enters != "moment"
                     hysteretic = bool(variant.states)
-                    found.append(
-                        Candidate(effect.id, form, values, place, positive, corrects, hysteretic)
-                    )
+                    found.append(Candidate(effect.id, form, values, place, positive, corrects, hysteretic))
         return found
 
     def _independent(self, columns: Array) -> bool:

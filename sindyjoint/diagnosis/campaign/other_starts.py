@@ -138,10 +138,10 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
 
 def _as_few_as_needed(problem: Problem, steps: tuple[Step, ...]) -> tuple[Problem, tuple[Step, ...]]:
     """Return the problem and its steps without the last ones where those before leave noise and nothing repeats."""
-    if problem.noise_measured:
+    if problem.regression.repeats:
         return problem, steps
     for place, step in enumerate(steps[:-1], 1):
-        if problem.within_floor(step.gap_after):
+        if step.gap_after.moment <= problem.noise_floor.moment:
             smaller = _without(problem.work.model, {later.effect for later in steps[place:]})
             fewer = problem.with_model(refit(problem.work.rows, smaller, (), problem.policy).model)
             return fewer, (*steps[: place - 1], replace(step, gap_after=fewer.gap))

@@ -9,23 +9,21 @@ from typing import Any, Self
 
 import numpy as np
 
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.campaign import admissible, final_checks
-from sindyjoint.diagnosis.campaign.add import LONGEST, add_effect, without_term
-from sindyjoint.diagnosis.campaign.candidates import fit_effects, fit_with_any_sign
+from sindyjoint.diagnosis.campaign import admissible
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
-from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, noise_floor
-from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, ZERO, zero_start
+from sindyjoint.diagnosis.campaign.explain import Searched, with_found
+from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, gap_without, noise_floor
+from sindyjoint.diagnosis.campaign.joint_zero import ZERO, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
-from sindyjoint.diagnosis.campaign.numbers.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_errors, response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
-from sindyjoint.diagnosis.campaign.pairs import hidden_pair
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
-from sindyjoint.diagnosis.campaign.regression import GapRegression, rank_effects
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
@@ -36,15 +34,14 @@ from sindyjoint.diagnosis.campaign.start import (
     first_model,
     is_free,
 )
-from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget, unexplained_once
-from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability, series_probability
+from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.inputs import input_effects
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say, Start
+from sindyjoint.diagnosis.problem import Problem, Say, Start
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
@@ -86,6 +83,8 @@ class CampaignProblem(Problem):
         On the form of its elements.
     actuator : Actuator, optional
         That makes further runs.
+    search : Searched, optional
+        What the search came to.
     """
 
     work: Work
@@ -99,7 +98,7 @@ class CampaignProblem(Problem):
     refined: JointModel | None = None
     notes: tuple[str, ...] = ()
     actuator: Actuator | None = None
-    misfit: tuple[float, float, int, float] | None = None
+    search: Searched | None = None
 
     @classmethod
     def build(
@@ -148,32 +147,10 @@ class CampaignProblem(Problem):
         """Terms of the model that the last effect made needless."""
         return self.repaired.dropped
 
-    @property
-    def noise_measured(self) -> bool:
-        """Whether repetition has measured the noise of every row."""
-        return self.regression.repeats
-
-    @property
-    def is_noise(self) -> bool:
-        """Whether what runs left out keep is within their floor: where nothing repeats no more can be known."""
-        unsure = self.noise_measured or self.floor_is_bound or is_free(self.work.campaign)
-        return not unsure and self.within_floor(self.gap)
-
-    def within_floor(self, gap: Gap) -> bool:
-        """Return whether a gap is noise: the moment within its floor, the response not clearly above its own."""
-        floor = self.noise_floor
-        return gap.moment <= floor.moment and not gap.response > self.policy.within_floors * floor.response
-
     @cached_property
     def regression(self) -> GapRegression:
         """The rows on model and effects."""
         return self.work.regression(self.found)
-
-    @property
-    def numbers(self) -> int:
-        """Numbers of the law: coefficients of the model and the effects, nonlinear parameters, and the joint's zero."""
-        laws = [e for e in self.found if e.effect.enters == "moment"]
-        return len(self.repaired.model.terms) + sum(e.variant.degrees for e in laws) + (self.zero != 0.0)
 
     @cached_property
     def gap(self) -> Gap:
@@ -210,82 +187,22 @@ class CampaignProblem(Problem):
 
     corrected = without_drift_found
 
-    def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
-        """Return the candidates in order of probability, a clearly better pair before the best single effect.
-
-        Where nothing is believed, errors of the channels beside the laws found are tried.
-        """
-        taken = {*refused, *(each.name for each in self.found)}
-        candidates = [effect for effect in self.candidates if effect.id not in taken]
-        say(f"trying {len(candidates)} effects")
-        problem = self.regression
-        fitted, denied = fit_with_any_sign(problem, candidates)
-        if not fitted:
-            return None
-        doubts = admissible.wrong_sign_doubt(self, fitted, denied)
-        pair = hidden_pair(problem, fitted) if pairs else None
-        if pair is not None:
-            first, second = pair
-            say(f"trying them beside {second.effect.name}")
-            both = self.work.regression([*self.found, second])
-            beside = rank_effects(both, fit_effects(both, [f.effect for f in fitted if f is not second]))
-            if beside.fitted[0].name == first.name:
-                return Proposal(admissible.off_the_ends(both, beside), True, doubts)
-        ranking = admissible.off_the_ends(problem, rank_effects(problem, fitted))
-        if 1 - ranking.nothing < self.policy.belief:
-            ranking = final_checks.channel_error(self, fitted) or ranking
-        return Proposal(ranking, doubts=doubts)
-
-    def searched(self, begun: Any, most: int, say: Say, search: Any) -> Any:
-        """Return the progress with the effects that the data show."""
-        from sindyjoint.diagnosis.campaign.explain import with_found
-
+    def searched(self, begun: Any, most: int, say: Say, search: Portion) -> Any:
+        """Return the progress with the set of effects that predicts best, as far as the portion goes."""
         return search.do(lambda: with_found(begun, most, say), begun, "the search")
 
-    def cost(self, gap: Gap) -> float:
-        """Return the negative score of the set found, in nats, and what each of its members must win at least."""
-        assert self.misfit is not None
-        return self.misfit[3]
+    def cost(self) -> float:
+        """Return the negative score of the set found, and what its members must win at least, nats."""
+        return np.inf if self.search is None else self.search.cost
 
-    def complaint(self, candidate: FittedEffect | None = None) -> str:
-        """Return what physics has against a candidate, or against the law with the effects; empty if nothing."""
-        if candidate is not None:
-            ends = admissible.number_complaint(candidate, self.regression.reference, self.policy)
-            return ends or admissible.yield_complaint(candidate, self.work.rows, self.policy)
-        if any(e.shifts and abs(e.coefficients[0]) >= LONGEST for e in self.found):
-            return f"the delay between the channels would be longer than {1e3 * LONGEST:.0f} ms"
+    def complaint(self) -> str:
+        """Return what physics has against the law with the effects; empty if nothing."""
         effects = tuple(e for e in self.found if e.effect.enters == "moment")
         return admissible.law_complaint(replace(self.repaired, effects=effects), self.work.rows, self.policy)
 
-    def add(self, best: FittedEffect) -> Added[Self]:
-        """Return the problem with an effect more, everything fitted together."""
-        begun = without_term(self.work, best.name)
-        work, repaired, again = add_effect(begun, self.found, best, self.candidates)
-        later = replace(self, work=work, repaired=repaired)
-        if not self.zero:
-            return Added(later, again)
-        later, needless = with_zero_fitted(later, best.name)
-        return Added(later, {**again, CONSTANT: None} if needless else again)
-
-    def replaced(self, name: str, other: FittedEffect) -> Self | None:
-        """Return the problem with one of its effects replaced by another one, everything fitted together."""
-        others = [f for f in self.found if f.name != name]
-        if other.shifts or len(others) == len(self.found):
-            return None
-        work, repaired, _ = add_effect(self.work, others, other, ())
-        return replace(self, work=work, repaired=repaired)
-
-    zero_errors = final_checks.zero_errors
-    ranked_again = final_checks.ranked_again
-
-    def without_delay(self) -> tuple[Self, str] | None:
-        """Return the problem with the channels in their own time, and what its delay is called; None without one."""
-        found = final_checks.without_delay(self.work, self.repaired)
-        return None if found is None else (replace(self, work=found[0], repaired=found[1]), found[2])
-
     def gap_without(self, names: Collection[str]) -> Gap:
         """Return the gap without some of the effects, the others fitted anew."""
-        return final_checks.gap_without(self.work, self.found, names) if names else self.gap
+        return gap_without(self.work, self.found, names) if names else self.gap
 
     def units(self, fitted: FittedEffect) -> dict[str, str]:
         """Return the units of an effect's parameters."""
@@ -318,11 +235,9 @@ class CampaignProblem(Problem):
         repaired = from_whole(self.repaired, self.work.rows, whole)
         return replace(self, repaired=repaired, refined=whole)
 
-    def other_starts(
-        self, straight: Self, last: Self, say: Say, whole: bool = False
-    ) -> Iterator[Start[Self]]:
-        """Yield the starts of discovery and of a delay removed first, where the terms to start from were not chosen."""
-        if self.drift is None and self.may_start_anew and not whole:
+    def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
+        """Yield the starts of discovery, where the terms to start from were not chosen."""
+        if self.drift is None and self.may_start_anew:
             for problem, steps, words in other_starts(straight, last, say):
                 yield Start(problem, steps, words, straight)
 
@@ -340,9 +255,12 @@ class CampaignProblem(Problem):
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
-        assert self.misfit is not None
-        before, after, rows, _ = self.misfit
-        return Residual(share_beyond_noise((before, rows), (after, rows), self.policy), self.policy.unexplained)
+        if self.search is None:
+            return Residual(1.0, self.policy.unexplained)
+        before, after, rows = self.search.before, self.search.after, self.search.rows
+        return Residual(
+            share_beyond_noise((before, rows), (after, rows), self.policy), self.policy.unexplained
+        )
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""

@@ -10,13 +10,15 @@ from typing import Any, Self
 
 import numpy as np
 
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.structure import Change
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place, most_informative
+from sindyjoint.diagnosis.loop import add_effects
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Added, Problem, Proposal, Say
+from sindyjoint.diagnosis.problem import Added, Problem, Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
@@ -145,13 +147,17 @@ class StructureProblem(Problem):
         """Noise of the records relative to their RMS over what was held out."""
         return _gap([record.noise_floor for record in self.records])
 
-    def propose(self, refused: Collection[str], pairs: bool, say: Say) -> Proposal | None:
-        """Return the candidates in order of probability; pairs are not looked for, each would cost simulations."""
+    def searched(self, begun: Any, most: int, say: Say, search: Portion) -> Any:
+        """Return the progress with the effects that the record shows, added one by one."""
+        return add_effects(begun, most, say, search)
+
+    def propose(self, refused: Collection[str], say: Say) -> Ranking[FittedChange] | None:
+        """Return the candidates in order of probability."""
         taken = {*refused, *(each.name for each in self.named)}
         candidates = [change for change in self.changes if change.effect not in taken]
         fitted = search(self.pulse, self.best, candidates, self.period, say)
         explained = sum(each.gain for each in self.named)
-        return Proposal(rank_changes(self.pulse, fitted, self.best.cost, explained)) if fitted else None
+        return rank_changes(self.pulse, fitted, self.best.cost, explained) if fitted else None
 
     def add(self, best: FittedChange) -> Added[Self] | None:
         """Return the problem with an effect more; earlier ones that it makes needless go."""
@@ -170,10 +176,10 @@ class StructureProblem(Problem):
                 pulse, found = fewer, less
             else:
                 kept.append(each)
-        again = {each.name: None for each in self.named if each not in kept}
+        needless = [each.name for each in self.named if each not in kept]
         drop = (_part_of_budget(best.change), self.best.cost - found.cost)
         later = replace(self, pulse=pulse, best=found, named=(*kept, best), drops=(*self.drops, drop))
-        return Added(later, again)
+        return Added(later, needless)
 
     def units(self, fitted: FittedChange) -> dict[str, str]:
         """Return the units of an effect's parameters."""

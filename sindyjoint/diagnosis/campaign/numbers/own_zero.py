@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.candidates import fit_effect
 from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, counted_from, has_middle, shifted_run
+from sindyjoint.diagnosis.campaign.measure import CampaignEvidence
 from sindyjoint.diagnosis.campaign.numbers.whole import number_columns
-from sindyjoint.diagnosis.campaign.regression import rank_effects, stack
+from sindyjoint.diagnosis.campaign.regression import stack
 from sindyjoint.diagnosis.campaign.repair import (
     Repaired,
     keeping,
@@ -37,22 +37,23 @@ Problem = Any
 ROUNDS, SMALL_STEP, DIFFERENCE = 6, 0.1, 1e-4
 
 
-def with_zero_fitted(problem: Problem, added: str) -> tuple[Problem, bool]:
+def with_zero_fitted(problem: Problem) -> tuple[Problem, bool]:
     """Return the problem with its zero fitted beside the law, and whether a constant moment went by it.
 
-    A constant found before the effect that was ``added`` stays where it is believed beside the zero that is best
-    without it; the zero is then fitted beside both, if the law has effects that know where its middle is.
+    A constant stays where it wins beside the zero that is best without it; the zero is then fitted beside both, if the
+    law has effects that know where its middle is.
     """
     constant = next((e for e in problem.found if e.name == CONSTANT), None)
     others = tuple(e for e in problem.found if e is not constant)
+    without = _fitted(problem, others)
     if constant is None:
-        return _fitted(problem, others), False
-    if added != CONSTANT:
-        without = _fitted(problem, others)
-        regression = replace(without.regression, inherited=0.0)
-        ranking = rank_effects(regression, [fit_effect(regression, constant.effect)])
-        if 1 - ranking.nothing < problem.policy.belief:
-            return without, True
+        return without, False
+    beside = [e for e in without.found if not e.shifts]
+    search = CampaignEvidence(without.work.plain, without.repaired.model, [constant.effect], beside).search()
+    none = search.chosen(())
+    later = search.extended(none)
+    if not later or not search.wins(later[0], none):
+        return without, True
     return (_fitted(problem, problem.found) if any(has_middle(e.effect) for e in others) else problem), False
 
 
