@@ -53,9 +53,7 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
         ax.set_xticks(x, [plain(shortened(name, 14)) for name in ids], rotation=90)
     else:
         ax.set_xlabel("campaign, in the order of the table")
-    ax.set_xlim(-0.7, values.size - 0.3)
-    ax.set_title(spelled(term, result.motion))
-    ax.set_ylabel(unit)
+    ax.set(xlim=(-0.7, values.size - 0.3), title=spelled(term, result.motion), ylabel=unit)
     return ax
 
 
@@ -98,8 +96,7 @@ def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     ax.fill_between(line - shift, factor * (middle - half), factor * (middle + half), color=RULE, linewidth=0)
     ax.plot(line - shift, factor * middle, color=INK, linewidth=1.0)
     unit_of = f" ({'°C' if shift else pretty_unit(of)})" if of else ""
-    ax.set_xlabel(plain(trend.covariate + unit_of))
-    ax.set_ylabel(f"{spelled(term, result.motion)} ({unit})")
+    ax.set(xlabel=plain(trend.covariate + unit_of), ylabel=f"{spelled(term, result.motion)} ({unit})")
     ax.set_title(
         f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"),
         color=MUTED,

@@ -77,9 +77,9 @@ def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale:
     ax.grid(False)
     if scale:
         colour_scale(ax, mesh, f"mean of measured less model ({unit})")
-    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
-    ax.set_ylabel(rate_label(result.model, y_unit))
-    ax.set_title(title)
+    ax.set(
+        xlabel=f"{q.angle} {q.angle_symbol} ({x_unit})", ylabel=rate_label(result.model, y_unit), title=title
+    )
     return ax
 
 
@@ -147,8 +147,7 @@ def _axes(result: Diagnosis, ax: Axes, run: RunGap, vertical: str) -> None:
     q = quantities(result.model.joint.motion)
     _, unit = _angle_unit(result)
     time = time_label(result.model.fitted.quasi_static, result.model.joint.motion)
-    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({unit})" if run.frequency > 0 else time)
-    ax.set_ylabel(vertical)
+    ax.set(xlabel=f"{q.angle} {q.angle_symbol} ({unit})" if run.frequency > 0 else time, ylabel=vertical)
     where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
     ax.set_title(plain(shortened(where if run.repeats else run.run)))
 

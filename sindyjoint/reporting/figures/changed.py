@@ -51,11 +51,14 @@ def shifts(data: ChangeFigures, ax: Axes) -> Axes:
         ax.plot(100 * shift.change, row, "o", color=colour, markersize=4)
         if abs(shift.change) < 3:
             reach = max(reach, *(min(abs(end), 3.0) * 1.1 for end in shift.interval))
-    ax.set_xlim(-100 * reach, 100 * reach)
-    ax.set_yticks(range(len(rows)), [math_symbol(shift.symbol) for shift in rows])
-    ax.set_ylim(len(rows) - 0.5, -0.5)
-    ax.set_xlabel("Change (% of the value before)")
-    ax.set_title("After against before")
+    ax.set(
+        xlim=(-100 * reach, 100 * reach),
+        yticks=range(len(rows)),
+        yticklabels=[math_symbol(shift.symbol) for shift in rows],
+        ylim=(len(rows) - 0.5, -0.5),
+        xlabel="Change (% of the value before)",
+        title="After against before",
+    )
     return ax
 
 

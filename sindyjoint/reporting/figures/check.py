@@ -185,10 +185,12 @@ def draw_run(run: CheckedRun, ax: Axes, motion: Motion) -> Axes:
     ax.set_yticks(ticks, [label.replace("-", "−") for label in labels])
     ax.tick_params(axis="y", length=0)
     ax.grid(visible=False)
-    ax.set_xlim(0, run.duration)
-    ax.set_ylim(bottom - 0.1, ROW + 0.12)
-    ax.set_xlabel(time_label(run.without_time, motion))
-    ax.set_title(plain(shortened(run.run, 40)))
+    ax.set(
+        xlim=(0, run.duration),
+        ylim=(bottom - 0.1, ROW + 0.12),
+        xlabel=time_label(run.without_time, motion),
+        title=plain(shortened(run.run, 40)),
+    )
     return ax
 
 

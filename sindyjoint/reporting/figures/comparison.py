@@ -46,8 +46,7 @@ def inclusion(result: Comparison, ax: Axes) -> Axes:
     for end in ends:
         ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
     ax.axvline(len(result.wanted) - 0.5, color=INK, linewidth=0.8)
-    ax.set_xlim(-0.5, len(terms) - 0.5)
-    ax.set_ylim(len(rows) - 0.5, -0.5)
+    ax.set(xlim=(-0.5, len(terms) - 0.5), ylim=(len(rows) - 0.5, -0.5))
     names = [spelled(term, result.motion) for term in terms]
     ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
     ax.set_yticks(range(len(rows)), [plain(shortened(name, 20)) for name, _ in rows])

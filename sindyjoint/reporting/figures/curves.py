@@ -50,8 +50,7 @@ def stiffness(data: JointCurves, ax: Axes) -> Axes:
 def loss_factor(data: JointCurves, ax: Axes) -> Axes:
     """Draw the loss factor over amplitude."""
     _over_amplitude(data, ax, "loss_factor", 1.0)
-    ax.set_yscale("log")
-    ax.set_ylabel("Loss factor")
+    ax.set(yscale="log", ylabel="Loss factor")
     legend_above(ax, 1, columns=2)
     return ax
 
@@ -60,8 +59,7 @@ def energy(data: JointCurves, ax: Axes) -> Axes:
     """Draw the energy dissipated per cycle over amplitude."""
     factor, unit = prefixed(max(float(np.max(c.energy)) for c in data.curves), "J")
     _over_amplitude(data, ax, "energy", factor)
-    ax.set_yscale("log")
-    ax.set_ylabel(f"Energy per cycle ({unit})")
+    ax.set(yscale="log", ylabel=f"Energy per cycle ({unit})")
     legend_above(ax, 1, columns=2)
     return ax
 
@@ -168,8 +166,7 @@ def _levels(data: StructureCurves, ax: Axes, factor: object) -> None:
         ax.plot(
             level.frequency, _only(shown, level.stable & ~level.tested), color=color, ls=(0, (1, 1.5)), lw=1.0
         )
-    ax.set_yscale("log")
-    ax.set_xlabel("Frequency (Hz)")
+    ax.set(yscale="log", xlabel="Frequency (Hz)")
 
 
 def backbone(data: StructureCurves, mode: ModeCurve, ax: Axes) -> Axes:
@@ -200,8 +197,7 @@ def _mode(data: StructureCurves, mode: ModeCurve, ax: Axes, values: Array, error
                 slip * factor, color=MUTED, lw=0.8, ls=DASHES[1 + place % (len(DASHES) - 1)],
                 label=f"{plain(shortened(name, 12))} slips",
             )  # fmt: skip
-    ax.set_xscale("log")
-    ax.set_xlabel(f"Deflection at {plain(shortened(mode.point, 14))} ({unit})")
+    ax.set(xscale="log", xlabel=f"Deflection at {plain(shortened(mode.point, 14))} ({unit})")
     if ax.get_legend_handles_labels()[1]:
         ax.legend(loc="best", labelspacing=0.3)
 

@@ -78,14 +78,16 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
                 label += ", below the axis"
             ax.axhline(floor, color=colour, lw=0.8, ls=(0, (1, 1.5)), label=label)
     if known and max(known) > FAR * min(known):
-        ax.set_yscale("log")
-        ax.set_ylim(0.5 * min(known), 2 * max(known))
+        ax.set(yscale="log", ylim=(0.5 * min(known), 2 * max(known)))
     elif known:
         ax.set_ylim(0, 1.1 * max(known))
-    ax.set_xticks(range(len(labels)), labels)
-    ax.set_xlim(-0.3, len(labels) - 0.5)
-    ax.set_ylabel("relative RMS (%)")
-    ax.set_title("Gap between model and measurement")
+    ax.set(
+        xticks=range(len(labels)),
+        xticklabels=labels,
+        xlim=(-0.3, len(labels) - 0.5),
+        ylabel="relative RMS (%)",
+        title="Gap between model and measurement",
+    )
     narrow = ax.bbox.width < NARROW * ax.figure.dpi
     legend_above(ax, 4 if narrow else 2, columns=1 if narrow else 2)
     return ax

@@ -61,9 +61,7 @@ def path(data: ReportData, ax: Axes) -> Axes:
         ax.axhline(floor * factor, color=MUTED, linewidth=1.6, zorder=1, label="noise floor")
     if data.chosen is not None:
         ax.axvline(size[data.chosen], color=INK, linewidth=0.8, linestyle=":")
-    ax.set_yscale("log")
-    ax.set_xlabel("Terms kept")
-    ax.set_ylabel(f"RMS ({unit})")
+    ax.set(yscale="log", xlabel="Terms kept", ylabel=f"RMS ({unit})")
     from matplotlib.ticker import MaxNLocator, NullLocator
 
     ax.yaxis.set_minor_locator(NullLocator())
@@ -88,9 +86,11 @@ def threshold(data: ReportData, ax: Axes) -> Axes:
         low = limit[chosen - 1] if chosen else edges[0]
         if limit[chosen] > low:
             ax.axvspan(low, limit[chosen], color=PALETTE[4], alpha=0.25, linewidth=0)
-    ax.set_xlabel("Threshold (unique share of the RMS)")
-    ax.set_ylabel("Terms kept")
-    ax.set_title("Terms over the threshold" + _chosen_note(data, size, "shaded"))
+    ax.set(
+        xlabel="Threshold (unique share of the RMS)",
+        ylabel="Terms kept",
+        title="Terms over the threshold" + _chosen_note(data, size, "shaded"),
+    )
     from matplotlib.ticker import LogLocator, NullLocator
 
     ax.xaxis.set_minor_locator(NullLocator())
@@ -114,9 +114,11 @@ def coefficient(data: ReportData, ax: Axes, term: str = "") -> Axes:
     ax.set_xticks(x, [plain(group.group) for group in groups])
     if len(groups) > 6:
         ax.tick_params(axis="x", rotation=60)
-    ax.set_xlim(-0.6, len(groups) - 0.4)
-    ax.set_ylabel(f"{math_symbol(item.symbol)}" + (f" ({unit})" if unit else ""))
-    ax.set_title(plain(in_words_of(data.model.joint.motion, item.name)))
+    ax.set(
+        xlim=(-0.6, len(groups) - 0.4),
+        ylabel=f"{math_symbol(item.symbol)}" + (f" ({unit})" if unit else ""),
+        title=plain(in_words_of(data.model.joint.motion, item.name)),
+    )
     return ax
 
 
@@ -132,9 +134,11 @@ def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
         ax, frequencies, values * factor, errors * abs(factor), (test.mean * factor, test.margin), shown
     )
     ax.margins(x=0.12)
-    ax.set_xlabel("Frequency (Hz)")
-    ax.set_ylabel(unit)
-    ax.set_title(plain(spelled(test.name, result.motion)) + "\n" + plain(test.answer))
+    ax.set(
+        xlabel="Frequency (Hz)",
+        ylabel=unit,
+        title=plain(spelled(test.name, result.motion)) + "\n" + plain(test.answer),
+    )
     return ax
 
 
@@ -165,8 +169,7 @@ def covariance(data: ReportData, ax: Axes) -> Axes:
     matrix = correlation(model)
     mesh = ax.imshow(matrix, cmap=DIVERGING, vmin=-1, vmax=1)
     names = [math_symbol(term.symbol) for term in model.terms]
-    ax.set_xticks(range(len(names)), names)
-    ax.set_yticks(range(len(names)), names)
+    ax.set(xticks=range(len(names)), xticklabels=names, yticks=range(len(names)), yticklabels=names)
     ax.grid(False)
     if len(names) <= 9:
         for (row, column), value in np.ndenumerate(matrix):

@@ -39,9 +39,11 @@ def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> Axes:
     y_factor, y_unit = prefixed(float(np.abs(moments).max()), q.moment_unit)
     for moment, heading, colour, dash in zip(moments, over.headings, PALETTE, DASHES, strict=False):
         ax.plot(angle * x_factor, moment * y_factor, color=colour, ls=dash, label=plain(pretty_unit(heading)))
-    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
-    ax.set_ylabel(f"{q.transfer} ({y_unit})")
-    ax.set_title(plain(f"the law over {over.label}\none cycle to the largest {q.angle.lower()}"))
+    ax.set(
+        xlabel=f"{q.angle} {q.angle_symbol} ({x_unit})",
+        ylabel=f"{q.transfer} ({y_unit})",
+        title=plain(f"the law over {over.label}\none cycle to the largest {q.angle.lower()}"),
+    )
     ax.set_ylim(top=1.5 * y_factor * float(np.max(moments)))
     ax.legend(
         loc="upper center",
@@ -71,9 +73,11 @@ def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: Coefficie
         own = factor * np.array(row.estimates), 1.96 * abs(factor) * np.array(row.level_errors)
         ax.errorbar(row.levels, own[0], yerr=own[1], fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[1])
     ax.margins(x=0.06, y=0.15)
-    ax.set_xlabel(
-        plain(f"{over.label} ({pretty_unit(over.unit)})" if over.unit not in ("", "1") else over.label)
+    ax.set(
+        xlabel=plain(
+            f"{over.label} ({pretty_unit(over.unit)})" if over.unit not in ("", "1") else over.label
+        ),
+        ylabel=f"{math_symbol(row.symbol)}" + (f" ({unit})" if unit else ""),
+        title=plain(f"{data.model[row.id].name}" + (f"\n{over.dependence(row)}" if row.answer else "")),
     )
-    ax.set_ylabel(f"{math_symbol(row.symbol)}" + (f" ({unit})" if unit else ""))
-    ax.set_title(plain(f"{data.model[row.id].name}" + (f"\n{over.dependence(row)}" if row.answer else "")))
     return ax

@@ -116,10 +116,13 @@ def bars(
     for row, value in enumerate(values):
         if written:
             ax.text(value + 0.008 * end, row, written.format(value), va="center", color=INK)
-    ax.set_yticks(range(len(names)), names)
-    ax.set_ylim(len(names) - 0.5, -0.5)
-    ax.set_xlim(0, end)
-    ax.set_xlabel(label)
+    ax.set(
+        yticks=range(len(names)),
+        yticklabels=names,
+        ylim=(len(names) - 0.5, -0.5),
+        xlim=(0, end),
+        xlabel=label,
+    )
     return ax
 
 

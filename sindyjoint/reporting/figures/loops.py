@@ -56,8 +56,7 @@ def loops(data: ReportData, ax: Axes, group: str | None = None) -> Axes:
             ax.plot(x[::every], modelled[::every], color=INK, linestyle="none", marker=".", markersize=1.8)
     if data.model.terms:
         ax.plot([], [], color=INK, linestyle="none", marker=".", markersize=3, label="model, moving")
-    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({angle_unit})")
-    ax.set_ylabel(f"{q.transfer} ({moment_unit})")
+    ax.set(xlabel=f"{q.angle} {q.angle_symbol} ({angle_unit})", ylabel=f"{q.transfer} ({moment_unit})")
     if group is not None:
         ax.set_title(plain(shortened(group)))
     legend_above(ax, -(-(len(chosen) + bool(data.model.terms)) // 2), columns=2)

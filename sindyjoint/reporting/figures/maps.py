@@ -83,9 +83,11 @@ def cut_at_zero_rate(data: ReportData, ax: Axes) -> Axes:
         _mark_step(data, ax, x_factor, y_factor, y_unit)
         ax.plot([], [], linestyle="none", marker=".", markersize=4, color=INK, label="model in those cells")
         ax.plot([], [], color=MUTED, label=f"model at {q.rate_symbol} = 0±")
-    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
-    ax.set_ylabel(f"{q.transfer} ({y_unit})")
-    ax.set_title(f"Cut at {q.rate_symbol} = 0")
+    ax.set(
+        xlabel=f"{q.angle} {q.angle_symbol} ({x_unit})",
+        ylabel=f"{q.transfer} ({y_unit})",
+        title=f"Cut at {q.rate_symbol} = 0",
+    )
     legend_above(ax, 4 if data.model.terms else 2)
     return ax
 
@@ -127,9 +129,11 @@ def cut_at_centre(data: ReportData, ax: Axes) -> Axes:
             label="model",
         )
     name, unit = q.angle_symbol, prefixed(float(np.max(np.abs(edges))), q.angle_unit)
-    ax.set_xlabel(rate_label(data.model, x_unit))
-    ax.set_ylabel(f"{q.transfer} ({y_unit})")
-    ax.set_title(f"Cut at {name} = {centre * unit[0]:.3g}" + (f" {unit[1]}" if centre else ""))
+    ax.set(
+        xlabel=rate_label(data.model, x_unit),
+        ylabel=f"{q.transfer} ({y_unit})",
+        title=f"Cut at {name} = {centre * unit[0]:.3g}" + (f" {unit[1]}" if centre else ""),
+    )
     legend_above(ax, 2)
     return ax
 
@@ -153,8 +157,7 @@ def _cells(
     )
     ax.grid(False)
     colour_scale(ax, mesh, label)
-    ax.set_xlabel(f"{q.angle} {q.angle_symbol} ({x_unit})")
-    ax.set_ylabel(rate_label(data.model, y_unit))
+    ax.set(xlabel=f"{q.angle} {q.angle_symbol} ({x_unit})", ylabel=rate_label(data.model, y_unit))
 
 
 def _contours(data: ReportData, ax: Axes, factor: float, limit: float) -> None:

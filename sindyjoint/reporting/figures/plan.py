@@ -70,8 +70,7 @@ def draw_runs(data: PlanFigures, ax: Axes) -> Axes:
             _spans(numbers), (frequency, level), xytext=(7 + len(numbers), 0), textcoords="offset points",
             va="center", fontsize=6.5, color=INK,
         )  # fmt: skip
-    ax.set_xlabel("Frequency (Hz)")
-    ax.set_ylabel(f"Amplitude of the {data.runs[0].drive} ({unit})")
+    ax.set(xlabel="Frequency (Hz)", ylabel=f"Amplitude of the {data.runs[0].drive} ({unit})")
     ax.margins(x=0.16, y=0.1)
     ax.set_ylim(bottom=0)
     legend_above(ax, 2)
@@ -104,8 +103,7 @@ def draw_curve(data: PlanFigures, ax: Axes) -> Axes:
         ax.axhline(100 * data.until, color=PALETTE[1], ls="--", lw=0.9, label="enough")
     ax.set_yscale("log")
     ax.set_xlim(left=0)
-    ax.set_xlabel("Time of all runs (s)")
-    ax.set_ylabel(f"{GOALS[data.goal].capitalize()} (%)")
+    ax.set(xlabel="Time of all runs (s)", ylabel=f"{GOALS[data.goal].capitalize()} (%)")
     legend_above(ax, 5)
     return ax
 
@@ -118,8 +116,7 @@ def draw_complete(data: PlanFigures, ax: Axes) -> Axes:
     )  # fmt: skip
     ax.set_ylim(0, 104)
     ax.set_xlim(left=0)
-    ax.set_xlabel("Time of all runs (s)")
-    ax.set_ylabel("Joints with every term found (%)")
+    ax.set(xlabel="Time of all runs (s)", ylabel="Joints with every term found (%)")
     return ax
 
 
@@ -129,10 +126,13 @@ def draw_separation(data: PlanFigures, ax: Axes) -> Axes:
     values = [data.apart.before, *data.apart.after]
     ax.plot(range(len(values)), [100 * value for value in values], color=PALETTE[0], marker="o", ms=4.5)
     ax.axhline(100 / len(data.apart.effects), color=MUTED, ls="--", lw=0.9, label="by chance")
-    ax.set_ylim(0, 102)
-    ax.set_xlim(-0.2, len(values) - 0.8)
-    ax.set_xticks(range(len(values)), ["before", *(f"after run {k}" for k in range(1, len(values)))])
-    ax.set_ylabel("Probability of the true effect (%)")
+    ax.set(
+        ylim=(0, 102),
+        xlim=(-0.2, len(values) - 0.8),
+        xticks=range(len(values)),
+        xticklabels=["before", *(f"after run {k}" for k in range(1, len(values)))],
+        ylabel="Probability of the true effect (%)",
+    )
     legend_above(ax, 1)
     return ax
 
@@ -148,10 +148,13 @@ def draw_widths(data: PlanFigures, ax: Axes) -> Axes:
         )
     for row, each in zip(rows, data.grid, strict=False):
         ax.plot(100 * each.relative, row, "x", color=MUTED, ms=5, label="" if row else "grid")
-    ax.set_xscale("log")
-    ax.set_yticks(list(rows), [spelled(each.id, data.motion) for each in data.predicted])
-    ax.set_ylim(len(data.predicted) - 0.5, -1.3)
-    ax.set_xlabel("Half-width of the 95 % interval (% of the coefficient)")
+    ax.set(
+        xscale="log",
+        yticks=list(rows),
+        yticklabels=[spelled(each.id, data.motion) for each in data.predicted],
+        ylim=(len(data.predicted) - 0.5, -1.3),
+        xlabel="Half-width of the 95 % interval (% of the coefficient)",
+    )
     ax.legend(loc="upper left", ncols=2, borderaxespad=0.2)
     return ax
 

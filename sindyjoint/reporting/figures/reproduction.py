@@ -101,9 +101,7 @@ def loops(result: ReproductionFigures, ax: Axes, joint: JointFigures) -> Axes:
     dashes = ("-", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
     for (theta, moment), color, dash in zip(joint.loops[LEVELS_SHOWN], PALETTE, dashes, strict=False):
         ax.plot(1e3 * theta, moment, color=color, lw=0.9, ls=dash)
-    ax.set_xlabel("Angle $\\theta$ (mrad)")
-    ax.set_ylabel("Moment $M$ (N·m)")
-    ax.set_title(f"{joint.name}, 3 Hz")
+    ax.set(xlabel="Angle $\\theta$ (mrad)", ylabel="Moment $M$ (N·m)", title=f"{joint.name}, 3 Hz")
     return ax
 
 
@@ -143,9 +141,7 @@ def force(result: ReproductionFigures, ax: Axes) -> Axes:
     """Draw the pulse (Figure 9)."""
     time, values = result.force
     ax.plot(1e3 * time, values, color=PALETTE[0])
-    ax.set_xlabel("Time (ms)")
-    ax.set_ylabel("Force (N)")
-    ax.set_title("Exciting force")
+    ax.set(xlabel="Time (ms)", ylabel="Force (N)", title="Exciting force")
     return ax
 
 
@@ -170,9 +166,7 @@ def _response(run: RunVerification, ax: Axes, until: float, both: bool) -> Axes:
         ax.plot(
             run.time[kept], 1e3 * run.simulated[kept], color=INK, lw=0.7, ls=(0, (3, 1.5)), label="identified model"
         )  # fmt: skip
-    ax.set_xlabel("Time (s)")
-    ax.set_ylabel("Displacement (mm)")
-    ax.set_title("Displacement of the free end")
+    ax.set(xlabel="Time (s)", ylabel="Displacement (mm)", title="Displacement of the free end")
     ax.margins(x=0.01)
     return ax
 

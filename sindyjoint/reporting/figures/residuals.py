@@ -41,11 +41,13 @@ def residual_phase(data: ReportData, ax: Axes) -> Axes:
             label=plain(shortened(group)),
         )
     ax.axhline(0, color=INK, linewidth=0.6)
-    ax.set_xlim(0, 360)
-    ax.set_xticks(range(0, 361, 90))
-    ax.set_xlabel(f"Phase from the largest {q.angle.lower()} (°)")
-    ax.set_ylabel(f"Mean residual ({unit})")
-    ax.set_title("Residual over the cycle")
+    ax.set(
+        xlim=(0, 360),
+        xticks=range(0, 361, 90),
+        xlabel=f"Phase from the largest {q.angle.lower()} (°)",
+        ylabel=f"Mean residual ({unit})",
+        title="Residual over the cycle",
+    )
     top = (
         1.0 if not any(np.isfinite(v).any() for v in lines.values()) else _top(list(lines.values())) * factor
     )
@@ -76,8 +78,7 @@ def residual_time(data: ReportData, ax: Axes) -> Axes:
     ]
     ax.set_ylim(0, 1.05 * factor * max([np.nan_to_num(floor), *tops]))
     fitted = data.model.fitted
-    ax.set_xlabel(time_label(fitted.quasi_static, data.model.joint.motion))
-    ax.set_ylabel(f"RMS residual ({unit})")
+    ax.set(xlabel=time_label(fitted.quasi_static, data.model.joint.motion), ylabel=f"RMS residual ({unit})")
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"
     ax.set_title(f"Residual over time{shown}")
     legend_above(ax, 1 + -(-(len(chosen) + 1) // 2), columns=2)

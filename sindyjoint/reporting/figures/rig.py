@@ -69,8 +69,7 @@ def figures_of(result: RigMotion) -> RigFigures:
 def deflection(result: RigFigures, ax: Axes) -> Axes:
     """Draw the deflection of the output points over time."""
     _lines(ax, result.time, result.displacement, "m")
-    ax.set_ylabel(f"Deflection ({ax.get_ylabel()})")
-    ax.set_title(plain(shortened(result.name)))
+    ax.set(ylabel=f"Deflection ({ax.get_ylabel()})", title=plain(shortened(result.name)))
     return ax
 
 
@@ -87,8 +86,7 @@ def _lines(ax: Axes, time: Array, signals: dict[str, Array], unit: str) -> None:
     for index, (name, values) in enumerate(signals.items()):
         color, dash = PALETTE[index % len(PALETTE)], DASHES[index % len(DASHES)]
         ax.plot(time, values * factor, lw=0.8, color=color, ls=dash, label=plain(shortened(name, 18)))
-    ax.set_xlabel("Time (s)")
-    ax.set_ylabel(shown)
+    ax.set(xlabel="Time (s)", ylabel=shown)
     legend_above(ax, -(-len(signals) // 2) + 1, columns=2)
 
 

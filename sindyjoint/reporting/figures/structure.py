@@ -56,9 +56,11 @@ def overlay(record: RecordGap, ax: Axes) -> Axes:
     for label, signal, look in looks:
         if signal is not None:
             ax.plot(record.time, signal * factor, label=label, rasterized=signal.size > 4000, **look)
-    ax.set_xlabel("Time (s)")
-    ax.set_ylabel(f"{record.quantity.capitalize()} ({unit})")
-    ax.set_title(plain(shortened(record.name)))
+    ax.set(
+        xlabel="Time (s)",
+        ylabel=f"{record.quantity.capitalize()} ({unit})",
+        title=plain(shortened(record.name)),
+    )
     if record.held_from:
         ax.axvline(record.held_from, color=MUTED, lw=0.6)
         ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
@@ -77,9 +79,11 @@ def cycles(record: RecordGap, ax: Axes) -> Axes:
     kept = _middle_cycles(record)
     for label, signal, look in _curves(record):
         ax.plot(record.time[kept], signal[kept] * factor, label=label, **look)
-    ax.set_xlabel("Time (s)")
-    ax.set_ylabel(f"{record.quantity.capitalize()} ({unit})")
-    ax.set_title(plain(shortened(record.name)))
+    ax.set(
+        xlabel="Time (s)",
+        ylabel=f"{record.quantity.capitalize()} ({unit})",
+        title=plain(shortened(record.name)),
+    )
     legend_above(ax, 3, columns=1)
     return ax
 
@@ -108,12 +112,16 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
             floor, color=PALETTE[1], linestyle=(0, (4, 2)), label=f"noise floor, {percent(floor / 100)}"
         )
         ax.legend(loc="lower right")
-    ax.set_xscale("log")
-    ax.set_xlim(low, 2.5 * max(known))
-    ax.set_yticks(range(len(rows)), [label for label, _ in rows])
+    ax.set(
+        xscale="log",
+        xlim=(low, 2.5 * max(known)),
+        yticks=range(len(rows)),
+        yticklabels=[label for label, _ in rows],
+    )
     ax.invert_yaxis()
-    ax.set_xlabel("relative RMS of what the fit did not see (%)")
-    ax.set_title("Gap between simulation and measurement")
+    ax.set(
+        xlabel="relative RMS of what the fit did not see (%)", title="Gap between simulation and measurement"
+    )
     return ax
 
 
@@ -135,10 +143,7 @@ def envelope(record: RecordGap, ax: Axes) -> Axes:
             height, _ = hilbert_envelope(signal, rate)
             ax.plot(record.time[cut:-cut], height[cut:-cut] * factor, label=label, **look)
     ax.axhline(record.noise * factor, color=MUTED, lw=0.7, ls=(0, (4, 2)), label="noise (RMS)")
-    ax.set_yscale("log")
-    ax.set_xlabel("Time (s)")
-    ax.set_ylabel(f"Envelope ({unit})")
-    ax.set_title(plain(shortened(record.name)))
+    ax.set(yscale="log", xlabel="Time (s)", ylabel=f"Envelope ({unit})", title=plain(shortened(record.name)))
     legend_above(ax, 5, columns=1)
     return ax
 

@@ -73,9 +73,7 @@ def _loop(loop: RecoveredLoop, ax: Axes) -> Axes:
     ax.plot(1e3 * loop.angle, loop.moment, color=PALETTE[0], label="recovered")
     if loop.law.size:
         ax.plot(1e3 * loop.angle, loop.law, ".", color=ACCENT, markersize=2, label="found law, moving")
-    ax.set_xlabel("Angle (mrad)")
-    ax.set_ylabel("Moment (N m)")
-    ax.set_title(f"{loop.joint}, {loop.run}")
+    ax.set(xlabel="Angle (mrad)", ylabel="Moment (N m)", title=f"{loop.joint}, {loop.run}")
     ax.legend(loc="upper left")
     return ax
 

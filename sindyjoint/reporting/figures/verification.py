@@ -51,8 +51,7 @@ def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
             time, run.band.low[kept] * factor, run.band.high[kept] * factor, color=PALETTE[1], alpha=0.35,
             lw=0, label="95 % of the model", rasterized=time.size > 4000,
         )  # fmt: skip
-    ax.set_xlabel(_time(run))
-    ax.set_ylabel(f"{run.channel.capitalize()} ({unit})")
+    ax.set(xlabel=_time(run), ylabel=f"{run.channel.capitalize()} ({unit})")
     if zoom:
         legend_above(ax, 2, columns=2)
     else:
@@ -79,8 +78,7 @@ def amplitude(run: RunVerification, ax: Axes) -> Axes:
     _draw_by_half_cycle(
         run, ax, 1, lambda s: (s.amplitude_time, s.amplitude * factor), lambda height, _: height * factor
     )
-    ax.set_yscale("log")
-    ax.set_ylabel(f"Amplitude ({unit})")
+    ax.set(yscale="log", ylabel=f"Amplitude ({unit})")
     legend_above(ax, 1, columns=2)
     return ax
 
