@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sindyjoint.reporting.output import write_discovery, write_results
-    from sindyjoint.reporting.registry import draw, drawable
-    from sindyjoint.reporting.saved import load_results
+    from sindyjoint.reporting.registry import draw, drawable, load_results
     from sindyjoint.reporting.tables import terms_csv, terms_table
 
 __all__ = ["draw", "drawable", "load_results", "terms_csv", "terms_table", "write_discovery", "write_results"]
@@ -16,7 +15,7 @@ __all__ = ["draw", "drawable", "load_results", "terms_csv", "terms_table", "writ
 _HOMES = {
     "draw": "registry",
     "drawable": "registry",
-    "load_results": "saved",
+    "load_results": "registry",
     "terms_csv": "tables",
     "terms_table": "tables",
     "write_discovery": "output",

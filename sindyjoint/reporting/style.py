@@ -120,7 +120,7 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     return 1e9, "n" + pretty_unit(unit)
 
 
-def amount(value: float, unit: str) -> str:
+def amount(value: float, unit: str, digits: int = 3) -> str:
     """Return a number with its unit, prefixed to its size.
 
     Examples
@@ -129,7 +129,7 @@ def amount(value: float, unit: str) -> str:
     '0.5 mJ'
     """
     factor, shown = prefixed(value, unit)
-    return f"{value * factor:.3g} {shown}"
+    return f"{value * factor:.{digits}g} {shown}".rstrip()
 
 
 def plain(text: object) -> str:

@@ -14,8 +14,7 @@ from sindyjoint.reporting import terms_csv, terms_table
 from sindyjoint.reporting.packing import pack
 from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.style import prefixed, pretty_unit, shortened
-from sindyjoint.reporting.tables import TERM_COLUMNS, findings_table, term_rows
-from sindyjoint.reporting.text_table import DASH, TextTable
+from sindyjoint.reporting.tables import DASH, TERM_COLUMNS, TextTable, findings_table, term_rows
 from sindyjoint.soundness.finding import Finding
 
 VIEW = DiscoveryView()

@@ -1,37 +1,155 @@
-"""A batch: all joints in one table, what stands out and the trends, on a terminal, as a page, as files."""
+"""A batch: all joints in one table, what stands out and the trends, on a terminal, as pictures, as a page, as files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sindyjoint.batch.population import next_joint
-from sindyjoint.batch.summary import Batch
+from sindyjoint.batch.summary import TEMPERATURE, Batch
 from sindyjoint.batch.tasks import CAMPAIGNS
-from sindyjoint.reporting.figures.batch import DIAMONDS, KELVIN, KINDS
-from sindyjoint.reporting.provenance import Provenance, provenance
-from sindyjoint.reporting.style import pretty_unit, shortened
-from sindyjoint.reporting.tables import superscripted
-from sindyjoint.reporting.text_table import (
+from sindyjoint.reporting.figure import MOST_PANELS, Kind, by_name
+from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, provenance
+from sindyjoint.reporting.style import (
+    ACCENT,
+    INK,
+    MUTED,
+    PALETTE,
+    RULE,
+    plain,
+    prefixed,
+    pretty_unit,
+    shortened,
+)
+from sindyjoint.reporting.tables import (
     DASH,
     TextTable,
     aligned,
     csv_text,
     fitting_blocks,
-    print_whole,
+    print_table,
+    superscripted,
     terminal,
-    terminal_table,
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import percent, rounded, spelled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from sindyjoint.batch.population import Scatter, Trend
     from sindyjoint.batch.record import CampaignRecord
-    from sindyjoint.reporting.figures.kind import Kind
+    from sindyjoint.batch.summary import Batch
+    from sindyjoint.reporting.figure import Kind
+
+# More names than these cannot be read below an axis.
+NAMED = 24
+KELVIN = 273.15
+NORMAL95 = 1.96
+
+
+def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
+    """Draw one coefficient of every joint."""
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
+    values, errors = result.values[term], result.errors[term]
+    factor, unit = _scale(values, result.units[term])
+    x = np.arange(values.size)
+    _distribution(ax, scatter, factor)
+    ids = [record.id for record in result.records]
+    for i in _points(ax, x, factor * values, factor * errors, scatter, np.isfinite(values)):
+        # Towards the middle, so that it stays on the paper.
+        right = x[i] < 0.6 * values.size
+        ax.annotate(
+            plain(shortened(ids[i], 18)), (x[i], factor * values[i]), xytext=(5 if right else -5, 2),
+            textcoords="offset points", ha="left" if right else "right", color=ACCENT, fontsize=7,
+        )  # fmt: skip
+    if len(ids) <= NAMED:
+        ax.set_xticks(x, [plain(shortened(name, 14)) for name in ids], rotation=90)
+    else:
+        ax.set_xlabel("campaign, in the order of the table")
+    ax.set(xlim=(-0.7, values.size - 0.3), title=spelled(term, result.motion), ylabel=unit)
+    return ax
+
+
+def _points(
+    ax: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, scatter: Scatter, use: np.ndarray
+) -> np.ndarray:
+    """Draw values with 95 % intervals, the outliers in another colour; return the indices of the outliers."""
+    out = np.zeros(values.size, dtype=bool)
+    out[list(scatter.outliers)] = True
+    for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
+        if keep.any():
+            ax.errorbar(x[keep], values[keep], yerr=NORMAL95 * errors[keep], fmt=marker, color=colour,
+                        markersize=3.5, elinewidth=0.9)  # fmt: skip
+    return np.flatnonzero(use & out)
+
+
+def _distribution(ax: Axes, scatter: Scatter, factor: float) -> None:
+    if np.isfinite(scatter.mean):
+        ax.axhline(factor * scatter.mean, color=INK, linewidth=0.9)
+    if np.isfinite(scatter.spread) and scatter.covariate is None:
+        half = NORMAL95 * np.hypot(scatter.spread, scatter.mean_error)
+        ax.axhspan(factor * (scatter.mean - half), factor * (scatter.mean + half), color=RULE, linewidth=0)
+
+
+def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
+    """Draw one coefficient over a covariate with its line."""
+    term = trend.coefficient
+    values, errors, x = result.values[term], result.errors[term], result.covariates[trend.covariate]
+    factor, unit = _scale(values, result.units[term])
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
+    use = np.isfinite(values) & np.isfinite(x)
+    of = result.covariate_units.get(trend.covariate, "")
+    shift = KELVIN if trend.covariate == TEMPERATURE and of == "K" else 0.0
+    _points(ax, x - shift, factor * values, factor * errors, scatter, use)
+    centre = float(np.mean(x[use]))
+    level = float(np.median(values[use] - trend.slope * (x[use] - centre)))
+    line = np.linspace(x[use].min(), x[use].max(), 101)
+    middle = level + trend.slope * (line - centre)
+    half = NORMAL95 * trend.slope_error * np.abs(line - centre)
+    ax.fill_between(line - shift, factor * (middle - half), factor * (middle + half), color=RULE, linewidth=0)
+    ax.plot(line - shift, factor * middle, color=INK, linewidth=1.0)
+    unit_of = f" ({'°C' if shift else pretty_unit(of)})" if of else ""
+    ax.set(xlabel=plain(trend.covariate + unit_of), ylabel=f"{spelled(term, result.motion)} ({unit})")
+    ax.set_title(
+        f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"),
+        color=MUTED,
+    )
+    return ax
+
+
+def _scale(values: np.ndarray, unit: str) -> tuple[float, str]:
+    here = np.abs(values[np.isfinite(values)])
+    return prefixed(float(here.max()) if here.size else 1.0, unit)
+
+
+DIAMONDS = " Diamonds: joints that stand out."
+
+KINDS = by_name(
+    Kind(
+        "joints",
+        "Coefficients of every joint",
+        "The common terms of every joint with 95 % intervals. Line: their mean; grey: where 95 % of joints lie."
+        + DIAMONDS,
+        lambda result: [partial(draw_joints, term=term) for term in result.common[:MOST_PANELS]],
+    ),
+    Kind(
+        "trends",
+        "Trends",
+        "Coefficients over what the manifests declare, where a trend stands at 5 % over all that was looked for. "
+        "Line: the robust fit, with the 95 % interval of its slope.",
+        lambda result: [
+            partial(draw_trend, trend=trend)
+            for trend in [t for t in result.population.trends if t.significant][:MOST_PANELS]
+        ],
+    ),
+)
+
 
 # Characters of a name on a terminal.
 NAME = 24
@@ -47,7 +165,6 @@ class BatchView(View[Batch, Batch]):
     kind = "Batch"
     folder = "batch"
     kinds = KINDS
-    template = "batch.html.j2"
     record_file = "batch.json"
     judged_by = (*FINDING, "batch")
 
@@ -73,28 +190,66 @@ class BatchView(View[Batch, Batch]):
         """Return all joints, their scatter and the trends."""
         return _joints(result), _scatter(result), _trends(result)
 
-    def content(self, result: Batch, data: Batch, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows; rows are linked to the pages of the campaigns."""
-        joints = _joints(result)
+    def page(self, result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page:
+        """Return which joints differ, all of them, scatter and trends; rows are linked to the campaigns' pages."""
+        joints, scatter, trends = self.tables(result)
         significant = sum(t.significant for t in result.population.trends)
-        return {
-            "title": headline(result),
-            "headline": headline(result),
-            "facts": [
-                ("Campaigns", str(len(result.records)), f"{result.count('found')} with a model"),
-                ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
-                (
-                    "Trends",
-                    str(significant),
-                    f"of {len(result.population.trends)} looked for, at 5 % over all",
+        facts = [
+            ("Campaigns", str(len(result.records)), f"{result.count('found')} with a model"),
+            ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
+            ("Trends", str(significant), f"of {len(result.population.trends)} looked for, at 5 % over all"),
+        ]
+        common = ", ".join(map(spelled, result.common))
+        compared = (
+            f"Coefficients are compared on the terms that more than half of the models have: {common}."
+            if common
+            else "No term is in more than half of the models: nothing can be compared."
+        )
+        differ = [markup("<strong>{}</strong>: {}.").format(d.id, d.text) for d in result.differences]
+        none = (
+            ""
+            if differ
+            else "None: all have the same terms, and no coefficient leaves the distribution of the others."
+        )
+        differing = show.items(differ) if differ else show.paragraph(none)
+        marked = any(s.outliers for s in result.population.scatters)
+        title = (
+            "Coefficients of the common terms with one standard error; residual and noise floor as shares of the RMS "
+            f"load.{' An exclamation mark: it stands out.' if marked else ''}"
+        )
+        links = [_link(record, folder) for record in result.records]
+        return Page(
+            headline(result),
+            "Batch of campaigns",
+            headline(result),
+            (show.paragraph(compared, "reason"), show.facts(facts), show.warnings(result.notes)),
+            (
+                Section(
+                    "differ",
+                    "Which joints differ",
+                    (differing,),
+                    "Differences",
                 ),
-            ],
-            "columns": list(zip(joints.columns, joints.is_text, strict=True)),
-            "marked": any(scatter.outliers for scatter in result.population.scatters),
-            "rows": [
-                (_link(record, folder), row) for record, row in zip(result.records, joints.rows, strict=True)
-            ],
-        }
+                Section(
+                    "joints",
+                    "All joints",
+                    (show.pictures("joints"), show.table(replace(joints, title=title), links)),
+                    "Joints",
+                ),
+                Section(
+                    "scatter",
+                    "How the joints scatter",
+                    (show.table(scatter) if scatter.rows else "",),
+                    "Scatter",
+                ),
+                Section(
+                    "trends",
+                    "Trends",
+                    (show.pictures("trends"), show.table(trends)) if trends.rows else (),
+                    "Trends",
+                ),
+            ),
+        )
 
     def origin(self, result: Batch, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the manifests that were read."""
@@ -107,25 +262,23 @@ class BatchView(View[Batch, Batch]):
 
     def show(self, result: Batch) -> None:
         """Print the table, what stands out and the trends."""
-        joints, console = _joints(result), terminal()
+        joints, console = _joints(result), terminal(markup=False)
         shown = [tuple(shortened(cell, NAME) for cell in row) for row in joints.rows]
         for columns, rows in fitting_blocks(joints.columns, shown, console.width):
             align = "".join("l" if column in ("campaign", "joint") else "r" for column in columns)
-            print_whole(terminal_table(columns, rows, align, ruled=True), console)
-            print()
+            print_table(
+                replace(joints, columns=tuple(columns), rows=tuple(map(tuple, rows))), console, align, True
+            )
+            console.print()
         virtual = ", all of them simulated" if self.simulated(result) else ""
-        print(f"{headline(result)}{virtual}")
-        for difference in result.differences:
-            print(f"- {difference.id}: {difference.text}")
+        lines = [f"{headline(result)}{virtual}", *(f"- {one.id}: {one.text}" for one in result.differences)]
         for trend in result.population.trends:
             if trend.significant:
-                name = spelled(trend.coefficient, result.motion)
-                print(
-                    f"- trend: {name} changes by {100 * trend.change:+.1f} % over the range "
-                    f"of the {trend.covariate} (p = {trend.p_adjusted:.2g})"
+                lines.append(
+                    f"- trend: {spelled(trend.coefficient, result.motion)} changes by {100 * trend.change:+.1f} % over "
+                    f"the range of the {trend.covariate} (p = {trend.p_adjusted:.2g})"
                 )
-        for note in result.notes:
-            print(f"- note: {note}")
+        console.print("\n".join([*lines, *(f"- note: {note}" for note in result.notes)]), soft_wrap=True)
 
     def details(self, result: Batch) -> Iterator[str]:
         """Yield how each campaign ended."""
@@ -186,7 +339,7 @@ def _joints(result: Batch) -> TextTable:
         "joint",
         *(["serial"] if serial else []),
         *(["°C"] if temperature else []),
-        "",
+        "result",
         "residual",
         "floor",
         *units,

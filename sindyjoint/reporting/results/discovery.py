@@ -5,43 +5,85 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from rich.markup import escape
 
 from sindyjoint.equation.model import INERTIA
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
-from sindyjoint.reporting.data import ReportData, gather
-from sindyjoint.reporting.equation import mathml, symbol_html
-from sindyjoint.reporting.figures.discovery import KINDS
-from sindyjoint.reporting.interactive import loops_payload, map_payload
-from sindyjoint.reporting.page import markup
-from sindyjoint.reporting.provenance import Provenance, provenance
-from sindyjoint.reporting.results.discovery_page import NO_INERTIA, key_facts, run_rows, step_rows
-from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.tables import share_text, term_rows, terms_csv
-from sindyjoint.reporting.text_table import (
+from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, number, provenance, sentence
+from sindyjoint.reporting.results.discovery_data import ReportData, gather
+from sindyjoint.reporting.results.discovery_states import loops_payload, map_payload
+from sindyjoint.reporting.results.discovery_terms import KINDS
+from sindyjoint.reporting.style import prefixed, pretty_unit
+from sindyjoint.reporting.tables import (
+    DASH,
     TextTable,
     aligned,
+    model_table,
     natural_width,
-    print_whole,
+    print_table,
     short_number,
     terminal,
     terminal_table,
+    terms_csv,
 )
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import quantities, rounded
+from sindyjoint.text import quantities, rounded, spelled
 from sindyjoint.trust import Trust
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
     from sindyjoint.states import ForceStates
+
+# Of a joint whose inertia is not declared, and is no term of the model.
+NO_INERTIA = "its load is too small on these runs to be told from the other terms"
+
+
+def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
+    """Return what the first screen states in numbers: (label, value, explanation)."""
+    fitted, q = data.model.fitted, quantities(data.model.joint.motion)
+    factor, unit = _residual_scale(data)
+    explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2 if fitted.moment_rms > 0 else math.nan
+    floor = f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
+    frequencies = ", ".join(f"{f:.4g}" for f in fitted.frequencies)
+    inertia = data.model.inertia
+    known = "declared" if data.model.joint.inertia is not None else "identified"
+    facts = [
+        (
+            f"{q.moment} explained",
+            f"{100 * explained:.2f} %" if data.model.terms else "none",
+            "of the mean square, where it moves",
+        ),
+        ("Residual", f"{fitted.residual_rms * factor:.3g} {unit} RMS", f"noise floor {floor}"),
+        (
+            "Tested",
+            f"{fitted.runs} run{'s' if fitted.runs != 1 else ''}",
+            f"{frequencies} Hz" if frequencies else "without time" if fitted.quasi_static else "aperiodic",
+        ),
+        (
+            "Moving samples",
+            f"{fitted.samples:,}".replace(",", "\u202f"),
+            f"{100 * fitted.moving_fraction:.0f} % of all; the others stick or reverse",
+        ),
+    ]
+    if fitted.quasi_static:
+        facts.append((f"{q.inertia}, damping, frequency", "not applicable", "the samples have no time"))
+    elif data.model.joint.inertia is None and INERTIA not in data.model:
+        facts.append((q.inertia, "not found", NO_INERTIA))
+    else:
+        known += ": negative, which is impossible" if inertia < 0 else ""
+        facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
+    return facts
+
 
 HEADLINES = {
     "confirmed": "The paper’s five terms describe this joint.",
@@ -63,12 +105,11 @@ class DiscoveryView(View[Discovery, ReportData]):
     kind = "ReportData"
     folder = "discovery"
     kinds = KINDS
-    template = "discovery.html.j2"
     judged_by = FINDING
 
-    def gather(self, result: Discovery | ReportData) -> ReportData:
-        """Return what is saved, so that a figure drawn again later is the same to the last byte."""
-        return result if isinstance(result, ReportData) else self.restore(self.save(gather(result)))
+    def drawn_from(self, result: Discovery) -> ReportData:
+        """Return what is small enough to be saved."""
+        return gather(result)
 
     def save(self, data: ReportData) -> dict[str, Any]:
         """Return the data with the version of their layout."""
@@ -83,44 +124,93 @@ class DiscoveryView(View[Discovery, ReportData]):
             raise InputError("not a saved ReportData: expected loops and a square map")
         return read
 
-    def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
-        """Return the terms."""
-        rows = tuple(
-            (row.name, row.symbol, row.value, row.unit, row.interval, share_text(row.share))
-            for row in term_rows(result.model)
-        )
-        columns = ("term", "", "coefficient", "unit", "95 % interval", "share")
-        over = result.over_inputs if isinstance(result, Discovery) else result.over
-        return (TextTable("terms", "Terms", columns, rows), *(over_table(each) for each in over))
+    def simulated(self, result: Discovery | ReportData) -> bool:
+        """Return whether the model is of a virtual test."""
+        return result.model.fitted.simulated
 
-    def content(
-        self, result: Discovery | ReportData, data: ReportData, folder: Path | None
-    ) -> dict[str, Any]:
-        """Return what the page shows."""
-        return {
-            "title": f"{data.model.joint.name}: terms of the joint",
-            "headline": HEADLINES[data.verdict] if data.model.terms else NO_MODEL,
-            "paper_title": TITLE,
-            "paper_doi": DOI,
-            "facts": key_facts(data),
-            "equation": markup(mathml(data.model)),
-            "equation_text": data.model.equation(),
-            "equation_latex": data.model.latex(),
-            "terms": term_rows(data.model),
-            "over": [over_table(each) for each in data.over],
-            "over_reasons": [
-                f"{row.symbol}: {row.answer} ({row.reason})"
-                for each in data.over
-                for row in each.coefficients
-                if row.answer
-            ],
-            "symbols": [markup(symbol_html(term.symbol)) for term in data.model.terms],
-            "runs": run_rows(data),
-            "steps": step_rows(data),
-            "motion": data.model.joint.motion,
-            "quantities": quantities(data.model.joint.motion),
-            "payload": {"map": map_payload(data), "loops": loops_payload(data)},
-        }
+    def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
+        """Return the terms, and the law over each input."""
+        over = result.over_inputs if isinstance(result, Discovery) else result.over
+        return (model_table(result.model), *map(over_table, over))
+
+    def page(
+        self, result: Discovery | ReportData, data: ReportData, show: Blocks, folder: Path | None
+    ) -> Page:
+        """Return the equation, its terms, the map, loops, residual, why these terms, and the runs."""
+        model, q = data.model, quantities(data.model.joint.motion)
+        found, name = bool(model.terms), model.joint.name
+        badge, word = (data.verdict, data.verdict) if found else ("undecided", "no model")
+        question = (
+            ""
+            if data.paper
+            else markup(" The question is that of <cite>{}</cite>, doi:{}.").format(TITLE, DOI)
+        )
+        paper = (
+            show.verdict(HEADLINES[data.verdict] if found else NO_MODEL, badge, word),
+            show.paragraph(markup("{}").format(sentence(data.verdict_reason)) + question, "reason"),
+        )
+        answers = (
+            self.headline(result),
+            self.question,
+            show.pictures("fit"),
+            (show.equation(markup(mathml(model))),),
+        )
+        texts = show.copyable(model.equation()), show.copyable(model.latex())
+        terms, *over = self.tables(data)
+        listed = (show.table(terms), show.folded("The equation as text and LaTeX", texts))
+        none = (show.paragraph(f"None: {data.selection_reason}."),)
+        reasons = [
+            f"{row.symbol}: {row.answer} ({row.reason})"
+            for each in data.over
+            for row in each.coefficients
+            if row.answer
+        ]
+        inputs = (
+            *map(show.table, over),
+            show.folded("What the levels say of each coefficient", [show.items(reasons)]) if reasons else "",
+            show.pictures("inputs"),
+        )
+        path = show.folded("Every model of the path", [show.table(path_table(data))]) if data.path else ""
+        candidates = ", ".join(spelled(each, model.joint.motion) for each in data.candidates)
+        cells = "virtual test cells" if self.simulated(data) else "measured cells"
+        return Page(
+            f"{name}: terms of the joint",
+            "Joint identification",
+            name,
+            (*(paper if data.paper else ()), show.answers(*answers), show.facts(key_facts(data))),
+            (
+                Section(
+                    "terms", "Terms", (*(listed if found else none), show.warnings(data.warnings)), "Terms"
+                ),
+                Section("inputs", "Over the inputs", inputs),
+                Section(
+                    "map", "Force–state map", (show.turning_map(cells, found), show.pictures("map")), "Map"
+                ),
+                Section(
+                    "loops",
+                    "Loops, with the model over them",
+                    (show.curves(f"{q.moment}–{q.angle.lower()} loops", found), show.pictures("loops")),
+                    "Loops",
+                ),
+                Section("residual", "Residual", (show.pictures("residual"),), "Residual"),
+                Section(
+                    "choice",
+                    "Why these terms",
+                    (
+                        show.paragraph(sentence(data.selection_reason)),
+                        show.pictures("path", "coefficients", "covariance"),
+                        path,
+                        show.folded(
+                            f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]
+                        ),
+                    ),
+                    "Choice",
+                ),
+                Section("paper", "The paper’s five terms", () if data.paper else paper),
+                Section("runs", "Runs", (show.table(runs_table(data)),), "Runs"),
+            ),
+            {"map": map_payload(data), "loops": loops_payload(data)},
+        )
 
     def origin(self, result: Discovery, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the origin of the campaign's runs, too."""
@@ -136,8 +226,6 @@ class DiscoveryView(View[Discovery, ReportData]):
 
     def about(self, result: Discovery) -> str:
         """Return the joint and its runs, and the question of the paper's terms where that leads."""
-        from rich.markup import escape
-
         model, fitted = result.model, result.model.fitted
         simulated = " (simulated)" if fitted.simulated else ""
         at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
@@ -152,28 +240,22 @@ class DiscoveryView(View[Discovery, ReportData]):
             terminal().print(_paper_lines(result))
 
     def show_result(self, result: Discovery, console: Console) -> None:
-        """Print equation, terms, fit and warnings."""
-        from rich.markup import escape
-
+        """Print equation, terms and fit."""
         model = result.model
         if not result.found:
             console.print(f"  no model: {escape(result.reason)}")
         else:
+            terms, *over = self.tables(result)
             console.print(f"  {escape(model.equation())}\n")
-            print_whole(_terms(self.tables(result)[0], console), console)
+            print_table(_fitting(terms, console), console, "llrlrr", ruled=True)
             what = quantities(model.joint.motion).moment.lower()
             console.print(f"\nshare: unique share of the RMS {what}, which no other term can take over")
-            for each in self.tables(result)[1:]:
+            for each in over:
                 console.print(f"\n[bold]{escape(each.title)}[/]")
-                print_whole(
-                    terminal_table(each.columns, each.rows, "ll" + "r" * (len(each.columns) - 3) + "l"),
-                    console,
-                )
+                print_table(each, console, "ll" + "r" * (len(each.columns) - 3) + "l")
         _show_fit(result, console)
         if result.warnings:
             console.print("\n[bold]What to know before using it[/]")
-        for warning in result.warnings:
-            console.print(f"- {escape(warning)}")
 
     def details(self, result: Discovery) -> Iterator[str]:
         """Yield states, the path round the choice, and what each term carries."""
@@ -217,31 +299,103 @@ def over_table(over: OverInput) -> TextTable:
             row.symbol,
             pretty_unit(row.unit),
             *(rounded(value, error) for value, error in zip(row.values, row.errors, strict=True)),
-            over.dependence(row) or "–",
+            over.dependence(row) or DASH,
         )
         for row in over.coefficients
     )
     columns = ("", "unit", *map(pretty_unit, over.headings), "with levels apart")
-    return TextTable(f"over_{over.name}", f"The law over {over.label}", columns, rows, text=("unit",))
+    title = (
+        f"The law over {over.label}: coefficients at the least, the reference and the largest value, with one standard "
+        "error; with levels apart: what fits to the runs of each level say."
+    )
+    return TextTable(f"over_{over.name}", title, columns, rows, text=("unit",))
+
+
+def runs_table(data: ReportData) -> TextTable:
+    """Return one row for each run."""
+    factor, unit = _residual_scale(data)
+    rows = tuple(
+        (
+            loop.run,
+            number(loop.frequency, 4),
+            loop.level or "",
+            loop.method,
+            str(loop.samples),
+            f"{100 * loop.moving_fraction:.0f} %",
+            number(loop.moment_noise * factor),
+            number(loop.residual_rms * factor),
+        )
+        for loop in data.loops
+    )
+    columns = (
+        "Run",
+        "Frequency (Hz)",
+        "Level",
+        "States",
+        "Samples",
+        "Moving",
+        f"Noise ({unit})",
+        f"Residual ({unit})",
+    )
+    return TextTable(
+        "runs", "Residual of moving samples and noise of single samples.", columns, rows, ("Run", "Level")
+    )
+
+
+def path_table(data: ReportData) -> TextTable:
+    """Return the models of the path, the chosen one marked, with what each has beyond the next smaller one."""
+    factor, unit = _residual_scale(data)
+    rows = []
+    for index, (step, smaller) in enumerate(zip_longest(data.path, data.path[1:])):
+        before = smaller.terms if smaller else ()
+        added = [term for term in step.terms if term not in before]
+        dropped = sorted(set(before) - set(step.terms))
+        rows.append(
+            (
+                f"{len(step.terms)}{' (chosen)' if index == data.chosen else ''}",
+                *(
+                    ", ".join(spelled(t, data.model.joint.motion) for t in terms)
+                    for terms in (added, dropped)
+                ),
+                number(step.residual_rms * factor, 4),
+                number(step.held_out_rms * factor, 4),
+                number(step.threshold, 2),
+                number(step.least_t, 3),
+            )
+        )
+    columns = (
+        "Terms",
+        "Adds",
+        "Instead of",
+        f"Residual ({unit})",
+        f"Held out ({unit})",
+        "Weakest share",
+        "Least t",
+    )
+    title = "From the largest model to the smallest. Adds: what it has beyond the next smaller one."
+    return TextTable("path", title, columns, tuple(rows), marked=data.chosen)
+
+
+def _residual_scale(data: ReportData) -> tuple[float, str]:
+    return prefixed(data.model.fitted.residual_rms, quantities(data.model.joint.motion).moment_unit)
 
 
 def _paper_lines(result: Discovery) -> str:
     """Return whether the joint has the paper's five terms, with markup."""
-    from rich.markup import escape
-
     line = f"\n[bold]paper's term set {result.verdict.verdict}[/]: {escape(result.verdict.reason)}"
     if result.leads_with_paper:
         return line
     return f"{line}\n  the five terms of {TITLE}, doi:{DOI}; --paper puts this first"
 
 
-def _terms(table: TextTable, console: Console) -> Table:
+def _fitting(terms: TextTable, console: Console) -> TextTable:
     """Return the terms for a terminal; on a narrow screen without the interval: the uncertainty says as much."""
-    whole = terminal_table(table.columns, table.rows, "llrlrr", ruled=True)
-    if not sys.stdout.isatty() or natural_width(whole, console) <= console.width:
+    shown = ("Term", "Symbol", "Value", "Unit", "95 % interval", "Unique share")
+    heads = ("term", "", "coefficient", "unit", "95 % interval", "share")
+    whole = terms.take(*shown).headed(*heads)
+    if not sys.stdout.isatty() or natural_width(terminal_table(whole, ruled=True), console) <= console.width:
         return whole
-    columns, *rows = ((*row[:4], *row[5:]) for row in (table.columns, *table.rows))
-    return terminal_table(columns, rows, "llrlr", ruled=True)
+    return whole.take(*heads[:4], heads[5])
 
 
 def _show_fit(result: Discovery, console: Console) -> None:
@@ -310,7 +464,7 @@ def _shares(result: Discovery) -> Iterator[str]:
     rows = [("term", "unique share", "relative error", "bias taken out")]
     for term in result.model.terms:
         size = abs(term.coefficient) or 1.0
-        out = f"{100 * (bias[term.id] / size):+.3f} %" if term.id in bias else "–"
+        out = f"{100 * (bias[term.id] / size):+.3f} %" if term.id in bias else DASH
         rows.append(
             (term.id, f"{100 * term.unique_share:.2f} %", f"{100 * (term.standard_error / size):.3f} %", out)
         )

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.diagnosis.falling import reported_together
-from sindyjoint.reporting.figures.diagnosis import KINDS as DIAGNOSIS
-from sindyjoint.reporting.figures.diagnosis import budget_parts
-from sindyjoint.reporting.figures.kind import MOST_PANELS, Kind, by_name, each, fixed
-from sindyjoint.reporting.figures.verification import KEPT_SAMPLES
+from sindyjoint.reporting.figure import MOST_PANELS, Kind, by_name, each, fixed
+from sindyjoint.reporting.results.diagnosis_campaign import KINDS as DIAGNOSIS
+from sindyjoint.reporting.results.diagnosis_campaign import budget_parts
+from sindyjoint.reporting.results.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
 from sindyjoint.text import percent, spelled

@@ -1,15 +1,34 @@
-"""The figures of a diagnosis: its gap by step, where it lies, what it is made of, and what would explain it."""
+"""Pictures of a campaign's diagnosis: its gap, where it lies, what it is made of, before and after."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import partial
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from sindyjoint.diagnosis.falling import reported_together
-from sindyjoint.reporting.figures import before_after
-from sindyjoint.reporting.figures.kind import Kind, bars, by_name, fixed
+from sindyjoint.numeric import Array
+from sindyjoint.reporting.figure import (
+    Kind,
+    Panel,
+    Scale,
+    angle_scale,
+    bars,
+    by_name,
+    coloured_cells,
+    fixed,
+    moment_scale,
+    rate_scale,
+    spread,
+    time_label,
+)
 from sindyjoint.reporting.style import (
     DASHES,
+    DIVERGING,
+    INK,
     MARKERS,
     MUTED,
     PALETTE,
@@ -22,7 +41,7 @@ from sindyjoint.text import percent, quantities, spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.diagnosis.result import Diagnosis
+    from sindyjoint.diagnosis.result import Diagnosis, RunGap
 
 NARROW = 4  # inches of a panel, below which a legend has one column
 MOST_RIVALS = 4
@@ -130,6 +149,123 @@ def where(result: Diagnosis, ax: Axes) -> Axes:
     return ax
 
 
+CELLS = 24
+SHOWN = 2  # runs
+
+
+def maps(result: Diagnosis) -> list[Panel]:
+    """Return the maps of the residual before and, where effects were added, after."""
+    before = partial(_map, runs=result.before, title="Residual of the model alone", scale=not result.after)
+    after = partial(_map, runs=result.after, title="Residual with the effects, same colours", scale=True)
+    return [before] * bool(result.before) + [after] * bool(result.before and result.after)
+
+
+def overlays(result: Diagnosis) -> list[Panel]:
+    """Return measured and modelled curves and residuals of the runs of the largest and the smallest amplitude."""
+    after = {run.run: run for run in result.after}
+    runs = spread(sorted(result.before, key=lambda run: -float(np.ptp(run.angle))), SHOWN)
+    return [
+        partial(draw, before=run, after=after.get(run.run)) for run in runs for draw in (_loop, _residual)
+    ]
+
+
+def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> Axes:
+    """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before."""
+    motion = result.model.joint.motion
+    edges = [_edges(result.before, name) for name in ("angle", "rate")]
+    limit = float(np.nanmax(np.abs(_cells(result.before, edges)))) or 1.0
+    z = moment_scale(motion, limit)
+    axes = list(zip(edges, (angle_scale(motion, edges[0]), rate_scale(result.model, edges[1])), strict=True))
+    label = f"mean of measured less model ({z.unit})" if scale else ""
+    shown = _cells(runs, edges) * z.factor
+    coloured_cells(ax, axes, shown, DIVERGING, (-limit * z.factor, limit * z.factor), label)
+    ax.set_title(title)
+    return ax
+
+
+def _edges(runs: Sequence[RunGap], name: str) -> Array:
+    values = np.concatenate([getattr(run, name) for run in runs])
+    low, high = float(values.min()), float(values.max())
+    if name == "rate":
+        # Zero rate is an edge, so that no cell averages over the friction step.
+        low, high = -max(-low, high), max(-low, high)
+    return np.linspace(low, high if high > low else low + 1.0, CELLS + 1)
+
+
+def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
+    """Return the mean residual of every cell, NaN where there is nothing, shape (n, n)."""
+    angle, rate, residual = (
+        np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "residual")
+    )
+    bins = [edges[0], edges[1]]
+    count, *_ = np.histogram2d(angle, rate, bins)
+    total, *_ = np.histogram2d(angle, rate, bins, weights=residual)
+    mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return mean
+
+
+_MEASURED = {"color": PALETTE[0], "lw": 2.4, "alpha": 0.45}
+_BEFORE: dict[str, Any] = {"color": PALETTE[1], "lw": 0.9, "ls": (0, (4, 1.5))}
+_AFTER = {"color": INK, "lw": 0.8}
+
+
+def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+    """Draw the measured moment and the models' over the angle; over time where the run has no frequency."""
+    q = quantities(result.model.joint.motion)
+    # What the rows are: less the inertia's moment, unless the inertia is among the terms.
+    name = q.moment if "inertia" in result.model.ids else q.transfer
+    scale = moment_scale(result.model.joint.motion, before.measured, name)
+    curves = [
+        (before, before.measured, "measured", _MEASURED),
+        (before, before.model, "model alone", _BEFORE),
+    ]
+    curves += [] if after is None else [(after, after.model, "with the effects", _AFTER)]
+    _curves(result, ax, scale, curves)
+    legend_above(ax, 2, columns=2)
+    return ax
+
+
+def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+    """Draw the residuals of a run together with its noise."""
+    scale = moment_scale(result.model.joint.motion, before.residual, "Measured less model")
+    noise, of = 2 * before.noise * scale.factor, "noise of the mean period" if before.repeats else "noise"
+    ax.axhspan(-noise, noise, color=MUTED, alpha=0.2, lw=0, label=f"{of}, ±2σ")
+    curves = [(before, before.residual, "residual of the model alone", _BEFORE)]
+    curves += [] if after is None else [(after, after.residual, "residual with the effects", _AFTER)]
+    _curves(result, ax, scale, curves)
+    legend_above(ax, 3)
+    return ax
+
+
+def _curves(
+    result: Diagnosis, ax: Axes, scale: Scale, curves: Sequence[tuple[RunGap, Array, str, Any]]
+) -> None:
+    """Draw curves of a run, each in its pieces, which have one entry in the legend."""
+    motion, run = result.model.joint.motion, curves[0][0]
+    across = angle_scale(motion, [float(np.abs(each.angle).max()) for each in result.before])
+    for each, values, label, look in curves:
+        for x, y in _pieces(each, values * scale.factor, across.factor):
+            ax.plot(x, y, **look)
+        ax.plot([], [], label=label, **look)
+    time = time_label(result.model.fitted.quasi_static, motion)
+    where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
+    title = plain(shortened(where if run.repeats else run.run))
+    ax.set(xlabel=across.label if run.frequency > 0 else time, ylabel=scale.label, title=title)
+
+
+def _pieces(run: RunGap, values: Array, factor: float) -> list[tuple[Array, Array]]:
+    """Return curves to draw: of a mean period by direction of motion, of another run by unbroken parts of a segment.
+
+    Samples in which the joint sticks are no part of either, and no line crosses them.
+    """
+    time, rate = run.time[: run.curve], run.rate[: run.curve]
+    cut = np.diff(time) > 1.5 * np.median(np.diff(time))
+    if run.repeats:
+        cut |= np.diff(np.sign(rate)) != 0
+    x = run.angle * factor if run.frequency > 0 else run.time
+    return [(x[part], values[part]) for part in np.split(np.arange(run.curve), np.flatnonzero(cut) + 1)]
+
+
 KINDS = by_name(
     Kind(
         "gap",
@@ -143,14 +279,14 @@ KINDS = by_name(
         "Maps before and after",
         "Mean of measured less model over cells of angle and rate, with the model alone and with the effects, in "
         "the same colours.",
-        before_after.maps,
+        maps,
     ),
     Kind(
         "overlay",
         "Runs before and after",
         "Some runs with the model alone and with the effects, and the residual of either with the noise. "
         "Coefficients are those of the fit to all runs.",
-        before_after.overlays,
+        overlays,
     ),
     Kind(
         "where",

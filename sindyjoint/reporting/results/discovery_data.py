@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from sindyjoint.judgement.discovery import Discovery
     from sindyjoint.states import ForceStates
 
-
 MAP_CELLS = 24
 SHEET_NODES = 17
 LOOP_SAMPLES = 480
@@ -133,11 +132,11 @@ class ReportData:
         Index into path.
     candidates : tuple of str
     groups : tuple of GroupFit
+    trust : Trust
     paper : bool
         Whether the question of the paper's five terms comes first.
     over : tuple of OverInput
         The law over each declared input.
-    trust : Trust
     """
 
     model: JointModel
@@ -154,9 +153,9 @@ class ReportData:
     chosen: int | None
     candidates: tuple[str, ...]
     groups: tuple[GroupFit, ...]
+    trust: Trust
     paper: bool = False
     over: tuple[OverInput, ...] = ()
-    trust: Trust = Trust(())
 
 
 def gather(result: Discovery) -> ReportData:

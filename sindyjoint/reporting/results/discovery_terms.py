@@ -1,19 +1,42 @@
-"""Why these terms: the threshold path, the coefficients by frequency, their covariance."""
+"""Pictures of why these terms, coefficients by frequency and over inputs; all figures of a discovery."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.judgement.over_inputs import CoefficientOver, OverInput
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
-from sindyjoint.reporting.data import ReportData
-from sindyjoint.reporting.figures.labels import math_symbol, scale_of
-from sindyjoint.reporting.figures.layout import colour_scale
-from sindyjoint.reporting.figures.residuals import nothing
+from sindyjoint.reporting.figure import (
+    Kind,
+    Panel,
+    by_name,
+    colour_scale,
+    fixed,
+    math_symbol,
+    nothing,
+    scale_of,
+    spread,
+)
+from sindyjoint.reporting.results.discovery_data import ReportData
+from sindyjoint.reporting.results.discovery_states import (
+    cut_at_centre,
+    cut_at_zero_rate,
+    loop_groups,
+    loops,
+    map_counts,
+    map_moment,
+    map_residual,
+    residual_phase,
+    residual_time,
+)
 from sindyjoint.reporting.style import (
     ACCENT,
+    DASHES,
     DIVERGING,
     FIXED_INK,
     FIXED_PAPER,
@@ -23,6 +46,7 @@ from sindyjoint.reporting.style import (
     RULE,
     plain,
     prefixed,
+    pretty_unit,
 )
 from sindyjoint.text import in_words_of, quantities, spelled
 
@@ -224,3 +248,183 @@ def _room(ax: Axes, values: Any, errors: Any, centre: float, shown: list[float])
     low, high = min(reach), max(reach)
     if high > low:
         ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
+
+
+POINTS = 13
+# Points of a cycle of the law.
+CYCLE = 401
+
+
+def drawn_over(data: ReportData) -> list[tuple[OverInput, CoefficientOver]]:
+    """Return the coefficients that are drawn over an input: those that have something to show."""
+    pairs = [(over, row) for over in data.over for row in over.coefficients]
+    return spread([(over, row) for over, row in pairs if row.levels or len(set(row.values)) > 1])
+
+
+def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> Axes:
+    """Draw one cycle of the law, through the largest tested angle and rate, at the values of its table."""
+    each = next(known for known in data.model.inputs if known.name == over.name)
+    fitted, q = data.model.fitted, quantities(data.model.joint.motion)
+    phase = np.linspace(0, 2 * np.pi, CYCLE)
+    angle, rate = fitted.angle * np.sin(phase), fitted.rate * np.cos(phase)
+    laws = [data.model.at(**{over.name: each.zero + each.factor * value}) for value in over.values]
+    moments = [law.moment(angle, rate) for law in laws]
+    x_factor, x_unit = prefixed(fitted.angle, q.angle_unit)
+    y_factor, y_unit = prefixed(float(np.abs(moments).max()), q.moment_unit)
+    for moment, heading, colour, dash in zip(moments, over.headings, PALETTE, DASHES, strict=False):
+        ax.plot(angle * x_factor, moment * y_factor, color=colour, ls=dash, label=plain(pretty_unit(heading)))
+    ax.set(
+        xlabel=f"{q.angle} {q.angle_symbol} ({x_unit})",
+        ylabel=f"{q.transfer} ({y_unit})",
+        title=plain(f"the law over {over.label}\none cycle to the largest {q.angle.lower()}"),
+    )
+    ax.set_ylim(top=1.5 * y_factor * float(np.max(moments)))
+    ax.legend(
+        loc="upper center",
+        ncols=len(laws),
+        frameon=False,
+        columnspacing=0.8,
+        handlelength=1.4,
+        handletextpad=0.4,
+    )
+    return ax
+
+
+def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: CoefficientOver) -> Axes:
+    """Draw a coefficient of the law over an input, with its 95 % interval, and the fits to single levels."""
+    each = next(known for known in data.model.inputs if known.name == over.name)
+    shown = np.linspace(over.values[0], over.values[-1], POINTS)
+    laws = [data.model.at(**{over.name: each.zero + each.factor * float(value)}) for value in shown]
+    terms = [law[row.id] if row.id in law else None for law in laws]
+    values = np.array([0.0 if term is None else term.coefficient for term in terms])
+    errors = np.array([0.0 if term is None else term.standard_error for term in terms])
+    factor, unit = scale_of(float(np.abs(values).max()), row.unit)
+    ax.fill_between(
+        shown, factor * (values - 1.96 * errors), factor * (values + 1.96 * errors), color=PALETTE[0], alpha=0.25, lw=0
+    )  # fmt: skip
+    ax.plot(shown, factor * values, color=PALETTE[0])
+    if row.levels:
+        own = factor * np.array(row.estimates), 1.96 * abs(factor) * np.array(row.level_errors)
+        ax.errorbar(row.levels, own[0], yerr=own[1], fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[1])
+    ax.margins(x=0.06, y=0.15)
+    ax.set(
+        xlabel=plain(
+            f"{over.label} ({pretty_unit(over.unit)})" if over.unit not in ("", "1") else over.label
+        ),
+        ylabel=f"{math_symbol(row.symbol)}" + (f" ({unit})" if unit else ""),
+        title=plain(f"{data.model[row.id].name}" + (f"\n{over.dependence(row)}" if row.answer else "")),
+    )
+    return ax
+
+
+def _loops(data: ReportData) -> list[Panel]:
+    groups = spread(list(loop_groups(data)))
+    return [partial(loops, group=group) for group in groups]
+
+
+def _residual(data: ReportData) -> list[Panel]:
+    periodic = any(loop.residual_over_phase.size for loop in data.loops)
+    phase: list[Panel] = [residual_phase] if periodic else []
+    return [map_residual, *phase, residual_time]
+
+
+def _coefficients(data: ReportData) -> list[Panel]:
+    return [partial(coefficient, term=term) for term in drawn_coefficients(data)]
+
+
+def _inputs(data: ReportData) -> list[Panel]:
+    laws: list[Panel] = [partial(law_at_values, over=over) for over in data.over if data.model.terms]
+    return laws + [partial(coefficient_over, over=over, row=row) for over, row in drawn_over(data)]
+
+
+def _with_terms(*panels: Panel) -> Callable[[ReportData], list[Panel]]:
+    return lambda data: list(panels) if data.model.terms else []
+
+
+def _fit(data: ReportData) -> list[Panel]:
+    # The middle of the frequencies: neither the slowest nor the one that is hardest to follow.
+    groups = list(loop_groups(data))
+    return [partial(loops, group=groups[len(groups) // 2])]
+
+
+_WHOLE = (
+    Kind(
+        "fit",
+        "Model over measurement",
+        "Transfer moment over angle of the runs at one frequency; black dots are the model where the joint moves.",
+        _fit,
+    ),
+    Kind(
+        "map",
+        "Force–state map",
+        "Transfer moment averaged over cells of angle and rate, samples per cell, and cuts through the map: at "
+        "zero rate the friction shows as a step, at the middle angle as a jump of the line.",
+        fixed(map_moment, map_counts, cut_at_zero_rate, cut_at_centre),
+    ),
+    Kind(
+        "loops",
+        "Moment–angle loops",
+        "One period of each run, transfer moment over angle; black dots are the model where the joint moves.",
+        _loops,
+    ),
+    Kind(
+        "residual",
+        "Residual",
+        "Residual over angle and rate, over the phase of the cycle, and over time. Structure that stands above the "
+        "noise floor is an effect that the model lacks.",
+        _residual,
+    ),
+    Kind(
+        "path",
+        "Choice of the terms",
+        "Fit residual and held-out error over the number of terms, and the number of terms over the threshold.",
+        fixed(path, threshold),
+    ),
+    Kind(
+        "coefficients",
+        "Coefficients by frequency, or by part of the record",
+        "The chosen terms fitted to each single frequency (or part), with 95 % intervals, the bias of the "
+        "processing taken out where it is known. Line: all together. Grey: ±10 %. Crosses: the paper's "
+        "tables, where the joint is one of the paper's.",
+        _coefficients,
+    ),
+    Kind(
+        "inputs",
+        "Coefficients over the inputs",
+        "The law at the values of the table, and each coefficient that depends on an input or was tested for it: the "
+        "line is the law with its 95 % interval, points are fits to the runs of a single level.",
+        _inputs,
+    ),
+    Kind(
+        "covariance",
+        "Covariance",
+        "Correlation of the coefficients' errors; near ±1 the data cannot distinguish two terms.",
+        _with_terms(covariance),
+    ),
+)
+
+_PARTS: dict[str, tuple[str, Panel]] = {
+    "map-moment": (
+        "Averaged transfer moment over angle and rate, with the model's contours.",
+        map_moment,
+    ),
+    "map-counts": ("Moving samples in every cell of the force–state map.", map_counts),
+    "map-rest": (
+        "Cut through the force–state map at zero rate, with the friction step.",
+        cut_at_zero_rate,
+    ),
+    "map-centre": ("Cut through the force–state map at the middle angle.", cut_at_centre),
+    "residual-map": ("Mean residual over angle and rate.", map_residual),
+    "residual-phase": ("Mean residual over the phase of the cycle.", residual_phase),
+    "residual-time": ("RMS residual over time.", residual_time),
+    "path-error": ("Fit residual and held-out error over the number of terms.", path),
+    "path-threshold": ("Number of terms over the threshold.", threshold),
+}
+
+KINDS = {
+    **by_name(*_WHOLE),
+    **{
+        name: Kind(name, name.replace("-", ", "), caption, fixed(panel), part=True)
+        for name, (caption, panel) in _PARTS.items()
+    },
+}
