@@ -336,8 +336,8 @@ def model_table(model: JointModel) -> TextTable:
     what = quantities(model.joint.motion).moment.lower()
     return TextTable(
         "terms",
-        f"Coefficients with one standard error; unique share: the share of the RMS {what} that no other term could take "
-        "over.",
+        f"Coefficients with one standard error; unique share: the share of the RMS {what} that no other term could "
+        "take over.",
         ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval", "Unique share"),
         tuple(
             (
