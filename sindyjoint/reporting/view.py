@@ -36,7 +36,8 @@ class View(Generic[R, D]):
     """How one kind of result is shown, drawn, written, and read again.
 
     A result (R) is what a workflow returned. Its data (D) are what figures are drawn from and what is saved with
-    them: of most results the result itself, of others a small part.
+    them: of most results the result itself, of others a small part. A subclass states its attributes as keywords of
+    its definition.
 
     Attributes
     ----------
@@ -78,6 +79,11 @@ class View(Generic[R, D]):
     records_key: ClassVar[str] = ""
     unsaved: ClassVar[Mapping[str, Any]] = {}
     renamed: ClassVar[Mapping[str, str]] = {}
+
+    def __init_subclass__(cls, **facts: Any) -> None:
+        super().__init_subclass__()
+        for name, value in facts.items():
+            setattr(cls, name, value)
 
     # ---- the record, its tables and rows
 

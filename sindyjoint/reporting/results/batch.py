@@ -156,17 +156,18 @@ NAME = 24
 STATUS = {"found": "found", "none": "no model", "broken": "broken"}
 
 
-class BatchView(View[Batch, Batch]):
+class BatchView(
+    View[Batch, Batch],
+    results=(Batch,),
+    data=Batch,
+    records_key="campaigns",
+    kind="Batch",
+    folder="batch",
+    kinds=KINDS,
+    record_file="batch.json",
+    judged_by=(*FINDING, "batch"),
+):
     """A batch."""
-
-    results = (Batch,)
-    data = Batch
-    records_key = "campaigns"
-    kind = "Batch"
-    folder = "batch"
-    kinds = KINDS
-    record_file = "batch.json"
-    judged_by = (*FINDING, "batch")
 
     def kinds_of(self, data: Batch) -> Mapping[str, Kind]:
         """Return the figures; of signs that no joint has, the caption says nothing."""

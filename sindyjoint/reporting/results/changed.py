@@ -79,16 +79,17 @@ KINDS = by_name(
 )
 
 
-class ChangeView(View[Change, ChangeFigures]):
+class ChangeView(
+    View[Change, ChangeFigures],
+    results=(Change, ChangeFigures),
+    data=ChangeFigures,
+    kind="Change",
+    kinds=KINDS,
+    record_file="changed.json",
+    records_key="coefficients",
+    judged_by=("judgement",),
+):
     """Two tests of one joint."""
-
-    results = (Change, ChangeFigures)
-    data = ChangeFigures
-    kind = "Change"
-    kinds = KINDS
-    record_file = "changed.json"
-    records_key = "coefficients"
-    judged_by = ("judgement",)
 
     def drawn_from(self, result: Change) -> ChangeFigures:
         """Return the shifts."""

@@ -282,16 +282,17 @@ CSV_COLUMNS = ("id", "run", "channel", "severity", "masked", "extent", "effect",
 EXTENT = 34
 
 
-class CheckView(View[Any, CheckData]):
+class CheckView(
+    View[Any, CheckData],
+    results=(Check, RigCheck, CheckData),
+    data=CheckData,
+    kind="Check",
+    folder="check",
+    record_file="check.json",
+    judged_by=("soundness",),
+    question="What was found?",
+):
     """A check of the data, or a result that stopped at it."""
-
-    results = (Check, RigCheck, CheckData)
-    data = CheckData
-    kind = "Check"
-    folder = "check"
-    record_file = "check.json"
-    judged_by = ("soundness",)
-    question = "What was found?"
 
     def drawn_from(self, result: Any) -> CheckData:
         """Return the runs."""
@@ -443,10 +444,11 @@ def wrap_findings(soundness: Soundness) -> Iterator[str]:
         yield from textwrap.wrap(text, 110, subsequent_indent="  ")
 
 
-class CampaignView(View[Campaign, None]):
+class CampaignView(
+    View[Campaign, None],
+    results=(Campaign,),
+):
     """A campaign: what its runs hold; its picture and its page are those of its check."""
-
-    results = (Campaign,)
 
     def tables(self, result: Campaign) -> tuple[TextTable, ...]:
         """Return the runs."""

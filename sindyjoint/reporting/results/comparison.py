@@ -114,17 +114,18 @@ CORRECTED = (
 )
 
 
-class ComparisonView(View[Comparison, Comparison]):
+class ComparisonView(
+    View[Comparison, Comparison],
+    results=(Comparison,),
+    data=Comparison,
+    kind="Comparison",
+    folder="comparison",
+    kinds=KINDS,
+    record_file="comparison.json",
+    judged_by=FINDING,
+    unsaved={"discovery": None, "left_out": {}, "soundness": Soundness()},
+):
     """A comparison."""
-
-    results = (Comparison,)
-    data = Comparison
-    kind = "Comparison"
-    folder = "comparison"
-    kinds = KINDS
-    record_file = "comparison.json"
-    judged_by = FINDING
-    unsaved = {"discovery": None, "left_out": {}, "soundness": Soundness()}  # noqa: RUF012
 
     def tables(self, result: Comparison) -> tuple[TextTable, ...]:
         """Return the tables of a comparison."""

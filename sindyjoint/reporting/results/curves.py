@@ -253,15 +253,16 @@ STRUCTURE_KINDS = by_name(
 ROWS = 5
 
 
-class JointCurvesView(View[JointCurves, JointCurves]):
+class JointCurvesView(
+    View[JointCurves, JointCurves],
+    results=(JointCurves,),
+    data=JointCurves,
+    kind="JointCurves",
+    folder="joint-curves",
+    kinds=JOINT_KINDS,
+    record_file="curves.json",
+):
     """Stiffness, loss and energy of a joint over amplitude."""
-
-    results = (JointCurves,)
-    data = JointCurves
-    kind = "JointCurves"
-    folder = "joint-curves"
-    kinds = JOINT_KINDS
-    record_file = "curves.json"
 
     def tables(self, result: JointCurves) -> tuple[TextTable, ...]:
         """Return the measures at some amplitudes of each frequency."""
@@ -298,15 +299,16 @@ class JointCurvesView(View[JointCurves, JointCurves]):
         return escape(f"{result.name}: {joint_headline(result)}")
 
 
-class StructureCurvesView(View[StructureCurves, StructureCurves]):
+class StructureCurvesView(
+    View[StructureCurves, StructureCurves],
+    results=(StructureCurves,),
+    data=StructureCurves,
+    kind="StructureCurves",
+    folder="structure-curves",
+    kinds=STRUCTURE_KINDS,
+    record_file="curves.json",
+):
     """Frequency response by level, backbone and damping of a structure."""
-
-    results = (StructureCurves,)
-    data = StructureCurves
-    kind = "StructureCurves"
-    folder = "structure-curves"
-    kinds = STRUCTURE_KINDS
-    record_file = "curves.json"
 
     def tables(self, result: StructureCurves) -> tuple[TextTable, ...]:
         """Return the peak of each level, and the course of each mode."""

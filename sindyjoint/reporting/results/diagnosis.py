@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.markup import escape
@@ -45,24 +45,25 @@ VERDICTS = {
 }
 
 
-class DiagnosisView(View[Diagnosis, Diagnosis]):
-    """The diagnosis of a campaign or of a structure."""
-
-    results = (Diagnosis,)
-    data: ClassVar[type] = Diagnosis
-    kind = "Diagnosis"
-    folder = "diagnosis"
-    formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {"StructureDiagnosis": {"source": "structure"}}
-    record_file = "diagnosis.json"
-    question = "What is missing?"
-    judged_by: ClassVar[tuple[str, ...]] = ("states", "response", "diagnosis campaign", "diagnosis structure")
-    unsaved: ClassVar[dict[str, Any]] = {
+class DiagnosisView(
+    View[Diagnosis, Diagnosis],
+    results=(Diagnosis,),
+    data=Diagnosis,
+    kind="Diagnosis",
+    folder="diagnosis",
+    formerly={"StructureDiagnosis": {"source": "structure"}},
+    record_file="diagnosis.json",
+    question="What is missing?",
+    judged_by=("states", "response", "diagnosis campaign", "diagnosis structure"),
+    unsaved={
         "effects": (),
         "whole": None,
         "test": None,
         "soundness": None,
         "stopped": None,
-    }
+    },
+):
+    """The diagnosis of a campaign or of a structure."""
 
     def kinds_of(self, data: Diagnosis) -> Mapping[str, Kind]:
         """Return the figures of a campaign, or those of a structure."""

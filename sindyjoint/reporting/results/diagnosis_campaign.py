@@ -157,7 +157,8 @@ def maps(result: Diagnosis) -> list[Panel]:
     """Return the maps of the residual before and, where effects were added, after."""
     before = partial(_map, runs=result.before, title="Residual of the model alone", scale=not result.after)
     after = partial(_map, runs=result.after, title="Residual with the effects, same colours", scale=True)
-    return [before] * bool(result.before) + [after] * bool(result.before and result.after)
+    panels: list[Panel] = [before, after]
+    return panels[: bool(result.before) * (1 + bool(result.after))]
 
 
 def overlays(result: Diagnosis) -> list[Panel]:

@@ -96,16 +96,17 @@ WITHOUT_TIME = "not applicable, the samples have no time"
 NEIGHBOURS = 3
 
 
-class DiscoveryView(View[Discovery, ReportData]):
+class DiscoveryView(
+    View[Discovery, ReportData],
+    results=(Discovery, ReportData),
+    data=ReportData,
+    records_key="terms",
+    kind="ReportData",
+    folder="discovery",
+    kinds=KINDS,
+    judged_by=FINDING,
+):
     """A discovery; its data are gathered into small arrays, and its page is made of only these."""
-
-    results = (Discovery, ReportData)
-    data = ReportData
-    records_key = "terms"
-    kind = "ReportData"
-    folder = "discovery"
-    kinds = KINDS
-    judged_by = FINDING
 
     def drawn_from(self, result: Discovery) -> ReportData:
         """Return what is small enough to be saved."""

@@ -196,16 +196,17 @@ KINDS = by_name(
 )
 
 
-class PlanView(View[Plan, PlanFigures]):
+class PlanView(
+    View[Plan, PlanFigures],
+    results=(Plan, PlanFigures),
+    data=PlanFigures,
+    kind="Plan",
+    kinds=KINDS,
+    record_file="plan.json",
+    judged_by=("planning",),
+    records_key="runs",
+):
     """A plan of runs."""
-
-    results = (Plan, PlanFigures)
-    data = PlanFigures
-    kind = "Plan"
-    kinds = KINDS
-    record_file = "plan.json"
-    judged_by = ("planning",)
-    records_key = "runs"
 
     def drawn_from(self, result: Plan) -> PlanFigures:
         """Return what is drawn of a plan."""

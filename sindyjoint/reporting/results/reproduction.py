@@ -237,16 +237,17 @@ _MARKS = (
 )
 
 
-class ReproductionView(View[Reproduction, ReproductionFigures]):
+class ReproductionView(
+    View[Reproduction, ReproductionFigures],
+    results=(Reproduction, ReproductionFigures),
+    data=ReproductionFigures,
+    kind="Reproduction",
+    folder="reproduction",
+    kinds=KINDS,
+    record_file="reproduction.json",
+    judged_by=("states", "discovery", "response"),
+):
     """A reproduction of the paper."""
-
-    results = (Reproduction, ReproductionFigures)
-    data = ReproductionFigures
-    kind = "Reproduction"
-    folder = "reproduction"
-    kinds = KINDS
-    record_file = "reproduction.json"
-    judged_by = ("states", "discovery", "response")
 
     def simulated(self, result: Reproduction | ReproductionFigures) -> bool:
         """Return True: the paper's joints are not at hand."""

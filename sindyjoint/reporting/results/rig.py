@@ -137,15 +137,16 @@ KINDS = by_name(
 )
 
 
-class RigView(View[RigMotion, RigFigures]):
+class RigView(
+    View[RigMotion, RigFigures],
+    results=(RigMotion, RigFigures),
+    data=RigFigures,
+    kind="Rig",
+    folder="rig",
+    kinds=KINDS,
+    record_file="rig.json",
+):
     """A rig in motion."""
-
-    results = (RigMotion, RigFigures)
-    data = RigFigures
-    kind = "Rig"
-    folder = "rig"
-    kinds = KINDS
-    record_file = "rig.json"
 
     def simulated(self, result: RigMotion | RigFigures) -> bool:
         """Return True: a rig moves only in a simulation."""

@@ -112,16 +112,17 @@ POINTS = 400  # of a loop in the picture
 TERMS = ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval")
 
 
-class StructureJointsView(View[RigDiscovery, StructureFigures]):
+class StructureJointsView(
+    View[RigDiscovery, StructureFigures],
+    results=(RigDiscovery, StructureFigures),
+    data=StructureFigures,
+    kind="StructureJoints",
+    folder="structure",
+    kinds=KINDS,
+    record_file="structure.json",
+    judged_by=FINDING,
+):
     """The laws of the joints inside a structure."""
-
-    results = (RigDiscovery, StructureFigures)
-    data = StructureFigures
-    kind = "StructureJoints"
-    folder = "structure"
-    kinds = KINDS
-    record_file = "structure.json"
-    judged_by = FINDING
 
     def drawn_from(self, result: RigDiscovery) -> StructureFigures:
         """Return the loops, and what each sensor is worth."""

@@ -284,20 +284,22 @@ def in_its_unit(run: RunVerification) -> str:
     return f"{short_number(run.rmse * factor)} {unit}".rstrip()
 
 
-class VerificationView(View[Verification, Verification]):
+class VerificationView(
+    View[Verification, Verification],
+    results=(Verification,),
+    data=Verification,
+    records_key="runs",
+    kind="Verification",
+    folder="verification",
+    kinds=KINDS,
+    record_file="verification.json",
+    judged_by=("states", "response", "workflows"),
+    question="What is the result?",
+    renamed={"kind": "subject_kind"},
+):
     """A verification."""
 
-    results = (Verification,)
-    data = Verification
-    records_key = "runs"
-    kind = "Verification"
-    folder = "verification"
-    kinds = KINDS
-    record_file = "verification.json"
-    judged_by = ("states", "response", "workflows")
-    question = "What is the result?"
     # "kind" marks what the file holds.
-    renamed = {"kind": "subject_kind"}  # noqa: RUF012
 
     def kept(self, data: Verification) -> Verification:
         """Return it with no more samples than a picture shows."""
@@ -427,11 +429,12 @@ class VerificationView(View[Verification, Verification]):
         yield from aligned([columns, *rows])
 
 
-class RefinementView(VerificationView):
+class RefinementView(
+    VerificationView,
+    results=(RefinedModel,),
+    folder="refinement",
+):
     """A model refined on a campaign: its numbers before and after, and what a verification shows."""
-
-    results = (RefinedModel,)
-    folder = "refinement"
 
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
         """Return the numbers before and after in addition to runs and terms."""
