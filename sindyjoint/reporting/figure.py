@@ -15,9 +15,11 @@ from sindyjoint.reporting.style import INK, plain, prefixed, pretty_unit, style
 from sindyjoint.text import power_of_ten, quantities, superscript
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    import matplotlib.axes
+    import matplotlib.figure
 
+Axes: TypeAlias = "matplotlib.axes.Axes"
+Figure: TypeAlias = "matplotlib.figure.Figure"
 Panel: TypeAlias = "Callable[[Any, Axes], Axes]"
 
 MOST_PANELS = 6

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -22,9 +22,10 @@ from sindyjoint.soundness.finding import Finding
 from sindyjoint.text import in_words_of, quantities, rounded, superscript
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    import rich.console
     from rich.table import Table
 
+Console: TypeAlias = "rich.console.Console"
 DASH = "–"
 # What begins with a digit, a sign or an estimate's "about": 5910 ± 40, −2 %, < 0.1.
 FIGURE = re.compile(r"[-−+±<>≤≥~≈(\[]?\s*[-−+]?\s*[.\d∞]")

@@ -6,14 +6,15 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from sindyjoint.batch.population import next_joint
+from sindyjoint.batch.population import Scatter, Trend, next_joint
+from sindyjoint.batch.record import CampaignRecord
 from sindyjoint.batch.summary import TEMPERATURE, Batch
 from sindyjoint.batch.tasks import CAMPAIGNS
-from sindyjoint.reporting.figure import MOST_PANELS, Kind, by_name
+from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, provenance
 from sindyjoint.reporting.style import (
     ACCENT,
@@ -38,14 +39,6 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import percent, rounded, spelled
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from sindyjoint.batch.population import Scatter, Trend
-    from sindyjoint.batch.record import CampaignRecord
-    from sindyjoint.batch.summary import Batch
-    from sindyjoint.reporting.figure import Kind
 
 # More names than these cannot be read below an axis.
 NAMED = 24

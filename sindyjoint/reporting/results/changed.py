@@ -5,22 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.markup import escape
 
 from sindyjoint.judgement.changed import Change, Shift
-from sindyjoint.reporting.figure import Kind, by_name, math_symbol
+from sindyjoint.reporting.figure import Axes, Kind, by_name, math_symbol
 from sindyjoint.reporting.page import Blocks, Page, Section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
-from sindyjoint.reporting.tables import DASH, TextTable, csv_text, print_table
+from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_text, print_table
 from sindyjoint.reporting.view import View
 from sindyjoint.text import rounded
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from rich.console import Console
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,14 @@ from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
-from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign
-from sindyjoint.reporting.figure import Kind, by_name, each, time_label
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
+from sindyjoint.reporting.figure import Axes, Kind, by_name, each, time_label
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, provenance, sentence
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
+    Console,
     TextTable,
     aligned,
     csv_text,
@@ -34,21 +35,13 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.checked import Checked
+from sindyjoint.soundness.checked import Checked, RecordedRun
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.structure.check import RigCheck
 from sindyjoint.soundness.structure.recorded import StructureWords
 from sindyjoint.soundness.words import words_of
 from sindyjoint.text import quantities
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from rich.console import Console
-
-    from sindyjoint.record import Motion
-    from sindyjoint.soundness.checked import Checked, RecordedRun
-    from sindyjoint.soundness.finding import Finding
-    from sindyjoint.trust import Trust
+from sindyjoint.trust import Trust
 
 RUNS_PER_FIGURE = 6
 # The figure of all runs, or of so many.

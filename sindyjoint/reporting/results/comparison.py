@@ -5,22 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.markup import escape
 
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
-from sindyjoint.judgement.comparison import Comparison
+from sindyjoint.judgement.comparison import Choice, Comparison, GivenModel
 from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.reporting.equation import mathml
-from sindyjoint.reporting.figure import Kind, by_name, fixed
+from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, provenance, sentence
 from sindyjoint.reporting.results.discovery_terms import dependence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
+    Console,
     TextTable,
     aligned,
     csv_text,
@@ -32,13 +33,7 @@ from sindyjoint.reporting.tables import (
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import quantities, rounded, spelled
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from rich.console import Console
-
-    from sindyjoint.judgement.comparison import Choice, Comparison, GivenModel
-    from sindyjoint.trust import Trust
+from sindyjoint.trust import Trust
 
 
 def inclusion_height(result: Comparison) -> float:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.markup import escape
 
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.figure import Kind, Panel, by_name, each
+from sindyjoint.reporting.figure import Axes, Kind, Panel, by_name, each
 from sindyjoint.reporting.page import Blocks, Page, Section, capital
 from sindyjoint.reporting.style import (
     DASHES,
@@ -32,9 +32,6 @@ from sindyjoint.substructure.joint_curves import MEASURES, JointCurve, JointCurv
 from sindyjoint.substructure.modes import ModeCurve
 from sindyjoint.substructure.structure_curves import StructureCurves
 from sindyjoint.text import quantities
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 UNITS = {"rotation": ("rad", "N*m/rad"), "translation": ("m", "N/m")}
 

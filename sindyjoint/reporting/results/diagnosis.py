@@ -5,28 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.markup import escape
 
 from sindyjoint.diagnosis.falling import reported_together
-from sindyjoint.diagnosis.result import NOT_SOUGHT, Diagnosis
+from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml
+from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.page import Blocks, Page, Section, markup, number, sentence
 from sindyjoint.reporting.results import diagnosis_campaign, diagnosis_structure
 from sindyjoint.reporting.style import amount, pretty_unit
-from sindyjoint.reporting.tables import DASH, TextTable, aligned, model_table, terminal_table
+from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, model_table, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from sindyjoint.diagnosis.result import Advice, Gap, RecordGap, Step
-    from sindyjoint.reporting.figure import Kind
-    from sindyjoint.trust import Trust
+from sindyjoint.trust import Trust
 
 PARTS = ("state", "history", "run", "processing", "noise")
 VERDICTS = {

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sindyjoint.diagnosis.falling import reported_together
+from sindyjoint.diagnosis.result import Diagnosis, RunGap
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import (
+    Axes,
     Kind,
     Panel,
     Scale,
@@ -37,11 +39,6 @@ from sindyjoint.reporting.style import (
     shortened,
 )
 from sindyjoint.text import percent, quantities, spelled
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from sindyjoint.diagnosis.result import Diagnosis, RunGap
 
 NARROW = 4  # inches of a panel, below which a legend has one column
 MOST_RIVALS = 4

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sindyjoint.diagnosis.falling import reported_together
-from sindyjoint.reporting.figure import MOST_PANELS, Kind, by_name, each, fixed
+from sindyjoint.diagnosis.result import Diagnosis, RecordGap
+from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name, each, fixed
 from sindyjoint.reporting.results.diagnosis_campaign import KINDS as DIAGNOSIS
 from sindyjoint.reporting.results.diagnosis_campaign import budget_parts
 from sindyjoint.reporting.results.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, prefixed, shortened
 from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
 from sindyjoint.text import percent, spelled
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from sindyjoint.diagnosis.result import Diagnosis, RecordGap
 
 CYCLES_SHOWN = 6
 

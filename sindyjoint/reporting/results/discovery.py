@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.markup import escape
@@ -25,6 +25,7 @@ from sindyjoint.reporting.results.discovery_terms import KINDS
 from sindyjoint.reporting.style import prefixed, pretty_unit
 from sindyjoint.reporting.tables import (
     DASH,
+    Console,
     TextTable,
     aligned,
     model_table,
@@ -36,13 +37,9 @@ from sindyjoint.reporting.tables import (
     terms_csv,
 )
 from sindyjoint.reporting.view import FINDING, View
+from sindyjoint.states import ForceStates
 from sindyjoint.text import quantities, rounded, spelled
 from sindyjoint.trust import Trust
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from sindyjoint.states import ForceStates
 
 # Of a joint whose inertia is not declared, and is no term of the model.
 NO_INERTIA = "its load is too small on these runs to be told from the other terms"

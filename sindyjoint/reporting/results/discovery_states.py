@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import (
+    Axes,
     Scale,
     angle_scale,
     coloured_cells,
@@ -34,9 +35,6 @@ from sindyjoint.reporting.style import (
     shortened,
 )
 from sindyjoint.text import quantities
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 MOST_LOOPS = 6
 # Beyond this many runs each loop is thinned, so that the page of a hundred runs stays small.

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.equation.model import JointModel
+from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.judgement.over_inputs import CoefficientOver, OverInput
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
 from sindyjoint.reporting.figure import (
+    Axes,
     Kind,
     Panel,
     by_name,
@@ -49,12 +52,6 @@ from sindyjoint.reporting.style import (
     pretty_unit,
 )
 from sindyjoint.text import in_words_of, quantities, spelled
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from sindyjoint.discovery.frequency import FrequencyTest
-    from sindyjoint.judgement.comparison import Comparison
 
 # A parameter counts as the same at two frequencies when it differs by less than this.
 EQUIVALENCE = 0.10

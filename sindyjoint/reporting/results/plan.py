@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.markup import escape
@@ -15,16 +14,12 @@ from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, ru
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import PAPER
 from sindyjoint.planning.separation import TELL_APART, Separation
-from sindyjoint.reporting.figure import Kind, by_name
+from sindyjoint.reporting.figure import Axes, Kind, by_name
 from sindyjoint.reporting.page import Blocks, Page, Section, capital, markup, number, sentence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, legend_above, prefixed, pretty_unit
-from sindyjoint.reporting.tables import DASH, TextTable, csv_columns
+from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_columns
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, percent, spelled
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from rich.console import Console
 
 GOALS = {
     "widths": "widest 95 % interval",

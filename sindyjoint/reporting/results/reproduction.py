@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from sindyjoint.judgement.paper_tables import TableCheck
 from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TERMS, UNITS
-from sindyjoint.reporting.figure import Kind, Panel, by_name, fixed
+from sindyjoint.reporting.figure import Axes, Kind, Panel, by_name, fixed
 from sindyjoint.reporting.page import Blocks, Page, Section, sentence
 from sindyjoint.reporting.results.discovery import state_lines
 from sindyjoint.reporting.results.verification import amplitude, period, response_payload, thinned
@@ -20,16 +21,10 @@ from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, pretty_unit
 from sindyjoint.reporting.tables import TextTable, csv_text, milliseconds, terminal, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import RunVerification
+from sindyjoint.states import ForceStates
 from sindyjoint.states.surface import ForceStateMap
 from sindyjoint.text import percent
-from sindyjoint.workflows.reproduce import Reproduction
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from sindyjoint.judgement.paper_tables import TableCheck
-    from sindyjoint.states import ForceStates
-    from sindyjoint.workflows.reproduce import JointReproduction, Reproduction
+from sindyjoint.workflows.reproduce import JointReproduction, Reproduction
 
 TRUTHS = {"plain": "truth: only the model's terms", "richer": "truth: friction that first gives way"}
 # What one panel shows of a response.

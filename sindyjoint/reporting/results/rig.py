@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.markup import escape
 
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.figure import Kind, bars, by_name, fixed
+from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, fixed
 from sindyjoint.reporting.page import Blocks, Page, Section
 from sindyjoint.reporting.style import (
     DASHES,
@@ -23,15 +22,9 @@ from sindyjoint.reporting.style import (
     prefixed,
     shortened,
 )
-from sindyjoint.reporting.tables import DASH, TextTable, csv_columns
+from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_columns
 from sindyjoint.reporting.view import View
 from sindyjoint.workflows.rig import RigMotion
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from rich.console import Console
-
-    from sindyjoint.workflows.rig import RigMotion
 
 # What a picture shows of a curve.
 DRAWN_SAMPLES = 4000

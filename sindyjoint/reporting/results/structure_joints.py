@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.markup import escape
@@ -14,15 +13,11 @@ from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.equation import mathml
-from sindyjoint.reporting.figure import Kind, by_name, each, fixed
+from sindyjoint.reporting.figure import Axes, Kind, by_name, each, fixed
 from sindyjoint.reporting.page import Blocks, Page, Section, markup, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
-from sindyjoint.reporting.tables import TextTable, model_table, print_table
+from sindyjoint.reporting.tables import Console, TextTable, model_table, print_table
 from sindyjoint.reporting.view import FINDING, View
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from rich.console import Console
 
 # Loss of a sensor at which the scale of the picture ends.
 MOST = 10.0

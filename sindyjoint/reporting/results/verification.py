@@ -6,14 +6,24 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.reporting.equation import mathml
-from sindyjoint.reporting.figure import Kind, Panel, Scale, by_name, scaled, short_numbers, spread, time_label
+from sindyjoint.reporting.figure import (
+    Axes,
+    Kind,
+    Panel,
+    Scale,
+    by_name,
+    scaled,
+    short_numbers,
+    spread,
+    time_label,
+)
 from sindyjoint.reporting.page import Blocks, Page, Section, capital, markup, sentence
 from sindyjoint.reporting.style import (
     INK,
@@ -27,6 +37,7 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.reporting.tables import (
     DASH,
+    Console,
     TextTable,
     aligned,
     milliseconds,
@@ -38,13 +49,8 @@ from sindyjoint.reporting.view import View
 from sindyjoint.response.oscillation import hilbert_envelope
 from sindyjoint.response.verification import Band, RunVerification, Verification
 from sindyjoint.text import in_words_of_origin, percent, quantities, rounded, spelled
+from sindyjoint.trust import Trust
 from sindyjoint.workflows.refine import RefinedModel, number_labels
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from rich.console import Console
-
-    from sindyjoint.trust import Trust
 
 CYCLES_SHOWN = 6
 UNITS = {
@@ -298,8 +304,6 @@ class VerificationView(
     renamed={"kind": "subject_kind"},
 ):
     """A verification."""
-
-    # "kind" marks what the file holds.
 
     def kept(self, data: Verification) -> Verification:
         """Return it with no more samples than a picture shows."""
