@@ -31,7 +31,6 @@ from sindyjoint.reporting.style import (
     DASHES,
     DIVERGING,
     INK,
-    MARKERS,
     MUTED,
     PALETTE,
     legend_above,
@@ -40,72 +39,51 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.text import percent, quantities, spelled
 
-NARROW = 4  # inches of a panel, below which a legend has one column
 MOST_RIVALS = 4
 FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
 
 
+def gap_height(result: Diagnosis) -> float:
+    """Return the height of the picture of the gap, inches: a bar is as thick whatever the number of steps."""
+    return 1.5 + 0.4 * (1 + len(result.steps))
+
+
 def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
-    """Draw the moment and response gap after each step, down to the noise floor.
+    """Draw the moment and response gap of the model alone and after each step, down to the noise floor.
 
     The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
     """
     motion = result.model.joint.motion
     groups = reported_together(result.steps)
-    labels = ["\n".join(f"+ {spelled(s.effect, motion)}" for s in group) for group in groups]
-    labels = ["model alone", *labels]
+    labels = ["\n".join(f"+ {spelled(step.effect, motion)}" for step in group) for group in groups]
     gaps = [result.initial, *(group[-1].gap_after for group in groups)]
-    names = {"moment": quantities(motion).moment.lower(), "response": "response"}
-    shown = [100 * getattr(gap, name) for gap in gaps for name in names]
-    shown = [value for value in shown if value == value and value > 0]
-    floors = [100 * getattr(result.noise_floor, name) for name in names]
+    called = {"moment": quantities(motion).moment.lower(), "response": "response"}
+    shares = {name: 100 * np.array([getattr(gap, name) for gap in gaps]) for name in called}
+    # What is not known is NaN: a simulation that failed, a moment that no sensor gave.
+    shares = {name: values for name, values in shares.items() if np.isfinite(values).any()}
+    floors = {name: 100 * getattr(result.noise_floor, name) for name in shares}
+    shown = [value for values in shares.values() for value in values if value > 0]
     # A floor of mere rounding would be all that a picture shows; the legend states it.
-    known = shown + [floor for floor in floors if shown and floor > min(shown) / FAR**2]
-    for index, (name, called) in enumerate(names.items()):
-        values = [100 * getattr(gap, name) for gap in gaps]
-        colour = PALETTE[index]
-        ax.plot(
-            range(len(gaps)),
-            values,
-            color=colour,
-            ls=DASHES[index],
-            marker=MARKERS[index],
-            label=f"{called} gap",
-        )
-        for step, value in enumerate(values):
-            if value == value:
-                # The larger of the two gaps is written above its mark, the other below.
-                other = 100 * getattr(gaps[step], "response" if name == "moment" else "moment")
-                below = value < other or (index == 1 and value == other)
-                ax.annotate(
-                    percent(value / 100),
-                    (step, value),
-                    # A gap that falls comes from the upper left and leaves to the lower right.
-                    (-6, -3) if below else (6, 3),
-                    textcoords="offset points",
-                    ha="right" if below else "left",
-                    va="top" if below else "bottom",
-                    color=colour,
-                )
-        floor = 100 * getattr(result.noise_floor, name)
-        if floor == floor:
-            label = f"noise floor of the {called}, {percent(floor / 100)}"
-            if shown and floor not in known:
-                label += ", below the axis"
-            ax.axhline(floor, color=colour, lw=0.8, ls=(0, (1, 1.5)), label=label)
-    if known and max(known) > FAR * min(known):
-        ax.set(yscale="log", ylim=(0.5 * min(known), 2 * max(known)))
-    elif known:
-        ax.set_ylim(0, 1.1 * max(known))
+    known = [*shown, *(floor for floor in floors.values() if shown and floor > min(shown) / FAR**2)] or [1.0]
+    far = max(known) > FAR * min(known)
+    low, thick = 0.5 * min(known) if far else 0.0, 0.8 / max(len(shares), 1)
+    for index, (name, values) in enumerate(shares.items()):
+        rows = np.arange(values.size) + (index - 0.5 * (len(shares) - 1)) * thick
+        look: Any = {"color": PALETTE[index], "label": f"{called[name]} gap"}
+        ax.barh(rows, values - low, left=low, height=0.9 * thick, **look)
+        for row, value in zip(rows, values, strict=True):
+            if np.isfinite(value):
+                ax.text(value, row, f" {percent(value / 100)}", va="center", color=INK)
+        if np.isfinite(floors[name]):
+            below = "" if floors[name] in known else ", below the axis"
+            label = f"noise floor of the {called[name]}, {percent(floors[name] / 100)}{below}"
+            ax.axvline(floors[name], color=PALETTE[index], ls=DASHES[1], label=label)
     ax.set(
-        xticks=range(len(labels)),
-        xticklabels=labels,
-        xlim=(-0.3, len(labels) - 0.5),
-        ylabel="relative RMS (%)",
+        xscale="log" if far else "linear", xlim=(low, (2.5 if far else 1.25) * max(known)), yticks=range(len(gaps)),
+        yticklabels=["model alone", *labels], ylim=(len(gaps) - 0.5, -0.5), xlabel="relative RMS (%)",
         title="Gap between model and measurement",
-    )
-    narrow = ax.bbox.width < NARROW * ax.figure.dpi
-    legend_above(ax, 4 if narrow else 2, columns=1 if narrow else 2)
+    )  # fmt: skip
+    legend_above(ax, 2 * len(shares))
     return ax
 
 
@@ -271,6 +249,7 @@ KINDS = by_name(
         "Gap between model and measurement before and after each named effect, with the noise floor.",
         fixed(gap_by_step),
         wide=True,
+        height=gap_height,
     ),
     Kind(
         "maps",
@@ -296,8 +275,9 @@ KINDS = by_name(
     Kind(
         "budget",
         "Budget of the gap",
-        "What the first gap is made of: a function of the state, hysteresis, differences between runs, processing, "
-        "noise.",
+        "What the first gap is made of: effects of the joint without internal state and its coefficients (state), "
+        "hysteresis in the joint (history), differences between runs, what lies outside the joint or is not explained "
+        "(run), processing and time step, noise.",
         lambda result: [budget_parts] if result.budget.total == result.budget.total else [],
         wide=True,
     ),
