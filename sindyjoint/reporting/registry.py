@@ -240,7 +240,7 @@ def load_results(path: str | os.PathLike[str]) -> Any:
             raise NothingToDrawError(message)
         raise MissingInputError(message)
     result = _read(saved, _from_record)
-    if isinstance(getattr(result, "model", None), JointModel):
+    if isinstance(getattr(result, "model", None), JointModel) and model_file.is_file():
         model = read_model(model_file)
         # As text: a noise floor that is not known is NaN, which equals nothing.
         if model.to_json() != result.model.to_json():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,32 +17,14 @@ from sindyjoint.reporting.view import View
 from sindyjoint.text import rounded
 
 
-@dataclass(frozen=True, eq=False)
-class ChangeFigures:
-    """What the picture is drawn from.
-
-    Parameters
-    ----------
-    joint : str
-    shifts : tuple of Shift
-    margin : float
-    simulated : bool
-    """
-
-    joint: str
-    shifts: tuple[Shift, ...]
-    margin: float
-    simulated: bool = False
-
-    @property
-    def drawn(self) -> tuple[Shift, ...]:
-        """Those that are in both tests."""
-        return tuple(shift for shift in self.shifts if np.isfinite(shift.change))
+def _drawn(data: Change) -> list[Shift]:
+    """Return the coefficients that are in both tests."""
+    return [shift for shift in data.shifts if np.isfinite(shift.change)]
 
 
-def shifts(data: ChangeFigures, ax: Axes) -> Axes:
+def shifts(data: Change, ax: Axes) -> Axes:
     """Draw the relative change of each coefficient with its 95 % interval, over the margin."""
-    rows, margin = data.drawn, 100 * data.margin
+    rows, margin = _drawn(data), 100 * data.margin
     ax.axvspan(-margin, margin, color=RULE, alpha=0.6, lw=0)
     ax.axvline(0, color=INK, linewidth=0.8)
     reach = 1.4 * data.margin
@@ -67,17 +48,17 @@ KINDS = by_name(
         "After against before",
         "Relative change of each coefficient with its 95 % interval; grey: the margin within which a change does not "
         "matter; orange: changed beyond noise and calibration.",
-        lambda data: [shifts] if data.drawn else [],
+        lambda data: [shifts] if _drawn(data) else [],
         wide=True,
-        height=lambda data: 0.9 + 0.28 * len(data.drawn),
+        height=lambda data: 0.9 + 0.28 * len(_drawn(data)),
     )
 )
 
 
 class ChangeView(
-    View[Change, ChangeFigures],
-    results=(Change, ChangeFigures),
-    data=ChangeFigures,
+    View[Change, Change],
+    results=(Change,),
+    data=Change,
     kind="Change",
     kinds=KINDS,
     record_file="changed.json",
@@ -85,10 +66,6 @@ class ChangeView(
     judged_by=("judgement",),
 ):
     """Two tests of one joint."""
-
-    def drawn_from(self, result: Change) -> ChangeFigures:
-        """Return the shifts."""
-        return ChangeFigures(result.after.joint.name, result.shifts, result.margin, result.simulated)
 
     def tables(self, result: Change) -> tuple[TextTable, ...]:
         """Return a row for each coefficient."""
@@ -106,7 +83,7 @@ class ChangeView(
         columns = ("coefficient", "answer", "change", "95 % interval", "before", "after", "unit")
         return (TextTable("coefficients", "Coefficients before and after", columns, rows, text=("unit",)),)
 
-    def page(self, result: Change, data: ChangeFigures, show: Blocks, folder: Path | None) -> Page:
+    def page(self, result: Change, data: Change, show: Blocks, folder: Path | None) -> Page:
         """Return the answer and every coefficient."""
         before, after = result.names
         named = (before, after) != ("before", "after")
@@ -122,14 +99,14 @@ class ChangeView(
             show.warnings(result.warnings),
         )
         return Page(
-            f"{data.joint}: before and after",
+            f"{data.after.joint.name}: before and after",
             "Before and after",
-            data.joint,
+            data.after.joint.name,
             said,
             (Section("coefficients", "Coefficients", blocks, "Coefficients"),),
         )
 
-    def files(self, result: Change, data: ChangeFigures) -> dict[str, str]:
+    def files(self, result: Change, data: Change) -> dict[str, str]:
         """Return the table as CSV."""
         (table,) = self.tables(result)
         return {"changed.csv": csv_text(["symbol", *table.columns[1:]], table.rows)}

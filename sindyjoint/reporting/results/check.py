@@ -382,20 +382,14 @@ class CheckView(
 
     def show_result(self, result: Any, console: Console) -> None:
         """Print a line for each finding, and what stops a model."""
-        check = _check_of(result)
+        check, (table,) = _check_of(result), self.tables(result)
         rows = tuple(
-            (
-                f.severity,
-                f.id,
-                shortened(f.run or "all runs", 14),
-                shortened(f.channel or DASH, 12),
-                textwrap.shorten(f.extent, EXTENT, placeholder="…"),
-            )
-            for f in _in_words(check)
+            (severity, id, shortened(where, 26), textwrap.shorten(extent, EXTENT, placeholder="…"))
+            for id, where, severity, extent, _ in table.rows
         )
-        columns = ("severity", "finding", "run", "channel", "extent")
         if rows:
-            console.print(terminal_table(TextTable("findings", "", columns, rows), "l"))
+            shown = replace(table, columns=("severity", "finding", "where", "extent"), rows=rows)
+            console.print(terminal_table(shown, "l"))
         else:
             console.print("  nothing")
         if check.stopping:
