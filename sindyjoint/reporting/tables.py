@@ -8,7 +8,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -110,6 +110,26 @@ class TextTable:
         )
 
 
+def tabulate(
+    name: str, title: str, items: Iterable[Any], columns: Mapping[str, Callable[[Any], str]], **more: Any
+) -> TextTable:
+    """Return a table with a row for each item, described by what each column shows of it."""
+    rows = tuple(tuple(cell(item) for cell in columns.values()) for item in items)
+    return TextTable(name, title, tuple(columns), rows, **more)
+
+
+def csv_table(items: Iterable[Any], columns: Mapping[str, Callable[[Any], object]]) -> str:
+    """Return CSV text with a row for each item; numbers in full, nothing where none is known."""
+    rows = [[_in_full(cell(item)) for cell in columns.values()] for item in items]
+    return csv_text(list(columns), rows)
+
+
+def _in_full(value: object) -> object:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return ""
+    return repr(float(value)) if isinstance(value, float) else value
+
+
 def short_number(value: float | None) -> str:
     """Return a number to four digits; a dash where there is none."""
     return DASH if value is None or not math.isfinite(value) else f"{value:.4g}"
@@ -120,8 +140,9 @@ def milliseconds(value: float | None) -> str:
     return DASH if value is None or not math.isfinite(value) else f"{1e3 * value:.3g} ms"
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield rows, headings first, with columns under each other: the first to the left, others to the right."""
+def aligned(table: TextTable) -> Iterator[str]:
+    """Yield headings and rows with columns under each other: the first to the left, others to the right."""
+    rows = (table.columns, *table.rows)
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     for row in rows:
         cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -31,10 +31,11 @@ from sindyjoint.reporting.tables import (
     DASH,
     TextTable,
     aligned,
-    csv_text,
+    csv_table,
     fitting_blocks,
     print_table,
     superscripted,
+    tabulate,
     terminal,
 )
 from sindyjoint.reporting.view import FINDING, View
@@ -218,12 +219,7 @@ class BatchView(
             headline(result),
             (show.paragraph(compared, "reason"), show.facts(facts), show.warnings(result.notes)),
             (
-                Section(
-                    "differ",
-                    "Which joints differ",
-                    (differing,),
-                    "Differences",
-                ),
+                Section("differ", "Which joints differ", (differing,), "Differences"),
                 Section(
                     "joints",
                     "All joints",
@@ -276,140 +272,135 @@ class BatchView(
 
     def details(self, result: Batch) -> Iterator[str]:
         """Yield how each campaign ended."""
-        rows = [("campaign", "status", "terms", "reason")]
-        for record in result.records:
-            terms = " ".join(term["id"] for term in (record.result or {}).get("terms", ()))
-            rows.append((record.id, record.status, terms, record.reason))
-        yield from aligned(rows)
+        columns: dict[str, Callable[[CampaignRecord], str]] = {
+            "campaign": lambda record: record.id,
+            "status": lambda record: record.status,
+            "terms": lambda record: " ".join(term["id"] for term in (record.result or {}).get("terms", ())),
+            "reason": lambda record: record.reason,
+        }
+        yield from aligned(tabulate("ends", "", result.records, columns))
 
 
 def batch_csv(result: Batch) -> str:
     """Return one line per campaign as CSV: numbers in full, SI."""
-    labels = list(dict.fromkeys(key for r in result.records for key in r.joint.get("labels", {})))
-    numbers = [name for term in result.common for name in (term, f"{term}_standard_error", f"{term}_score")]
-    head = ["campaign", "manifest", "status", "joint", "motion", "serial", "temperature_K", *labels]
-    head += [
-        "terms",
-        "paper_term_set",
-        "moment_rms",
-        "residual_rms",
-        "noise_floor",
-        *numbers,
-        "stands_out",
-        "reason",
-    ]
-    scores = {s.coefficient: s.scores for s in result.population.scatters}
-    reasons: dict[str, list[str]] = {}
-    for difference in result.differences:
-        reasons.setdefault(difference.id, []).append(difference.text)
-    rows = []
-    for i, record in enumerate(result.records):
-        joint, found = record.joint, record.result or {}
-        fit = found.get("fit", {})
-        row = [record.id, record.manifest, record.status]
-        row += [_cell(joint.get(key)) for key in ("name", "motion", "serial", "temperature")]
-        row += [_cell(joint.get("labels", {}).get(label)) for label in labels]
-        row += [" ".join(record.terms), found.get("paper_term_set", {}).get("verdict", "")]
-        row += [_cell(fit.get(key)) for key in ("moment_rms", "residual_rms", "noise_floor")]
-        for term in result.common:
-            row += [_cell(float(x[i])) for x in (result.values[term], result.errors[term], scores[term])]
-        rows.append([*row, "; ".join(reasons.get(record.id, [])), record.reason])
-    return csv_text(head, rows)
+    records, scores = result.records, {s.coefficient: s.scores for s in result.population.scatters}
+    columns: dict[str, Callable[[int], Any]] = {
+        "campaign": lambda i: records[i].id,
+        "manifest": lambda i: records[i].manifest,
+        "status": lambda i: records[i].status,
+    }
+    for name, key in (("joint", "name"), ("motion",) * 2, ("serial",) * 2, ("temperature_K", "temperature")):
+        columns[name] = lambda i, key=key: records[i].joint.get(key)  # type: ignore[misc]
+    for label in dict.fromkeys(key for record in records for key in record.joint.get("labels", {})):
+        columns[label] = lambda i, label=label: records[i].joint.get("labels", {}).get(label)  # type: ignore[misc]
+    columns["terms"] = lambda i: " ".join(records[i].terms)
+    columns["paper_term_set"] = lambda i: (
+        (records[i].result or {}).get("paper_term_set", {}).get("verdict", "")
+    )
+    for key in ("moment_rms", "residual_rms", "noise_floor"):
+        columns[key] = lambda i, key=key: _fit(records[i]).get(key)  # type: ignore[misc]
+    for term in result.common:
+        of = {"": result.values, "_standard_error": result.errors, "_score": scores}
+        for end, values in of.items():
+            columns[term + end] = lambda i, values=values[term]: float(values[i])  # type: ignore[misc]
+    columns["stands_out"] = lambda i: "; ".join(d.text for d in result.differences if d.id == records[i].id)
+    columns["reason"] = lambda i: records[i].reason
+    return csv_table(range(len(records)), columns)
 
 
-def _cell(value: Any) -> str:
-    if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return ""
-    return repr(value) if isinstance(value, float) else str(value)
+def _fit(record: CampaignRecord) -> dict[str, Any]:
+    fit: dict[str, Any] = (record.result or {}).get("fit", {})
+    return fit
+
+
+def _named(result: Batch, term: str) -> str:
+    return f"{spelled(term, result.motion)} ({pretty_unit(result.units[term])})"
 
 
 def _joints(result: Batch) -> TextTable:
     """Return the table that people read."""
-    units = [f"{spelled(term, result.motion)} ({pretty_unit(result.units[term])})" for term in result.common]
-    temperature = any(record.joint.get("temperature") for record in result.records)
-    serial = any(record.joint.get("serial") for record in result.records)
-    head = [
-        "campaign",
-        "joint",
-        *(["serial"] if serial else []),
-        *(["°C"] if temperature else []),
-        "result",
-        "residual",
-        "floor",
-        *units,
-    ]
+    records = result.records
     outlying = {(i, s.coefficient) for s in result.population.scatters for i in s.outliers}
-    rows = []
-    for i, record in enumerate(result.records):
-        row = [record.id, record.joint.get("name", DASH)]
-        row += [record.joint.get("serial") or DASH] if serial else []
-        if temperature:
-            kelvin = record.joint.get("temperature")
-            row.append(f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH)
-        row.append(STATUS[record.status])
-        row += _shares_of_fit(record)
-        for term in result.common:
-            value, error = float(result.values[term][i]), float(result.errors[term][i])
-            text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
-            row.append(f"{text} !" if (i, term) in outlying else text)
-        rows.append(tuple(row))
-    return TextTable("joints", "All joints", tuple(head), tuple(rows))
+
+    def celsius(i: int) -> str:
+        kelvin = records[i].joint.get("temperature")
+        return f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH
+
+    def coefficient(i: int, term: str) -> str:
+        value, error = float(result.values[term][i]), float(result.errors[term][i])
+        text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
+        return f"{text} !" if (i, term) in outlying else text
+
+    columns: dict[str, Callable[[int], str]] = {
+        "campaign": lambda i: records[i].id,
+        "joint": lambda i: records[i].joint.get("name", DASH),
+        "serial": lambda i: records[i].joint.get("serial") or DASH,
+        "°C": celsius,
+        "result": lambda i: STATUS[records[i].status],
+        "residual": lambda i: _share(records[i], "residual_rms"),
+        "floor": lambda i: _share(records[i], "noise_floor"),
+        **{_named(result, term): partial(coefficient, term=term) for term in result.common},
+    }
+    for column, key in (("serial", "serial"), ("°C", "temperature")):
+        if not any(record.joint.get(key) for record in records):
+            del columns[column]
+    return tabulate("joints", "All joints", range(len(records)), columns)
 
 
-def _shares_of_fit(record: CampaignRecord) -> tuple[str, str]:
-    """Return residual and noise floor of a campaign's model, of the RMS that was explained."""
-    fit = (record.result or {}).get("fit", {})
-    whole = fit.get("moment_rms")
-    if not whole:
-        return DASH, DASH
-    residual, floor = (fit.get(name) for name in ("residual_rms", "noise_floor"))
-    shares = [DASH if value is None else percent(value / whole) for value in (residual, floor)]
-    return shares[0], "unknown" if floor is None and residual is not None else shares[1]
+def _share(record: CampaignRecord, name: str) -> str:
+    """Return residual or noise floor of a campaign's model, of the RMS that was explained."""
+    fit = _fit(record)
+    if not fit.get("moment_rms") or fit.get("residual_rms") is None:
+        return DASH
+    return "unknown" if fit.get(name) is None else percent(fit[name] / fit["moment_rms"])
 
 
 def _scatter(result: Batch) -> TextTable:
     """Return the scatter of each common coefficient over the joints."""
-    rows: list[tuple[str, ...]] = []
-    for s in result.population.scatters:
+
+    def ahead(s: Scatter) -> str:
+        return DASH if (known := next_joint(s)) is None else "{:.4g} … {:.4g}".format(*known.interval95)
+
+    def mean(s: Scatter) -> str:
+        return superscripted(rounded(s.mean, s.mean_error)) if np.isfinite(s.mean_error) else f"{s.mean:.4g}"
+
+    def spread(s: Scatter) -> str:
         share = s.spread / abs(s.mean) if s.mean else float("nan")
-        rows.append(
-            (
-                f"{spelled(s.coefficient, result.motion)} ({pretty_unit(result.units[s.coefficient])})",
-                superscripted(rounded(s.mean, s.mean_error))
-                if np.isfinite(s.mean_error)
-                else f"{s.mean:.4g}",
-                f"{100 * share:.1f} %" if np.isfinite(share) else DASH,
-                DASH if (ahead := next_joint(s)) is None else "{:.4g} … {:.4g}".format(*ahead.interval95),
-                ", ".join(result.records[i].id for i in s.outliers) or "none",
-            )
-        )
-    columns = ("term", "mean of the joints", "spread between joints", "next joint, 95 %", "stand out")
+        return f"{100 * share:.1f} %" if np.isfinite(share) else DASH
+
     caption = (
         "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
         "not tested lies in 95 of 100 cases."
     )
-    return TextTable("scatter", caption, columns, tuple(rows))
+    columns: dict[str, Callable[[Scatter], str]] = {
+        "term": lambda s: _named(result, s.coefficient),
+        "mean of the joints": mean,
+        "spread between joints": spread,
+        "next joint, 95 %": ahead,
+        "stand out": lambda s: ", ".join(result.records[i].id for i in s.outliers) or "none",
+    }
+    return tabulate("scatter", caption, result.population.scatters, columns)
 
 
 def _trends(result: Batch) -> TextTable:
     """Return the trends, the surest first."""
-    rows: list[tuple[str, ...]] = []
-    for t in sorted(result.population.trends, key=lambda t: t.p_value):
+
+    def slope(t: Trend) -> str:
         step = pretty_unit(result.covariate_units.get(t.covariate, "step"))
-        per = f"{pretty_unit(result.units[t.coefficient])} per {step}"
-        rows.append(
-            (
-                f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
-                f"{superscripted(rounded(t.slope, t.slope_error))} {per}",
-                f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH,
-                f"{t.p_value:.2g}",
-                f"{t.p_adjusted:.2g}",
-                "yes" if t.significant else "not seen",
-            )
-        )
-    columns = ("trend", "slope", "over the range", "p", "p over all", "at 5 %")
+        return f"{superscripted(rounded(t.slope, t.slope_error))} {pretty_unit(result.units[t.coefficient])} per {step}"
+
+    columns: dict[str, Callable[[Trend], str]] = {
+        "trend": lambda t: f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
+        "slope": slope,
+        "over the range": lambda t: (
+            f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH
+        ),
+        "p": lambda t: f"{t.p_value:.2g}",
+        "p over all": lambda t: f"{t.p_adjusted:.2g}",
+        "at 5 %": lambda t: "yes" if t.significant else "not seen",
+    }
     caption = "Robust weighted lines; p over all corrects for the number of trends looked for."
-    return TextTable("trends", caption, columns, tuple(rows))
+    return tabulate("trends", caption, sorted(result.population.trends, key=lambda t: t.p_value), columns)
 
 
 def headline(result: Batch) -> str:

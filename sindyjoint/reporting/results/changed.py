@@ -93,11 +93,7 @@ class ChangeView(
             show.verdict(sentence(result.sentence), badge, word),
             show.paragraph(f"{which}Margin {100 * result.margin:.3g} %.", "reason"),
         )
-        blocks = (
-            show.pictures("shifts"),
-            show.table(self.tables(result)[0]),
-            show.warnings(result.warnings),
-        )
+        blocks = (show.pictures("shifts"), show.table(self.tables(result)[0]), show.warnings(result.warnings))
         return Page(
             f"{data.after.joint.name}: before and after",
             "Before and after",

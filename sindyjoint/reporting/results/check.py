@@ -431,10 +431,7 @@ def wrap_findings(soundness: Soundness) -> Iterator[str]:
         yield from textwrap.wrap(text, 110, subsequent_indent="  ")
 
 
-class CampaignView(
-    View[Campaign, None],
-    results=(Campaign,),
-):
+class CampaignView(View[Campaign, None], results=(Campaign,)):
     """A campaign: what its runs hold; its picture and its page are those of its check."""
 
     def tables(self, result: Campaign) -> tuple[TextTable, ...]:

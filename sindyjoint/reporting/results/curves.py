@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from rich.markup import escape
 
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.figure import Axes, Kind, Panel, by_name, each
+from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed, scaled
 from sindyjoint.reporting.page import Blocks, Page, Section, capital
 from sindyjoint.reporting.style import (
     DASHES,
@@ -34,63 +35,7 @@ from sindyjoint.substructure.structure_curves import StructureCurves
 from sindyjoint.text import quantities
 
 UNITS = {"rotation": ("rad", "N*m/rad"), "translation": ("m", "N/m")}
-
-
-# ---- of a joint
-
-
-def stiffness(data: JointCurves, ax: Axes) -> Axes:
-    """Draw secant stiffness over amplitude, and the storage stiffness beside it."""
-    factor, unit = prefixed(max(float(np.max(c.secant)) for c in data.curves), UNITS[data.motion][1])
-    _over_amplitude(data, ax, "secant", factor)
-    for curve in data.curves[:1]:
-        ax.plot(
-            curve.amplitude * _per_angle(data), curve.storage * factor, color=MUTED, lw=0.8, ls=DASHES[2],
-            label="storage stiffness",
-        )  # fmt: skip
-    ax.set_ylabel(f"Secant stiffness ({unit})")
-    legend_above(ax, 2, columns=2)
-    return ax
-
-
-def loss_factor(data: JointCurves, ax: Axes) -> Axes:
-    """Draw the loss factor over amplitude."""
-    _over_amplitude(data, ax, "loss_factor", 1.0)
-    ax.set(yscale="log", ylabel="Loss factor")
-    legend_above(ax, 1, columns=2)
-    return ax
-
-
-def energy(data: JointCurves, ax: Axes) -> Axes:
-    """Draw the energy dissipated per cycle over amplitude."""
-    factor, unit = prefixed(max(float(np.max(c.energy)) for c in data.curves), "J")
-    _over_amplitude(data, ax, "energy", factor)
-    ax.set(yscale="log", ylabel=f"Energy per cycle ({unit})")
-    legend_above(ax, 1, columns=2)
-    return ax
-
-
-def _per_angle(data: JointCurves) -> float:
-    return prefixed(data.tested_angle or data.curves[0].amplitude[-1], UNITS[data.motion][0])[0]
-
-
-def _over_amplitude(data: JointCurves, ax: Axes, measure: str, factor: float) -> None:
-    """Draw a measure at each frequency with its 95 % band; dotted where the model was not tested."""
-    for place, curve in enumerate(data.curves):
-        color = PALETTE[place % len(PALETTE)]
-        x, y = curve.amplitude * _per_angle(data), getattr(curve, measure) * factor
-        low, high = (end * factor for end in curve.interval95(measure))
-        ax.fill_between(x, np.maximum(low, 1e-3 * y), high, color=color, alpha=0.2, lw=0)
-        dash = DASHES[place % len(DASHES)]
-        ax.plot(x, _only(y, curve.tested), color=color, ls=dash, label=f"{curve.frequency:.3g} Hz")
-        ax.plot(x, _only(y, ~curve.tested), color=color, ls=(0, (1, 2)), lw=0.9)
-    ax.set_xscale("log")
-    if data.tested_angle > 0:
-        ax.axvline(
-            data.tested_angle * _per_angle(data), color=INK, lw=0.7, ls=(0, (4, 2)), label="tested up to"
-        )
-    _, unit = prefixed(data.tested_angle or data.curves[0].amplitude[-1], UNITS[data.motion][0])
-    ax.set_xlabel(f"{'Angle' if data.motion == 'rotation' else 'Displacement'} amplitude ({unit})")
+DOTTED: Any = {"ls": (0, (1, 1.5))}
 
 
 def _only(values: Array, where: NDArray[np.bool_]) -> Array:
@@ -99,120 +44,116 @@ def _only(values: Array, where: NDArray[np.bool_]) -> Array:
     return np.where(wide, values, np.nan)
 
 
+def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> Axes:
+    """Draw a measure at each frequency with its 95 % band; dotted where the model was not tested."""
+    angle, stiffness = UNITS[data.motion]
+    unit = {"secant": stiffness, "energy": "J"}.get(measure, "")
+    scale = scaled(name, [float(np.max(getattr(curve, measure))) for curve in data.curves], unit)
+    what = f"{quantities(data.motion).angle} amplitude"
+    across = scaled(what, data.tested_angle or data.curves[0].amplitude[-1], angle)
+    for place, curve in enumerate(data.curves):
+        color, dash = PALETTE[place % len(PALETTE)], DASHES[place % len(DASHES)]
+        x, y = curve.amplitude * across.factor, getattr(curve, measure) * scale.factor
+        low, high = (end * scale.factor for end in curve.interval95(measure))
+        ax.fill_between(x, np.maximum(low, 1e-3 * y), high, color=color, alpha=0.2, lw=0)
+        ax.plot(x, _only(y, curve.tested), color=color, ls=dash, label=f"{curve.frequency:.3g} Hz")
+        ax.plot(x, _only(y, ~curve.tested), color=color, ls=(0, (1, 2)), lw=0.9)
+    if data.tested_angle > 0:
+        ax.axvline(data.tested_angle * across.factor, color=INK, lw=0.7, ls=(0, (4, 2)), label="tested up to")
+    beside = measure == "secant"
+    if beside:
+        first = data.curves[0]
+        look: Any = {"color": MUTED, "lw": 0.8, "ls": DASHES[2], "label": "storage stiffness"}
+        ax.plot(first.amplitude * across.factor, first.storage * scale.factor, **look)
+    ax.set(xscale="log", yscale="linear" if beside else "log", xlabel=across.label, ylabel=scale.label)
+    legend_above(ax, 1 + beside, columns=2)
+    return ax
+
+
 JOINT_KINDS = by_name(
     Kind(
         "stiffness",
         "Stiffness over amplitude",
         "Stiffness between the ends of the loop under a harmonic motion; dots: beyond what was tested.",
-        lambda data: [stiffness],
+        fixed(partial(over_amplitude, measure="secant", name="Secant stiffness")),
     ),
     Kind(
         "loss",
         "Loss factor over amplitude",
         "Energy per cycle over 2π times the stored energy; dots: beyond what was tested.",
-        lambda data: [loss_factor],
+        fixed(partial(over_amplitude, measure="loss_factor", name="Loss factor")),
     ),
     Kind(
         "energy",
         "Energy per cycle over amplitude",
         "Area of the loop; dots: beyond what was tested.",
-        lambda data: [energy],
+        fixed(partial(over_amplitude, measure="energy", name="Energy per cycle")),
     ),
 )
 
 
-# ---- of a structure
+def over_frequency(data: StructureCurves, ax: Axes, receptance: bool) -> Axes:
+    """Draw amplitude, or amplitude per force, over frequency at each level: dashed between folds, dotted untested.
+
+    Beside the amplitude stands the backbone through the peaks; of a linear structure the receptances would be one
+    curve.
+    """
+    per = [level.force if receptance else 1.0 for level in data.levels]
+    name = "Receptance" if receptance else f"Deflection at {plain(shortened(data.point, 14))}"
+    largest = [float(np.max(level.amplitude / force)) for level, force in zip(data.levels, per, strict=True)]
+    scale = scaled(name, largest, "m/N" if receptance else "m")
+    for place, (level, force) in enumerate(zip(data.levels, per, strict=True)):
+        color, factor = PALETTE[place % len(PALETTE)], scale.factor / force
+        if np.any(level.frequency_error) or np.any(level.log_error):
+            (x0, y0), (x1, y1) = (level.band95(side) for side in (-1, 1))
+            band = np.concatenate([x0, x1[::-1]]), np.concatenate([y0, y1[::-1]]) * factor
+            ax.fill(*band, color=color, alpha=0.25, lw=0)
+        x, y, stable = level.frequency, level.amplitude * factor, level.stable
+        ax.plot(x, _only(y, stable & level.tested), color=color, label=f"{level.force:.3g} N")
+        ax.plot(x, _only(y, ~stable), color=color, ls=(0, (4, 2)), lw=0.9)
+        ax.plot(x, _only(y, stable & ~level.tested), color=color, lw=1.0, **DOTTED)
+    ax.set(yscale="log", xlabel="Frequency (Hz)", ylabel=scale.label)
+    if receptance:
+        ax.axvline(data.locked[0], color=MUTED, lw=0.7, ls=DASHES[2], label="joints locked")
+        ax.axvline(data.sliding[0], color=MUTED, lw=0.7, ls=DASHES[4], label="joints sliding freely")
+    else:
+        _backbones(data, ax, scale.factor)
+    ax.legend(loc="upper right", labelspacing=0.3)
+    return ax
 
 
-def response(data: StructureCurves, ax: Axes) -> Axes:
-    """Draw amplitude over frequency at each level, and the backbone through the peaks."""
-    factor, unit = prefixed(max(float(np.max(level.amplitude)) for level in data.levels), "m")
-    _levels(data, ax, lambda level: factor)
+def _backbones(data: StructureCurves, ax: Axes, factor: float) -> None:
     low, high = ax.get_ylim()
     for mode in data.modes:
+        amplitude = mode.amplitude * factor
+        seen = (amplitude >= low) & (amplitude <= high)
         if mode.point == data.point:
-            seen = (mode.amplitude * factor >= low) & (mode.amplitude * factor <= high)
-            ax.plot(
-                mode.frequency[seen], mode.amplitude[seen] * factor, color=INK, lw=1.1, ls=DASHES[1],
-                label=f"backbone, mode {mode.number}" if seen.any() else None,
-            )  # fmt: skip
-    ax.set_ylabel(f"Deflection at {plain(shortened(data.point, 14))} ({unit})")
-    ax.legend(loc="upper right", labelspacing=0.3)
-    return ax
+            label = f"backbone, mode {mode.number}" if seen.any() else None
+            ax.plot(mode.frequency[seen], amplitude[seen], color=INK, lw=1.1, ls=DASHES[1], label=label)
 
 
-def receptance(data: StructureCurves, ax: Axes) -> Axes:
-    """Draw amplitude per force over frequency at each level: of a linear structure they would be one curve."""
-    largest = max(float(np.max(level.amplitude / level.force)) for level in data.levels)
-    factor, unit = prefixed(largest, "m/N")
-    _levels(data, ax, lambda level: factor / level.force)
-    for names, values in (("joints locked", data.locked), ("joints sliding freely", data.sliding)):
-        ax.axvline(
-            values[0], color=MUTED, lw=0.7, ls=DASHES[2 if names == "joints locked" else 4], label=names
-        )
-    ax.set_ylabel(f"Receptance ({unit})")
-    ax.legend(loc="upper right", labelspacing=0.3)
-    return ax
-
-
-def _levels(data: StructureCurves, ax: Axes, factor: object) -> None:
-    """Draw each level with its band: dashed between folds, dotted beyond what was tested."""
-    assert callable(factor)
-    for place, level in enumerate(data.levels):
-        color, share = PALETTE[place % len(PALETTE)], factor(level)
-        if np.any(level.frequency_error) or np.any(level.log_error):
-            edges = [level.band95(side) for side in (-1, 1)]
-            x = np.concatenate([edges[0][0], edges[1][0][::-1]])
-            y = np.concatenate([edges[0][1], edges[1][1][::-1]]) * share
-            ax.fill(x, y, color=color, alpha=0.25, lw=0)
-        shown = level.amplitude * share
-        solid = level.stable & level.tested
-        ax.plot(level.frequency, _only(shown, solid), color=color, label=f"{level.force:.3g} N")
-        ax.plot(level.frequency, _only(shown, ~level.stable), color=color, ls=(0, (4, 2)), lw=0.9)
-        ax.plot(
-            level.frequency, _only(shown, level.stable & ~level.tested), color=color, ls=(0, (1, 1.5)), lw=1.0
-        )
-    ax.set(yscale="log", xlabel="Frequency (Hz)")
-
-
-def backbone(data: StructureCurves, mode: ModeCurve, ax: Axes) -> Axes:
-    """Draw the frequency of a mode over its amplitude."""
-    _mode(data, mode, ax, mode.frequency, mode.frequency_error)
-    ax.set_ylabel(f"Frequency of mode {mode.number} (Hz)")
-    return ax
-
-
-def damping(data: StructureCurves, mode: ModeCurve, ax: Axes) -> Axes:
-    """Draw the damping ratio of a mode over its amplitude."""
-    _mode(data, mode, ax, 100 * mode.damping, 100 * mode.damping_error)
-    ax.set_ylim(bottom=0)
-    ax.set_ylabel(f"Damping ratio of mode {mode.number} (%)")
-    return ax
-
-
-def _mode(data: StructureCurves, mode: ModeCurve, ax: Axes, values: Array, errors: Array) -> None:
-    factor, unit = prefixed(float(mode.amplitude[-1]), "m")
-    x = mode.amplitude * factor
+def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, damping: bool) -> Axes:
+    """Draw frequency or damping ratio of a mode over its amplitude."""
+    values, errors = (
+        (100 * mode.damping, 100 * mode.damping_error) if damping else (mode.frequency, mode.frequency_error)
+    )
+    scale = scaled(f"Deflection at {plain(shortened(mode.point, 14))}", mode.amplitude[-1], "m")
+    x = mode.amplitude * scale.factor
     if np.any(errors):
         ax.fill_between(x, values - 1.96 * errors, values + 1.96 * errors, color=PALETTE[0], alpha=0.25, lw=0)
     ax.plot(x, _only(values, mode.tested), color=PALETTE[0])
-    ax.plot(x, _only(values, ~mode.tested), color=PALETTE[0], ls=(0, (1, 1.5)))
+    ax.plot(x, _only(values, ~mode.tested), color=PALETTE[0], **DOTTED)
     for place, (name, slip) in enumerate(zip(data.joints, mode.slips, strict=True)):
         if np.isfinite(slip) and 0 < slip <= mode.amplitude[-1]:
-            ax.axvline(
-                slip * factor, color=MUTED, lw=0.8, ls=DASHES[1 + place % (len(DASHES) - 1)],
-                label=f"{plain(shortened(name, 12))} slips",
-            )  # fmt: skip
-    ax.set(xscale="log", xlabel=f"Deflection at {plain(shortened(mode.point, 14))} ({unit})")
+            dash, label = DASHES[1 + place % (len(DASHES) - 1)], f"{plain(shortened(name, 12))} slips"
+            ax.axvline(slip * scale.factor, color=MUTED, lw=0.8, ls=dash, label=label)
+    what = f"Damping ratio of mode {mode.number} (%)" if damping else f"Frequency of mode {mode.number} (Hz)"
+    ax.set(xscale="log", xlabel=scale.label, ylabel=what)
+    if damping:
+        ax.set_ylim(bottom=0)
     if ax.get_legend_handles_labels()[1]:
         ax.legend(loc="best", labelspacing=0.3)
-
-
-def _panels(draw: object) -> object:
-    def panels(data: StructureCurves) -> list[Panel]:
-        return each(lambda one: one.modes, lambda mode, ax: draw(data, mode, ax))(data)  # type: ignore[operator]
-
-    return panels
+    return ax
 
 
 STRUCTURE_KINDS = by_name(
@@ -221,27 +162,27 @@ STRUCTURE_KINDS = by_name(
         "Frequency response by level",
         "First harmonic of the deflection at each level of the force, and the backbone through the peaks. Dashes: "
         "between two folds, where no test stays; dots: beyond what was tested.",
-        lambda data: [response] if data.levels else [],
+        lambda data: [partial(over_frequency, receptance=False)] if data.levels else [],
         wide=True,
     ),
     Kind(
         "receptance",
         "Receptance by level",
         "Deflection per force: of a linear structure the levels would be one curve.",
-        lambda data: [receptance] if data.levels else [],
+        lambda data: [partial(over_frequency, receptance=True)] if data.levels else [],
         wide=True,
     ),
     Kind(
         "backbone",
         "Frequency over amplitude",
         "Of each mode; a joint slips from its mark on. Dots: beyond what was tested.",
-        _panels(backbone),  # type: ignore[arg-type]
+        lambda data: [partial(mode_over_amplitude, mode=mode, damping=False) for mode in data.modes],
     ),
     Kind(
         "damping",
         "Damping over amplitude",
         "Ratio to critical damping of each mode; a joint slips from its mark on. Dots: beyond what was tested.",
-        _panels(damping),  # type: ignore[arg-type]
+        lambda data: [partial(mode_over_amplitude, mode=mode, damping=True) for mode in data.modes],
     ),
 )
 

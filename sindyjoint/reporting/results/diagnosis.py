@@ -30,10 +30,7 @@ VERDICTS = {
         "undecided",
         "Something is missing, and these runs do not decide which of several effects it is.",
     ),
-    "partly_named": (
-        "undecided",
-        "A part of what was missing has a name; the rest is unexplained.",
-    ),
+    "partly_named": ("undecided", "A part of what was missing has a name; the rest is unexplained."),
     "unknown": ("refuted", "Something is missing that none of the known effects explains."),
     "undecided": ("undecided", "The data do not decide whether anything is missing."),
     "nothing_missing": ("confirmed", "Nothing is missing: the residual is noise."),
@@ -50,13 +47,7 @@ class DiagnosisView(
     record_file="diagnosis.json",
     question="What is missing?",
     judged_by=("states", "response", "diagnosis campaign", "diagnosis structure"),
-    unsaved={
-        "effects": (),
-        "whole": None,
-        "test": None,
-        "soundness": None,
-        "stopped": None,
-    },
+    unsaved={"effects": (), "whole": None, "test": None, "soundness": None, "stopped": None},
 ):
     """The diagnosis of a campaign or of a structure."""
 

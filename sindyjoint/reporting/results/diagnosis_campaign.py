@@ -27,16 +27,7 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
-from sindyjoint.reporting.style import (
-    DASHES,
-    DIVERGING,
-    INK,
-    MUTED,
-    PALETTE,
-    legend_above,
-    plain,
-    shortened,
-)
+from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
 from sindyjoint.text import percent, quantities, spelled
 
 MOST_RIVALS = 4

@@ -102,11 +102,7 @@ def _names(names: Iterable[str]) -> list[str]:
 
 KINDS = by_name(
     Kind(
-        "deflection",
-        "Deflection",
-        "Deflection of the output points over time.",
-        fixed(deflection),
-        wide=True,
+        "deflection", "Deflection", "Deflection of the output points over time.", fixed(deflection), wide=True
     ),
     Kind(
         "angles",
@@ -115,18 +111,8 @@ KINDS = by_name(
         fixed(angles),
         wide=True,
     ),
-    Kind(
-        "heat",
-        "Dissipation",
-        "Who dissipates how much of what became heat.",
-        fixed(heat),
-    ),
-    Kind(
-        "locked",
-        "Locked",
-        "Share of the time in which each joint is locked.",
-        fixed(locked),
-    ),
+    Kind("heat", "Dissipation", "Who dissipates how much of what became heat.", fixed(heat)),
+    Kind("locked", "Locked", "Share of the time in which each joint is locked.", fixed(locked)),
 )
 
 

@@ -433,11 +433,7 @@ class VerificationView(
         yield from aligned([columns, *rows])
 
 
-class RefinementView(
-    VerificationView,
-    results=(RefinedModel,),
-    folder="refinement",
-):
+class RefinementView(VerificationView, results=(RefinedModel,), folder="refinement"):
     """A model refined on a campaign: its numbers before and after, and what a verification shows."""
 
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
