@@ -284,27 +284,37 @@ class BatchView(
 def batch_csv(result: Batch) -> str:
     """Return one line per campaign as CSV: numbers in full, SI."""
     records, scores = result.records, {s.coefficient: s.scores for s in result.population.scatters}
-    columns: dict[str, Callable[[int], Any]] = {
+    labels = dict.fromkeys(key for record in records for key in record.joint.get("labels", {}))
+    series = {"": result.values, "_standard_error": result.errors, "_score": scores}
+
+    def joint(i: int, key: str) -> object:
+        return records[i].joint.get(key)
+
+    def label(i: int, key: str) -> object:
+        return records[i].joint.get("labels", {}).get(key)
+
+    def fit(i: int, key: str) -> object:
+        return _fit(records[i]).get(key)
+
+    def number(i: int, term: str, of: str) -> float:
+        return float(series[of][term][i])
+
+    columns: dict[str, Callable[[int], object]] = {
         "campaign": lambda i: records[i].id,
         "manifest": lambda i: records[i].manifest,
         "status": lambda i: records[i].status,
+        "joint": partial(joint, key="name"),
+        "motion": partial(joint, key="motion"),
+        "serial": partial(joint, key="serial"),
+        "temperature_K": partial(joint, key="temperature"),
+        **{name: partial(label, key=name) for name in labels},
+        "terms": lambda i: " ".join(records[i].terms),
+        "paper_term_set": lambda i: (records[i].result or {}).get("paper_term_set", {}).get("verdict", ""),
+        **{key: partial(fit, key=key) for key in ("moment_rms", "residual_rms", "noise_floor")},
+        **{term + of: partial(number, term=term, of=of) for term in result.common for of in series},
+        "stands_out": lambda i: "; ".join(d.text for d in result.differences if d.id == records[i].id),
+        "reason": lambda i: records[i].reason,
     }
-    for name, key in (("joint", "name"), ("motion",) * 2, ("serial",) * 2, ("temperature_K", "temperature")):
-        columns[name] = lambda i, key=key: records[i].joint.get(key)  # type: ignore[misc]
-    for label in dict.fromkeys(key for record in records for key in record.joint.get("labels", {})):
-        columns[label] = lambda i, label=label: records[i].joint.get("labels", {}).get(label)  # type: ignore[misc]
-    columns["terms"] = lambda i: " ".join(records[i].terms)
-    columns["paper_term_set"] = lambda i: (
-        (records[i].result or {}).get("paper_term_set", {}).get("verdict", "")
-    )
-    for key in ("moment_rms", "residual_rms", "noise_floor"):
-        columns[key] = lambda i, key=key: _fit(records[i]).get(key)  # type: ignore[misc]
-    for term in result.common:
-        of = {"": result.values, "_standard_error": result.errors, "_score": scores}
-        for end, values in of.items():
-            columns[term + end] = lambda i, values=values[term]: float(values[i])  # type: ignore[misc]
-    columns["stands_out"] = lambda i: "; ".join(d.text for d in result.differences if d.id == records[i].id)
-    columns["reason"] = lambda i: records[i].reason
     return csv_table(range(len(records)), columns)
 
 

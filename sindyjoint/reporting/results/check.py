@@ -482,5 +482,4 @@ class CampaignView(View[Campaign, None], results=(Campaign,)):
 
     def details(self, result: Campaign) -> Iterator[str]:
         """Yield a line per run."""
-        (runs,) = self.tables(result)
-        yield from aligned((runs.columns, *runs.rows))
+        yield from aligned(*self.tables(result))

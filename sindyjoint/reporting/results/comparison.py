@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
-from sindyjoint.judgement.comparison import Choice, Comparison, GivenModel
+from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, GivenModel
 from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
@@ -29,6 +29,7 @@ from sindyjoint.reporting.tables import (
     print_table,
     short_number,
     superscripted,
+    tabulate,
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
@@ -36,48 +37,38 @@ from sindyjoint.text import quantities, rounded, spelled
 from sindyjoint.trust import Trust
 
 
-def inclusion_height(result: Comparison) -> float:
-    """Return the height of the inclusion map, inches: its rows, and the names of the terms below them."""
-    return 2.0 + 0.17 * len(_inclusion_rows(result))
-
-
 def _inclusion_rows(result: Comparison) -> list[tuple[str, list[float]]]:
     """Return label and share of each term: of the resampled campaigns first, then of every choice."""
     terms = result.shown_ids
     share = dict(zip(result.ids, result.inclusion, strict=True))
-    rows = [("resampled campaigns", [share.get(term, 0.0) for term in terms])]
-    for choices in (result.methods, result.frequencies, result.libraries):
-        rows += [(choice.name, [float(choice[term] is not None) for term in terms]) for choice in choices]
-    return rows
+    choices = (*result.methods, *result.frequencies, *result.libraries)
+    chosen = [(choice.name, [float(choice[term] is not None) for term in terms]) for choice in choices]
+    return [("resampled campaigns", [share.get(term, 0.0) for term in terms]), *chosen]
 
 
 def inclusion(result: Comparison, ax: Axes) -> Axes:
     """Draw which term is chosen by what: one row for each method, frequency, library, and the resampled campaigns."""
-    terms, rows = result.shown_ids, _inclusion_rows(result)
-    ends = np.cumsum([1, len(result.methods), len(result.frequencies)])
-    for y, (_, values) in enumerate(rows):
-        for x, value in enumerate(values):
-            if value > 0:
-                colour = PALETTE[0] if terms[x] in result.wanted else PALETTE[1]
-                # Area shows the share of replicates; a full square is a certain choice.
-                ax.add_patch(_square(x, y, 0.86 * np.sqrt(value), colour))
-    for end in ends:
-        ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
-    ax.axvline(len(result.wanted) - 0.5, color=INK, linewidth=0.8)
-    ax.set(xlim=(-0.5, len(terms) - 0.5), ylim=(len(rows) - 0.5, -0.5))
-    names = [spelled(term, result.motion) for term in terms]
-    ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
-    ax.set_yticks(range(len(rows)), [plain(shortened(name, 20)) for name, _ in rows])
-    ax.tick_params(length=0)
-    ax.grid(color=RULE, linewidth=0.3)
-    ax.set_title("left of the line: the paper's five")
-    return ax
-
-
-def _square(x: float, y: float, side: float, colour: str) -> Any:
     from matplotlib.patches import Rectangle
 
-    return Rectangle((x - side / 2, y - side / 2), side, side, color=colour, linewidth=0)
+    terms, rows = result.shown_ids, _inclusion_rows(result)
+    for y, (_, values) in enumerate(rows):
+        for x, value in enumerate(values):
+            # Area shows the share of replicates; a full square is a certain choice.
+            side, colour = 0.86 * np.sqrt(value), PALETTE[0] if terms[x] in result.wanted else PALETTE[1]
+            if value > 0:
+                ax.add_patch(Rectangle((x - side / 2, y - side / 2), side, side, color=colour, linewidth=0))
+    for end in np.cumsum([1, len(result.methods), len(result.frequencies)]):
+        ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
+    ax.axvline(len(result.wanted) - 0.5, color=INK, linewidth=0.8)
+    ax.set(
+        xlim=(-0.5, len(terms) - 0.5), ylim=(len(rows) - 0.5, -0.5), yticks=range(len(rows)),
+        yticklabels=[plain(shortened(name, 20)) for name, _ in rows], title="left of the line: the paper's five",
+    )  # fmt: skip
+    names = [spelled(term, result.motion) for term in terms]
+    ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
+    ax.tick_params(length=0)
+    ax.grid(color=RULE, linewidth=0.3)
+    return ax
 
 
 KINDS = by_name(
@@ -87,7 +78,7 @@ KINDS = by_name(
         "A square: the term is chosen. In the first row its area is the share of resampled campaigns that do.",
         fixed(inclusion),
         wide=True,
-        height=inclusion_height,
+        height=lambda result: 2.0 + 0.17 * len(_inclusion_rows(result)),
     ),
     Kind(
         "dependence",
@@ -217,19 +208,12 @@ class ComparisonView(
         print_table(_choices(result), console, "lrrrrl", wraps=True)
         console.print(f"\n{escape(result.agreement)}")
         if result.tests:
-            rows = tuple(
-                (
-                    spelled(t.name, result.motion),
-                    _trend(t),
-                    _percent(t.change_bound),
-                    f"{t.p_value:.2g}",
-                    t.answer,
-                )
-                for t in result.tests
+            console.print()
+            tests = _tests(result.tests, result.motion).take(
+                "term", "trend over band", "at most", "p", "answer"
             )
             heads = ("over the tested band", "trend", "at most", "p", "answer")
-            console.print()
-            print_table(TextTable("tests", "", heads, rows), console, "lrrrl", wraps=True)
+            print_table(tests.headed(*heads), console, "lrrrl", wraps=True)
 
     def warnings(self, result: Comparison) -> tuple[str, ...]:
         """Return what these runs do not tell apart, too."""
@@ -237,18 +221,15 @@ class ComparisonView(
 
     def details(self, result: Comparison) -> Iterator[str]:
         """Yield how long each method took, and what it led to."""
-        rows = [("method", "time", "held out", "response", "terms")]
-        for choice in (*result.methods, *result.frequencies, *result.libraries):
-            rows.append(
-                (
-                    choice.name,
-                    _seconds(choice.seconds),
-                    short_number(choice.held_out),
-                    short_number(choice.response),
-                    " ".join(term.id for term in choice.terms) or "none",
-                )
-            )
-        yield from aligned(rows)
+        columns: dict[str, Callable[[Choice], str]] = {
+            "method": lambda choice: choice.name,
+            "time": lambda choice: _seconds(choice.seconds),
+            "held out": lambda choice: short_number(choice.held_out),
+            "response": lambda choice: short_number(choice.response),
+            "terms": lambda choice: " ".join(term.id for term in choice.terms) or "none",
+        }
+        choices = (*result.methods, *result.frequencies, *result.libraries)
+        yield from aligned(tabulate("choices", "", choices, columns))
         yield from (f"{stage}: {_seconds(spent)}" for stage, spent in result.seconds.items())
 
 
@@ -258,89 +239,86 @@ def _title(result: Comparison) -> str:
 
 
 def _best_first(choices: Sequence[Choice]) -> list[Choice]:
-    """Return choices by what they err on what was left out, then on the response, then on what was fitted."""
+    """Return choices by what they err on what was left out, then on the response, then on what was fitted.
+
+    Those that are equal as far as is shown keep their order.
+    """
     worst = float("inf")
 
     def errors(choice: Choice) -> list[float]:
         known = (choice.held_out, choice.response, choice.residual)
-        return [value if choice.terms and np.isfinite(value) else worst for value in known]
+        return [round(value, 4) if choice.terms and np.isfinite(value) else worst for value in known]
 
     return sorted(choices, key=errors)
 
 
+def _named(result: Comparison, term: str) -> str:
+    return f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})"
+
+
 def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
-    rows: list[tuple[str, ...]] = []
-    for term in result.shown_ids:
-        if any(choice[term] for choice in choices) or term in result.wanted:
-            named = f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})"
-            rows.append((named, *(_cell(choice, term) for choice in choices)))
-    rows.append(("terms", *(str(len(choice.terms)) for choice in choices)))
-    rows.append(("the paper's set", *("yes" if choice.agrees else "no" for choice in choices)))
+    """Return a row for each term, and for what each choice errs; a column for each choice."""
     load = quantities(result.motion).moment.lower()
-    figures: tuple[tuple[str, Callable[[Choice], float], Callable[[float], str]], ...] = (
-        ("residual", lambda choice: choice.residual, _percent),
-        (f"error of left-out {load}", lambda choice: choice.held_out, _percent),
-        ("error of left-out response", lambda choice: choice.response, _percent),
-        ("time of the path, s", lambda choice: choice.seconds, "{:.2f}".format),
-    )
-    for called, of, written in figures:
-        values = [of(choice) for choice in choices]
-        if np.isfinite(values).any():
-            rows.append((called, *map(written, values)))
-    if any(choice.not_given for choice in choices):
-        missing = (", ".join(choice.not_given) or DASH for choice in choices)
-        rows.append(("its search is not given", *missing))
-    return TextTable(name, title, ("term", *(choice.name for choice in choices)), tuple(rows))
+    terms = [t for t in result.shown_ids if t in result.wanted or any(choice[t] for choice in choices)]
+    rows: dict[str, Callable[[Choice], str]] = {
+        **{_named(result, term): partial(_cell, term=term) for term in terms},
+        "terms": lambda choice: str(len(choice.terms)),
+        "the paper's set": lambda choice: "yes" if choice.agrees else "no",
+        "residual": lambda choice: _percent(choice.residual),
+        f"error of left-out {load}": lambda choice: _percent(choice.held_out),
+        "error of left-out response": lambda choice: _percent(choice.response),
+        "time of the path, s": lambda choice: (
+            f"{choice.seconds:.2f}" if np.isfinite(choice.seconds) else DASH
+        ),
+        "its search is not given": lambda choice: ", ".join(choice.not_given) or DASH,
+    }
+    cells = {called: tuple(map(cell, choices)) for called, cell in rows.items()}
+    # Of terms all are shown, of what is not known of any choice nothing.
+    shown = list(cells.items())[: len(terms)]
+    shown += [row for row in list(cells.items())[len(terms) :] if set(row[1]) != {DASH}]
+    columns = ("term", *(choice.name for choice in choices))
+    return TextTable(name, title, columns, tuple((called, *row) for called, row in shown))
 
 
 def _coefficients(result: Comparison) -> TextTable:
     """List each term of the model: inclusion, value and interval after correction, and the bias that was corrected."""
     share = dict(zip(result.ids, result.inclusion, strict=True))
-    rows = []
-    for term in result.model.terms:
-        rows.append(
-            (
-                f"{spelled(term.id, result.motion)} ({pretty_unit(result.units[term.id])})",
-                _percent(share.get(term.id, float("nan"))),
-                _value(term.coefficient, term.standard_error),
-                interval_text(*term.interval95, term.standard_error),
-                f"{100 * (result.bias[term.id] / abs(term.coefficient)):+.2f} %".replace("-", "−")
-                if term.id in result.bias
-                else DASH,
-            )
-        )
-    return TextTable(
-        "coefficients",
-        "Coefficients",
-        ("term", "in resampled campaigns", "value", "95 % interval", "bias taken out"),
-        tuple(rows),
-    )
+
+    def bias(term: ChosenTerm) -> str:
+        taken = 100 * result.bias[term.id] / abs(term.coefficient) if term.id in result.bias else None
+        return DASH if taken is None else f"{taken:+.2f} %".replace("-", "−")
+
+    columns: dict[str, Callable[[ChosenTerm], str]] = {
+        "term": lambda term: _named(result, term.id),
+        "in resampled campaigns": lambda term: _percent(share.get(term.id, float("nan"))),
+        "value": lambda term: _value(term.coefficient, term.standard_error),
+        "95 % interval": lambda term: interval_text(*term.interval95, term.standard_error),
+        "bias taken out": bias,
+    }
+    return tabulate("coefficients", "Coefficients", result.model.terms, columns)
 
 
 def _tests(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
-    columns = (
-        "term",
-        *(f"{f:.4g} Hz" for f in tests[0].frequencies),
-        "Q",
-        "I²",
-        "τ / mean",
-        "trend over band",
-        "p",
-        "at most",
-        "answer",
-    )
-    rows = []
-    for test in tests:
-        values = [_value(x, s) for x, s in zip(test.estimates, test.standard_errors, strict=True)]
-        spread = (f"{test.q:.1f}", f"{100 * test.i_squared:.0f} %", _percent(test.tau / abs(test.mean)))
-        trend = _trend(test)
-        text: str = test.answer
-        if text == "independent within margin" and test.p_value < DISCOVERY.frequency_level:
-            text += f"; a change of {trend} is significant"
-        answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), text)
-        rows.append((spelled(test.name, motion), *values, *spread, *answer))
-    return TextTable(
-        "frequency-dependence", "Are the coefficients the same at every frequency?", columns, tuple(rows)
+    def estimate(test: FrequencyTest, at: int) -> str:
+        return _value(test.estimates[at], test.standard_errors[at])
+
+    def answer(test: FrequencyTest) -> str:
+        small = test.answer == "independent within margin" and test.p_value < DISCOVERY.frequency_level
+        return test.answer + (f"; a change of {_trend(test)} is significant" if small else "")
+
+    columns: dict[str, Callable[[FrequencyTest], str]] = {
+        "term": lambda test: spelled(test.name, motion),
+        **{f"{f:.4g} Hz": partial(estimate, at=at) for at, f in enumerate(tests[0].frequencies)},
+        "Q": lambda test: f"{test.q:.1f}",
+        "I²": lambda test: f"{100 * test.i_squared:.0f} %",
+        "τ / mean": lambda test: _percent(test.tau / abs(test.mean)),
+        "trend over band": _trend,
+        "p": lambda test: f"{test.p_value:.2g}",
+        "at most": lambda test: _percent(test.change_bound),
+        "answer": answer,
+    }
+    return tabulate(
+        "frequency-dependence", "Are the coefficients the same at every frequency?", tests, columns
     )
 
 
@@ -469,13 +447,8 @@ def _value(value: float, error: float) -> str:
 
 
 def _percent(value: float) -> str:
-    return (
-        f"{100 * value:.2f} %"
-        if np.isfinite(value) and value < 0.1
-        else f"{100 * value:.0f} %"
-        if np.isfinite(value)
-        else DASH
-    )
+    digits = 2 if value < 0.1 else 0
+    return f"{100 * value:.{digits}f} %" if np.isfinite(value) else DASH
 
 
 def _seconds(value: float) -> str:

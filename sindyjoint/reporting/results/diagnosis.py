@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,15 @@ from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.page import Blocks, Page, Section, markup, number, sentence
 from sindyjoint.reporting.results import diagnosis_campaign, diagnosis_structure
 from sindyjoint.reporting.style import amount, pretty_unit
-from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, model_table, terminal_table
+from sindyjoint.reporting.tables import (
+    DASH,
+    Console,
+    TextTable,
+    aligned,
+    model_table,
+    tabulate,
+    terminal_table,
+)
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
 from sindyjoint.trust import Trust
@@ -198,21 +206,22 @@ class DiagnosisView(
     def details(self, result: Diagnosis) -> Iterator[str]:
         """Yield the rivals of each step, the budget in numbers, and the gap of each record."""
         for step in result.steps:
-            rows = [(f"step {step.effect}", "probability"), *((n, f"{p:.3g}") for n, p in step.rivals)]
-            yield from aligned([rows[0], (step.effect, f"{step.probability:.3g}"), *rows[1:]])
+            rows = ((step.effect, step.probability), *step.rivals)
+            written = tuple((name, f"{p:.3g}") for name, p in rows)
+            yield from aligned(TextTable("rivals", "", (f"step {step.effect}", "probability"), written))
         parts = ", ".join(f"{name} {getattr(result.budget, name):.3g}" for name in PARTS)
         yield f"mean square of the first gap: {parts}"
+        columns: dict[str, Callable[[RecordGap], str]] = {
+            "record": lambda record: record.name,
+            "samples": lambda record: str(record.time.size),
+            "noise": lambda record: f"{record.noise:.2e} m",
+            "kept out from": lambda record: f"{record.held_from:.3g} s",
+            "gap before": lambda record: percent(record.gap_before),
+            "gap after": lambda record: percent(record.gap_after),
+            "noise floor": lambda record: percent(record.noise_floor),
+        }
         if result.records:
-            columns = (
-                "record",
-                "samples",
-                "noise",
-                "kept out from",
-                "gap before",
-                "gap after",
-                "noise floor",
-            )
-            yield from aligned([columns, *map(_record_row, result.records)])
+            yield from aligned(tabulate("records", "", result.records, columns))
 
 
 def advice_words(advice: Advice, level: str, motion: str) -> str:
@@ -262,12 +271,6 @@ def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...]
         unsure = (percent(part) if part else DASH for part in _pair(result.uncertainty))
         rows.append(("uncertainty of numbers and drive", *unsure, "", ""))
     return tuple(rows)
-
-
-def _record_row(record: RecordGap) -> tuple[str, ...]:
-    gaps = (record.gap_before, record.gap_after, record.noise_floor)
-    samples, noise = str(record.time.size), f"{record.noise:.2e} m"
-    return record.name, samples, noise, f"{record.held_from:.3g} s", *map(percent, gaps)
 
 
 def _dropped(step: Step, motion: str) -> str:

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from itertools import zip_longest
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.equation.model import INERTIA
+from sindyjoint.equation.model import INERTIA, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
 from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, number, provenance, sentence
-from sindyjoint.reporting.results.discovery_data import ReportData, gather
+from sindyjoint.reporting.results.discovery_data import Loop, ReportData, gather
 from sindyjoint.reporting.results.discovery_states import loops_payload, map_payload
 from sindyjoint.reporting.results.discovery_terms import KINDS
 from sindyjoint.reporting.style import prefixed, pretty_unit
@@ -32,6 +31,7 @@ from sindyjoint.reporting.tables import (
     natural_width,
     print_table,
     short_number,
+    tabulate,
     terminal,
     terminal_table,
     terms_csv,
@@ -265,23 +265,16 @@ class DiscoveryView(
             yield f"the {load} {'lags' if late >= 0 else 'leads'} by {abs(late):.4f} ms ± {error:.4f} ms"
         path, chosen = result.selection.path, result.selection.chosen
         yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
-        first, last = (
-            (0, len(path)) if chosen is None else (max(0, chosen - NEIGHBOURS), chosen + NEIGHBOURS + 1)
-        )
-        rows = [("", "terms", "residual", "held out", "threshold", "least |t| over groups")]
-        for index, step in enumerate(path[first:last], first):
-            least = float(np.min(step.group_t_ratios)) if step.group_t_ratios.size else float("inf")
-            rows.append(
-                (
-                    "chosen" if index == chosen else "",
-                    str(step.size),
-                    f"{step.fit.residual_rms:.4g}",
-                    short_number(step.held_out_rms),
-                    f"{step.threshold:.2e}",
-                    short_number(least),
-                )
-            )
-        yield from aligned(rows)
+        near = range(len(path)) if chosen is None else range(chosen - NEIGHBOURS, chosen + NEIGHBOURS + 1)
+        columns: dict[str, Callable[[int], str]] = {
+            "": lambda i: "chosen" if i == chosen else "",
+            "terms": lambda i: str(path[i].size),
+            "residual": lambda i: f"{path[i].fit.residual_rms:.4g}",
+            "held out": lambda i: short_number(path[i].held_out_rms),
+            "threshold": lambda i: f"{path[i].threshold:.2e}",
+            "least |t| over groups": lambda i: short_number(np.min(path[i].group_t_ratios, initial=np.inf)),
+        }
+        yield from aligned(tabulate("path", "", [i for i in near if 0 <= i < len(path)], columns))
         fitted = model.fitted
         yield (
             f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
@@ -312,66 +305,40 @@ def over_table(over: OverInput) -> TextTable:
 def runs_table(data: ReportData) -> TextTable:
     """Return one row for each run."""
     factor, unit = _residual_scale(data)
-    rows = tuple(
-        (
-            loop.run,
-            number(loop.frequency, 4),
-            loop.level or "",
-            loop.method,
-            str(loop.samples),
-            f"{100 * loop.moving_fraction:.0f} %",
-            number(loop.moment_noise * factor),
-            number(loop.residual_rms * factor),
-        )
-        for loop in data.loops
-    )
-    columns = (
-        "Run",
-        "Frequency (Hz)",
-        "Level",
-        "States",
-        "Samples",
-        "Moving",
-        f"Noise ({unit})",
-        f"Residual ({unit})",
-    )
-    return TextTable(
-        "runs", "Residual of moving samples and noise of single samples.", columns, rows, ("Run", "Level")
-    )
+    columns: dict[str, Callable[[Loop], str]] = {
+        "Run": lambda loop: loop.run,
+        "Frequency (Hz)": lambda loop: number(loop.frequency, 4),
+        "Level": lambda loop: loop.level or "",
+        "States": lambda loop: loop.method,
+        "Samples": lambda loop: str(loop.samples),
+        "Moving": lambda loop: f"{100 * loop.moving_fraction:.0f} %",
+        f"Noise ({unit})": lambda loop: number(loop.moment_noise * factor),
+        f"Residual ({unit})": lambda loop: number(loop.residual_rms * factor),
+    }
+    title = "Residual of moving samples and noise of single samples."
+    return tabulate("runs", title, data.loops, columns, text=("Run", "Level"))
 
 
 def path_table(data: ReportData) -> TextTable:
     """Return the models of the path, the chosen one marked, with what each has beyond the next smaller one."""
     factor, unit = _residual_scale(data)
-    rows = []
-    for index, (step, smaller) in enumerate(zip_longest(data.path, data.path[1:])):
-        before = smaller.terms if smaller else ()
-        added = [term for term in step.terms if term not in before]
-        dropped = sorted(set(before) - set(step.terms))
-        rows.append(
-            (
-                f"{len(step.terms)}{' (chosen)' if index == data.chosen else ''}",
-                *(
-                    ", ".join(spelled(t, data.model.joint.motion) for t in terms)
-                    for terms in (added, dropped)
-                ),
-                number(step.residual_rms * factor, 4),
-                number(step.held_out_rms * factor, 4),
-                number(step.threshold, 2),
-                number(step.least_t, 3),
-            )
-        )
-    columns = (
-        "Terms",
-        "Adds",
-        "Instead of",
-        f"Residual ({unit})",
-        f"Held out ({unit})",
-        "Weakest share",
-        "Least t",
-    )
+    terms = [*(step.terms for step in data.path), ()]
+
+    def beyond(i: int, j: int) -> str:
+        only = (term for term in terms[i] if term not in terms[j])
+        return ", ".join(spelled(term, data.model.joint.motion) for term in only)
+
+    columns: dict[str, Callable[[int], str]] = {
+        "Terms": lambda i: f"{len(terms[i])}{' (chosen)' if i == data.chosen else ''}",
+        "Adds": lambda i: beyond(i, i + 1),
+        "Instead of": lambda i: beyond(i + 1, i),
+        f"Residual ({unit})": lambda i: number(data.path[i].residual_rms * factor, 4),
+        f"Held out ({unit})": lambda i: number(data.path[i].held_out_rms * factor, 4),
+        "Weakest share": lambda i: number(data.path[i].threshold, 2),
+        "Least t": lambda i: number(data.path[i].least_t, 3),
+    }
     title = "From the largest model to the smallest. Adds: what it has beyond the next smaller one."
-    return TextTable("path", title, columns, tuple(rows), marked=data.chosen)
+    return tabulate("path", title, range(len(data.path)), columns, marked=data.chosen)
 
 
 def _residual_scale(data: ReportData) -> tuple[float, str]:
@@ -427,43 +394,32 @@ def _show_fit(result: Discovery, console: Console) -> None:
 def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iterator[str]:
     """Yield a line per run: its samples, how its rate was made, how much of it moves, and its noise."""
     q = quantities(motion)
-    angle, moment = q.angle_unit, pretty_unit(q.moment_unit)
-    yield from aligned(
-        [
-            (
-                "run",
-                "samples",
-                "rate",
-                "states",
-                "band",
-                "moving",
-                "noise of the motion",
-                f"noise of the {q.moment.lower()}",
-            ),
-            *(
-                (
-                    state.run,
-                    str(state.n_samples),
-                    f"{state.sample_rate:.4g} Hz",
-                    state.method,
-                    f"{state.bandwidth:.3g} Hz",
-                    f"{100 * state.moving.mean():.1f} %",
-                    f"{state.noise.angle:.2e} {angle}",
-                    f"{state.noise.moment:.2e} {moment}" if state.noise.measured else "unknown",
-                )
-                for state in states
-            ),
-        ]
-    )
+    load = pretty_unit(q.moment_unit)
+    columns: dict[str, Callable[[ForceStates], str]] = {
+        "run": lambda state: state.run,
+        "samples": lambda state: str(state.n_samples),
+        "rate": lambda state: f"{state.sample_rate:.4g} Hz",
+        "states": lambda state: state.method,
+        "band": lambda state: f"{state.bandwidth:.3g} Hz",
+        "moving": lambda state: f"{100 * state.moving.mean():.1f} %",
+        "noise of the motion": lambda state: f"{state.noise.angle:.2e} {q.angle_unit}",
+        f"noise of the {q.moment.lower()}": lambda state: (
+            f"{state.noise.moment:.2e} {load}" if state.noise.measured else "unknown"
+        ),
+    }
+    return aligned(tabulate("states", "", states, columns))
 
 
 def _shares(result: Discovery) -> Iterator[str]:
     bias = {} if result.bias is None else dict(zip(result.bias.ids, result.bias.pooled, strict=True))
-    rows = [("term", "unique share", "relative error", "bias taken out")]
-    for term in result.model.terms:
-        size = abs(term.coefficient) or 1.0
-        out = f"{100 * (bias[term.id] / size):+.3f} %" if term.id in bias else DASH
-        rows.append(
-            (term.id, f"{100 * term.unique_share:.2f} %", f"{100 * (term.standard_error / size):.3f} %", out)
-        )
-    yield from aligned(rows)
+
+    def relative(term: ModelTerm, value: float, sign: str = "") -> str:
+        return f"{100 * (value / (abs(term.coefficient) or 1.0)):{sign}.3f} %"
+
+    columns: dict[str, Callable[[ModelTerm], str]] = {
+        "term": lambda term: term.id,
+        "unique share": lambda term: f"{100 * term.unique_share:.2f} %",
+        "relative error": lambda term: relative(term, term.standard_error),
+        "bias taken out": lambda term: relative(term, bias[term.id], "+") if term.id in bias else DASH,
+    }
+    return aligned(tabulate("shares", "", result.model.terms, columns))

@@ -44,6 +44,7 @@ from sindyjoint.reporting.tables import (
     model_table,
     print_table,
     short_number,
+    tabulate,
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.response.oscillation import hilbert_envelope
@@ -312,16 +313,16 @@ class VerificationView(
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
         """Return the runs and the models' terms."""
         load = quantities(result.model.joint.motion).moment
-        columns = {
-            "Run": [run.name for run in result.runs],
-            "Simulated by": [run.drive for run in result.runs],
-            "Response error": [percent(run.response_nrmse) for run in result.runs],
-            "RMSE": map(in_its_unit, result.runs),
-            "Noise floor": [percent(run.noise_floor) for run in result.runs],
-            f"{load} error": [percent(run.moment_nrmse) for run in result.runs],
-            "Amplitude": [percent(run.amplitude_rms_error) for run in result.runs],
-            "Period": [milliseconds(run.mean_period_difference) for run in result.runs],
-            "Seen by the fit": [DASH if run.drive == "pulse" else SEEN[run.seen] for run in result.runs],
+        columns: dict[str, Callable[[RunVerification], str]] = {
+            "Run": lambda run: run.name,
+            "Simulated by": lambda run: run.drive,
+            "Response error": lambda run: percent(run.response_nrmse),
+            "RMSE": in_its_unit,
+            "Noise floor": lambda run: percent(run.noise_floor),
+            f"{load} error": lambda run: percent(run.moment_nrmse),
+            "Amplitude": lambda run: percent(run.amplitude_rms_error),
+            "Period": lambda run: milliseconds(run.mean_period_difference),
+            "Seen by the fit": lambda run: DASH if run.drive == "pulse" else SEEN[run.seen],
         }
         what = "Errors relative to the RMS of what was measured."
         caption = in_words_of_origin(self.simulated(result), what)
@@ -329,8 +330,7 @@ class VerificationView(
             replace(model_table(model), name=f"terms-{number}", title=f"Coefficients of {model.joint.name}.")
             for number, model in enumerate(result.beside, 2)
         )
-        runs = TextTable("runs", caption, tuple(columns), tuple(zip(*columns.values(), strict=True)))
-        return runs, model_table(result.model), *others
+        return tabulate("runs", caption, result.runs, columns), model_table(result.model), *others
 
     def page(self, result: Verification, data: Verification, show: Blocks, folder: Path | None) -> Page:
         """Return verdict and equations, runs, responses, decay, models."""
@@ -416,21 +416,18 @@ class VerificationView(
 
     def details(self, result: Verification) -> Iterator[str]:
         """Yield how each run was simulated and judged."""
-        columns = (
-            "run", "simulated by", "samples", "error", "noise", "beyond noise", "tolerated", "band drawn", "failed",
-        )  # fmt: skip
-        rows = [
-            (
-                run.name,
-                run.drive,
-                str(run.measured.size),
-                *map(short_number, (run.response_nrmse, run.noise_floor, run.beyond_noise)),
-                f"{result.tolerance:g}",
-                *((DASH, DASH) if run.band is None else (str(run.band.draws), str(run.band.failed))),
-            )
-            for run in result.runs
-        ]
-        yield from aligned([columns, *rows])
+        columns: dict[str, Callable[[RunVerification], str]] = {
+            "run": lambda run: run.name,
+            "simulated by": lambda run: run.drive,
+            "samples": lambda run: str(run.measured.size),
+            "error": lambda run: short_number(run.response_nrmse),
+            "noise": lambda run: short_number(run.noise_floor),
+            "beyond noise": lambda run: short_number(run.beyond_noise),
+            "tolerated": lambda run: f"{result.tolerance:g}",
+            "band drawn": lambda run: DASH if run.band is None else str(run.band.draws),
+            "failed": lambda run: DASH if run.band is None else str(run.band.failed),
+        }
+        yield from aligned(tabulate("runs", "", result.runs, columns))
 
 
 class RefinementView(VerificationView, results=(RefinedModel,), folder="refinement"):
