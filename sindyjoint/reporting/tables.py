@@ -10,16 +10,11 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from sindyjoint.equation.formula import formula_pretty
-from sindyjoint.equation.model import JointModel
-from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.text import in_words_of, quantities, rounded, superscript
 
 if TYPE_CHECKING:
     import rich.console
@@ -274,168 +269,6 @@ def _tex(text: str) -> str:
     text = "".join(LATEX.get(char, char) for char in text)
     text = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda found: f"$^{{{found[1].translate(SUPERSCRIPT)}}}$", text)
     return text.replace("\0", r"$\cdot 10^{").replace("\1", "}$")
-
-
-TERM_COLUMNS = (
-    "id",
-    "symbol",
-    "name",
-    "formula",
-    "coefficient",
-    "standard_error",
-    "interval95_low",
-    "interval95_high",
-    "unit",
-    "unique_share",
-)
-
-
-@dataclass(frozen=True)
-class TermRow:
-    """A term, or a number of an element, as people read it.
-
-    Parameters
-    ----------
-    id, symbol, name : str
-    written, formula : str
-        As in a catalogue, and in plain text: ``θ²``.
-    si : str
-        Unit, as in a catalogue.
-    coefficient, standard_error : float
-    interval95 : tuple of float
-    share : float
-        Moment that no other term can take over, of the RMS moment; NaN of the number of an element.
-    """
-
-    id: str
-    symbol: str
-    name: str
-    written: str
-    formula: str
-    si: str
-    coefficient: float
-    standard_error: float
-    interval95: tuple[float, float]
-    share: float = float("nan")
-
-    @property
-    def unit(self) -> str:
-        """Unit in plain text: ``N·m/rad²``."""
-        return pretty_unit(self.si)
-
-    @property
-    def value(self) -> str:
-        """Coefficient and uncertainty, rounded: ``5910 ± 40``."""
-        return superscripted(rounded(self.coefficient, self.standard_error))
-
-    @property
-    def interval(self) -> str:
-        """95 % interval, each end to the place that the uncertainty allows."""
-        return interval_text(*self.interval95, self.standard_error)
-
-
-def term_rows(model: JointModel) -> list[TermRow]:
-    """Return the terms of a model as rows to read, then the numbers of its elements."""
-    motion = model.joint.motion
-    rows = [
-        TermRow(
-            t.id, t.symbol, in_words_of(motion, t.name), t.formula, formula_pretty(t.expression, motion), t.unit,
-            t.coefficient, t.standard_error, t.interval95, t.unique_share,
-        )
-        for t in model.terms
-    ]  # fmt: skip
-    for element in model.elements:
-        name = in_words_of(motion, element.name)
-        for n, column in zip_longest(element.numbers, element.form.columns):
-            formula = formula_pretty(column.expression, motion) if column else ""
-            said = f"{element.id}.{n.name}", n.name, name, n.formula, formula, n.unit
-            rows.append(TermRow(*said, n.value, n.standard_error, n.interval95))
-    return rows
-
-
-def model_table(model: JointModel) -> TextTable:
-    """Return the terms of a model: on a page all columns, on a terminal some of them."""
-    what = quantities(model.joint.motion).moment.lower()
-    return TextTable(
-        "terms",
-        f"Coefficients with one standard error; unique share: the share of the RMS {what} that no other term could "
-        "take over.",
-        ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval", "Unique share"),
-        tuple(
-            (
-                r.name,
-                r.symbol,
-                r.formula or DASH,
-                r.value,
-                pretty_unit(r.unit),
-                r.interval,
-                share_text(r.share),
-            )
-            for r in term_rows(model)
-        ),
-        text=("Unit",),
-    )
-
-
-def interval_text(low: float, high: float, error: float) -> str:
-    """Return an interval with its ends rounded to the place of the error.
-
-    Examples
-    --------
-    >>> interval_text(5830.71, 5993.9, 41.7)
-    '5830 … 5990'
-    """
-    ends = [superscripted(rounded(end, error)).partition(" ±")[0].lstrip("(") for end in (low, high)]
-    powers = {rounded(end, error).rpartition(")")[2] for end in (low, high)}
-    if len(powers) == 1 and (power := powers.pop()):
-        return f"({ends[0]} … {ends[1]}){_power(power)}"
-    if any(")" in rounded(end, error) for end in (low, high)):
-        return f"{low:.4g} … {high:.4g}"
-    return f"{ends[0]} … {ends[1]}"
-
-
-def superscripted(text: str) -> str:
-    """Return ``(1.2 ± 0.1)e9`` as ``(1.2 ± 0.1)·10⁹``; a minus sign where a hyphen stood.
-
-    Examples
-    --------
-    >>> superscripted("(-2.684 ± 0.012)e9")
-    '(−2.684 ± 0.012)·10⁹'
-    """
-    head, bracket, power = text.rpartition(")e")
-    shown = f"{head}){_power('e' + power)}" if bracket else text
-    return shown.replace("-", "−")
-
-
-def _power(power: str) -> str:
-    return f"·10{superscript(power.lstrip('e'))}"
-
-
-def terms_csv(model: JointModel) -> str:
-    """Return the terms as CSV text, numbers in full, SI."""
-    rows = []
-    for row in term_rows(model):
-        numbers = map(repr, (row.coefficient, row.standard_error, *row.interval95))
-        share = repr(row.share) if row.share == row.share else ""
-        rows.append((row.id, row.symbol, row.name, row.written, *numbers, row.si, share))
-    return csv_text(TERM_COLUMNS, rows)
-
-
-def terms_table(model: JointModel) -> Table:
-    """Return the terms as a rich table for a terminal."""
-    table = model_table(model).take("Term", "Symbol", "Of", "Value", "Unit", "Unique share")
-    return terminal_table(table.headed(), "lllrlr", ruled=True, wraps=True)
-
-
-def share_text(share: float) -> str:
-    """Return a share in per cent; a dash where there is none.
-
-    Examples
-    --------
-    >>> share_text(0.272)
-    '27.2 %'
-    """
-    return f"{100 * share:.1f} %" if share == share else DASH
 
 
 def findings_table(findings: Sequence[Finding]) -> TextTable:

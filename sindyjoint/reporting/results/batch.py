@@ -14,6 +14,7 @@ from sindyjoint.batch.population import Scatter, Trend, next_joint
 from sindyjoint.batch.record import CampaignRecord
 from sindyjoint.batch.summary import TEMPERATURE, Batch
 from sindyjoint.batch.tasks import CAMPAIGNS
+from sindyjoint.reporting.equation import superscripted
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, provenance
 from sindyjoint.reporting.style import (
@@ -34,7 +35,6 @@ from sindyjoint.reporting.tables import (
     csv_table,
     fitting_blocks,
     print_table,
-    superscripted,
     tabulate,
     terminal,
 )

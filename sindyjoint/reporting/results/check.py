@@ -17,6 +17,7 @@ from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
+from sindyjoint.reporting.equation import terms_csv
 from sindyjoint.reporting.figure import Axes, Kind, by_name, each, time_label
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, provenance, sentence
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
@@ -31,7 +32,6 @@ from sindyjoint.reporting.tables import (
     json_text,
     print_table,
     terminal_table,
-    terms_csv,
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check

@@ -14,7 +14,7 @@ from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, GivenModel
 from sindyjoint.judgement.headlines import judge_comparison
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.equation import interval_text, mathml, superscripted
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, provenance, sentence
 from sindyjoint.reporting.results.discovery_terms import dependence
@@ -25,10 +25,8 @@ from sindyjoint.reporting.tables import (
     TextTable,
     aligned,
     csv_text,
-    interval_text,
     print_table,
     short_number,
-    superscripted,
     tabulate,
 )
 from sindyjoint.reporting.view import FINDING, View

@@ -13,20 +13,12 @@ from rich.markup import escape
 from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.judgement.headlines import judge_diagnosis
-from sindyjoint.reporting.equation import effect_mathml, mathml
+from sindyjoint.reporting.equation import effect_mathml, mathml, model_table
 from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.page import Blocks, Page, Section, markup, number, sentence
 from sindyjoint.reporting.results import diagnosis_campaign, diagnosis_structure
 from sindyjoint.reporting.style import amount, pretty_unit
-from sindyjoint.reporting.tables import (
-    DASH,
-    Console,
-    TextTable,
-    aligned,
-    model_table,
-    tabulate,
-    terminal_table,
-)
+from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, tabulate, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
 from sindyjoint.trust import Trust

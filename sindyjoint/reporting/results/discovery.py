@@ -16,7 +16,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.equation import mathml, model_table, terms_csv
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, number, provenance, sentence
 from sindyjoint.reporting.results.discovery_data import Loop, ReportData, gather
 from sindyjoint.reporting.results.discovery_states import loops_payload, map_payload
@@ -27,14 +27,12 @@ from sindyjoint.reporting.tables import (
     Console,
     TextTable,
     aligned,
-    model_table,
     natural_width,
     print_table,
     short_number,
     tabulate,
     terminal,
     terminal_table,
-    terms_csv,
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.states import ForceStates

@@ -12,11 +12,11 @@ from rich.markup import escape
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.equation import mathml, model_table
 from sindyjoint.reporting.figure import Axes, Kind, by_name, each, fixed
 from sindyjoint.reporting.page import Blocks, Page, Section, markup, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
-from sindyjoint.reporting.tables import Console, TextTable, model_table, print_table
+from sindyjoint.reporting.tables import Console, TextTable, print_table
 from sindyjoint.reporting.view import FINDING, View
 
 # Loss of a sensor at which the scale of the picture ends.

@@ -12,7 +12,7 @@ import numpy as np
 from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_verification
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.equation import mathml, model_table
 from sindyjoint.reporting.figure import (
     Axes,
     Kind,
@@ -41,7 +41,6 @@ from sindyjoint.reporting.tables import (
     TextTable,
     aligned,
     milliseconds,
-    model_table,
     print_table,
     short_number,
     tabulate,
