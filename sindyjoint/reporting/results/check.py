@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,9 @@ from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
-from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign
 from sindyjoint.reporting.equation import terms_csv
-from sindyjoint.reporting.figure import Axes, Kind, by_name, each, time_label
+from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, provenance, sentence
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
@@ -57,16 +58,7 @@ ROW, GAP = 1.0, 0.25
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A channel as it is drawn: the extremes of segments of it.
-
-    Parameters
-    ----------
-    channel : str
-    time, values : ndarray, shape (m,)
-        s, SI.
-    unit : str
-        Of a sensor on a structure; empty of the channels of a joint.
-    """
+    """A channel as it is drawn: the extremes of segments of it, s and SI; the unit of a sensor on a structure."""
 
     channel: str
     time: Array
@@ -76,21 +68,18 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Mark:
-    """Where a finding lies.
-
-    Parameters
-    ----------
-    id, severity : str
-    channel : str or None
-    starts, ends : ndarray, shape (k,)
-        s; empty where it is of the run as a whole.
-    """
+    """Where a finding lies, in s; nowhere in particular where it is of the run as a whole."""
 
     id: str
     severity: str
     channel: str | None
     starts: Array
     ends: Array
+
+    @property
+    def words(self) -> str:
+        """Its id as it is written."""
+        return self.id.replace("_", " ")
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +95,7 @@ class CheckedRun:
 
 @dataclass(frozen=True, eq=False)
 class CheckData:
-    """What the pictures of a check are drawn from.
-
-    Parameters
-    ----------
-    joint, motion, verdict : str
-    runs : tuple of CheckedRun
-    """
+    """What the pictures of a check are drawn from."""
 
     joint: str
     motion: str
@@ -124,31 +107,23 @@ def gather_check(check: Checked) -> CheckData:
     """Return what is drawn of a check."""
     channels = sum(len(run.channels) for run in check.recorded)
     segments = int(np.clip(MOST_SEGMENTS // max(channels, 1), FEWEST_SEGMENTS, SEGMENTS))
-    findings, words = check.soundness.findings, check.words
-    units = words.units if isinstance(words, StructureWords) else {}
-    return CheckData(
-        check.name,
-        check.motion,
-        check.soundness.verdict,
-        tuple(
-            _gather_run(run, [f for f in findings if f.run == run.name], segments, units)
-            for run in check.recorded
-        ),
+    runs = tuple(_gather_run(check, run, segments) for run in check.recorded)
+    return CheckData(check.name, check.motion, check.soundness.verdict, runs)
+
+
+def _gather_run(check: Checked, run: RecordedRun, segments: int) -> CheckedRun:
+    units = check.words.units if isinstance(check.words, StructureWords) else {}
+    extremes = {name: find_extremes(signal, segments) for name, signal in run.channels.items()}
+    traces = (
+        Trace(name, places / run.sample_rate, run.channels[name][places], units.get(name, ""))
+        for name, places in extremes.items()
     )
-
-
-def _gather_run(
-    run: RecordedRun, findings: list[Finding], segments: int, units: Mapping[str, str]
-) -> CheckedRun:
-    traces = []
-    for name, signal in run.channels.items():
-        places = find_extremes(signal, segments)
-        traces.append(Trace(name, places / run.sample_rate, signal[places], units.get(name, "")))
     marks = []
-    for finding in findings:
-        spans = np.array(finding.spans, dtype=float).reshape(-1, 2) / run.sample_rate
-        starts, ends = _widen(spans[:, 0], spans[:, 1], run.duration)
-        marks.append(Mark(finding.id, finding.severity, finding.channel, starts, ends))
+    for finding in check.soundness.findings:
+        if finding.run == run.name:
+            spans = np.array(finding.spans, dtype=float).reshape(-1, 2) / run.sample_rate
+            where = _widen(spans[:, 0], spans[:, 1], run.duration)
+            marks.append(Mark(finding.id, finding.severity, finding.channel, *where))
     return CheckedRun(run.name, run.duration, tuple(traces), tuple(marks), run.quasi_static)
 
 
@@ -177,89 +152,80 @@ def _widen(starts: Array, ends: Array, duration: float) -> tuple[Array, Array]:
     return starts[new][:MOST_MARKS], ends[last][:MOST_MARKS]
 
 
-def draw_run(run: CheckedRun, ax: Axes, motion: Motion) -> Axes:
+def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> Axes:
     """Draw the channels of a run one above the other, each over its range, and mark what was found."""
-    words, q = words_of(motion), quantities(motion)
-    angle, rate = q.angle_unit, q.rate_unit
-    units = {"moment": q.moment_unit, "angle": angle, "rate": rate, "acceleration": f"{rate}/s"}
-    units |= {MEASURED_ANGLE: angle, MEASURED_RATE: rate}
+    words, q = words_of(data.motion), quantities(data.motion)
+    units = {
+        "moment": q.moment_unit,
+        "angle": q.angle_unit,
+        "rate": q.rate_unit,
+        "acceleration": f"{q.rate_unit}/s",
+    }
+    units |= {MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit}
     base = {trace.channel: -index * (ROW + GAP) for index, trace in enumerate(run.traces)}
     bottom = min(base.values())
     for mark in run.marks:
         low, height = (base[mark.channel], ROW) if mark.channel in base else (bottom, ROW - bottom)
         bars = list(zip(mark.starts, mark.ends - mark.starts, strict=True))
         ax.broken_barh(bars, (low - 0.06, height + 0.12), color=COLOURS[mark.severity], alpha=0.45, lw=0)
-    ticks, labels = [], []
+    ticks: dict[float, str] = {}
     for trace in run.traces:
-        least, most = float(trace.values.min()), float(trace.values.max())
-        scaled = (trace.values - least) / ((most - least) or 1.0)
-        ax.plot(trace.time, base[trace.channel] + scaled, color=INK, lw=0.5)
+        least, most, at = float(trace.values.min()), float(trace.values.max()), base[trace.channel]
+        ax.plot(trace.time, at + (trace.values - least) / ((most - least) or 1.0), color=INK, lw=0.5)
         factor, unit = prefixed(max(abs(least), abs(most)), trace.unit or units[trace.channel])
         name = trace.channel if trace.unit else words.of(trace.channel)
-        ticks += [base[trace.channel], base[trace.channel] + 0.5, base[trace.channel] + ROW]
-        labels += [f"{least * factor:.3g}", f"{name} ({unit})", f"{most * factor:.3g}"]
+        ticks |= {at: f"{least * factor:.3g}", at + 0.5: f"{name} ({unit})", at + ROW: f"{most * factor:.3g}"}
     _label_marks(run, ax, base)
-    ax.set_yticks(ticks, [label.replace("-", "−") for label in labels])
     ax.tick_params(axis="y", length=0)
     ax.grid(visible=False)
     ax.set(
-        xlim=(0, run.duration),
-        ylim=(bottom - 0.1, ROW + 0.12),
-        xlabel=time_label(run.without_time, motion),
+        yticks=list(ticks), yticklabels=[label.replace("-", "−") for label in ticks.values()], xlim=(0, run.duration),
+        ylim=(bottom - 0.1, ROW + 0.12), xlabel=time_label(run.without_time, data.motion),
         title=plain(shortened(run.run, 40)),
-    )
+    )  # fmt: skip
     return ax
 
 
 def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
     """Name the findings: where they begin, or at the right where they are of the run as a whole."""
-    whole = [mark.id.replace("_", " ") for mark in run.marks if not mark.starts.size]
+    whole = [mark.words for mark in run.marks if not mark.starts.size]
     if whole:
         ax.set_title(", ".join(dict.fromkeys(whole)), loc="right", color=MUTED)
     used: dict[float, float] = {}
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8}
     for mark in sorted((m for m in run.marks if m.starts.size), key=lambda m: m.starts[0]):
         top = base.get(mark.channel or "", 0.0) + ROW
         # One after the other where they begin close together.
         at = max(float(mark.starts[0]), used.get(top, 0.0))
-        text = mark.id.replace("_", " ")
         if at < 0.9 * run.duration:
-            used[top] = at + 0.014 * run.duration * (len(text) + 1)
-        ax.text(
-            at, top + 0.03, text, va="bottom", ha="left" if at < 0.85 * run.duration else "right",
-            fontsize=6.5, color=INK, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8},
-        )  # fmt: skip
+            used[top] = at + 0.014 * run.duration * (len(mark.words) + 1)
+        side = "left" if at < 0.85 * run.duration else "right"
+        ax.text(at, top + 0.03, mark.words, va="bottom", ha=side, fontsize=6.5, color=INK, bbox=box)
 
 
 def kinds_of_check(data: CheckData) -> dict[str, Kind]:
     """Return the figures of a check: as many as its runs take."""
-    count = len(data.runs)
-    figures = [
-        _kind_of(data.runs, slice(start, min(start + RUNS_PER_FIGURE, count)), number)
-        for number, start in enumerate(range(0, max(count, 1), RUNS_PER_FIGURE), start=1)
-    ]
-    together = _kind_of(data.runs, slice(0, min(count, RUNS_TOGETHER)), 1)
+    starts = range(0, max(len(data.runs), 1), RUNS_PER_FIGURE)
+    figures = [_kind_of(data, start, RUNS_PER_FIGURE) for start in starts]
     # A page shows them by and by; one picture of all is what a person wants of a folder.
-    return by_name(*figures, replace(together, name=TOGETHER, part=True, columns=2))
+    together = replace(_kind_of(data, 0, RUNS_TOGETHER), name=TOGETHER, part=True, columns=2)
+    return by_name(*figures, together)
 
 
-def _kind_of(runs: tuple[CheckedRun, ...], here: slice, number: int) -> Kind:
+def _kind_of(data: CheckData, start: int, count: int) -> Kind:
     """Return the figure of some runs."""
-    channels = max((len(run.traces) for run in runs[here]), default=1)
+    runs = data.runs[start : start + count]
+    channels = max((len(run.traces) for run in runs), default=1)
     return Kind(
-        "channels" if number == 1 else f"channels-{number}",
-        f"Channels of runs {here.start + 1} to {here.stop}",
+        f"channels-{1 + start // count}" if start else "channels",
+        f"Channels of runs {start + 1} to {start + len(runs)}",
         "Every channel over its range. Shaded: findings that stop (red), bias (orange) or are noted (blue), with "
         "their ids; those of a run as a whole stand at its upper right.",
-        each(lambda shown: [(run, shown.motion) for run in shown.runs[here]], _draw),
+        lambda shown: [partial(draw_run, run=run) for run in runs],
         wide=True,
         height=lambda _: 0.75 + 0.62 * channels,
         columns=1,
     )
-
-
-def _draw(item: tuple[CheckedRun, Motion], ax: Axes) -> Axes:
-    run, motion = item
-    return draw_run(run, ax, motion)
 
 
 BADGES = {"sound": "confirmed", "doubtful": "undecided", "unsound": "refuted"}
