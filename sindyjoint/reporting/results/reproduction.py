@@ -131,35 +131,26 @@ def force(result: ReproductionFigures, ax: Axes) -> Axes:
     return ax
 
 
-def measured(result: ReproductionFigures, ax: Axes) -> Axes:
-    """Draw the displacement of the free end in the virtual test (Figure 10)."""
-    return _response(result.plain, ax, PULSE.compared, False)
-
-
-def compared(result: ReproductionFigures, ax: Axes, truth: str) -> Axes:
-    """Draw virtual test and identified model over each other (Figure 11)."""
-    _response(getattr(result, truth), ax, COMPARED, True).set_title(TRUTHS[truth])
-    low, high = ax.get_ylim()
-    ax.set_ylim(low, high + 0.2 * (high - low))
-    ax.legend(loc="upper right", ncols=2)
-    return ax
-
-
-def _response(run: RunVerification, ax: Axes, until: float, both: bool) -> Axes:
+def displacement(result: ReproductionFigures, ax: Axes, truth: str, until: float, model: bool) -> Axes:
+    """Draw the displacement of the free end in a virtual test (Figure 10), and the model over it (Figure 11)."""
+    run = getattr(result, truth)
     kept = run.time <= until
     ax.plot(run.time[kept], 1e3 * run.measured[kept], color=PALETTE[0], lw=0.8, label="virtual test")
-    if both and run.simulated is not None:
-        ax.plot(
-            run.time[kept], 1e3 * run.simulated[kept], color=INK, lw=0.7, ls=(0, (3, 1.5)), label="identified model"
-        )  # fmt: skip
-    ax.set(xlabel="Time (s)", ylabel="Displacement (mm)", title="Displacement of the free end")
+    if model and run.simulated is not None:
+        look: Any = {"color": INK, "lw": 0.7, "ls": (0, (3, 1.5)), "label": "identified model"}
+        ax.plot(run.time[kept], 1e3 * run.simulated[kept], **look)
+    title = TRUTHS[truth] if model else "Displacement of the free end"
+    ax.set(xlabel="Time (s)", ylabel="Displacement (mm)", title=title)
     ax.margins(x=0.01)
+    if model:
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 0.2 * (high - low))
+        ax.legend(loc="upper right", ncols=2)
     return ax
 
 
-def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, of: str) -> Axes:
+def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, draw: Callable[[Any, Axes], Axes]) -> Axes:
     """Draw the amplitude or the period by half-cycle of a virtual test and the model."""
-    draw = amplitude if of == "amplitude" else period
     draw(getattr(result, truth), ax).set_title(TRUTHS[truth])
     return ax
 
@@ -196,21 +187,25 @@ KINDS = by_name(
         "figure-10",
         "Figure 10",
         "Figure 10: displacement of the free end after the pulse, 20 s.",
-        fixed(measured),
+        fixed(partial(displacement, truth="plain", until=PULSE.compared, model=False)),
         wide=True,
     ),
     Kind(
         "figure-11",
         "Figure 11",
         "Figure 11: virtual test and identified model, first 10 s.",
-        fixed(*(partial(compared, truth=truth) for truth in TRUTHS)),
+        fixed(*(partial(displacement, truth=truth, until=COMPARED, model=True) for truth in TRUTHS)),
     ),
     Kind(
         "amplitude-and-period",
         "Amplitude and period",
         "Amplitude and period by half-cycle, of both virtual tests and the model.",
         fixed(
-            *(partial(half_cycles, truth=truth, of=of) for truth in TRUTHS for of in ("amplitude", "period"))
+            *(
+                partial(half_cycles, truth=truth, draw=draw)
+                for truth in TRUTHS
+                for draw in (amplitude, period)
+            )
         ),
     ),
 )
@@ -374,27 +369,24 @@ class ReproductionView(
 
 def joint_table(joint: JointReproduction) -> TextTable:
     """Return a table of the paper: identified, and the paper's value in brackets."""
-    columns = [
-        f"{symbol} [{f'1e{power} ' if power > 1 else ''}{pretty_unit(unit)}]"
-        for symbol, unit, power in zip(SYMBOLS, UNITS, _POWERS, strict=True)
+    powers = [power if power > 1 else 0 for power in _POWERS]
+    units = [
+        f"{f'1e{power} ' if power else ''}{pretty_unit(u)}" for u, power in zip(UNITS, powers, strict=True)
     ]
-    scale = 10.0 ** np.array([power if power > 1 else 0 for power in _POWERS])
+    columns = (f"{symbol} [{unit}]" for symbol, unit in zip(SYMBOLS, units, strict=True))
 
     def cells(values: Any) -> list[str]:
-        return [_four_digits(value) for value in np.asarray(values) / scale]
+        return [_four_digits(value) for value in np.asarray(values) / 10.0 ** np.array(powers)]
 
     paper = joint.table
-    rows: list[tuple[str, ...]] = []
-    for label, ours, theirs in (
-        *((f"{f:g} Hz", r, p) for f, r, p in zip(FREQUENCIES, joint.rows, paper.rows, strict=True)),
-        ("average", joint.average, paper.average),
-        ("deviation", joint.deviation, paper.deviation),
-    ):
-        rows.append((label, *(f"{a} ({b})" for a, b in zip(cells(ours), cells(theirs), strict=True))))
-    rows.append(("furthest", *(f"{value:.2f}" for value in joint.largest_error)))
-    rows.append(("paper's way, 3 Hz", *cells(joint.paper_fit.coefficients)))
-    title = f"Table {paper.number}: {paper.joint}."
-    return TextTable(f"table-{paper.number}", title, ("", *columns), tuple(rows))
+    lines = [(f"{f:g} Hz", r, p) for f, r, p in zip(FREQUENCIES, joint.rows, paper.rows, strict=True)]
+    lines += [("average", joint.average, paper.average), ("deviation", joint.deviation, paper.deviation)]
+    rows = (
+        *((label, *map("{} ({})".format, cells(ours), cells(theirs))) for label, ours, theirs in lines),
+        ("furthest", *(f"{value:.2f}" for value in joint.largest_error)),
+        ("paper's way, 3 Hz", *cells(joint.paper_fit.coefficients)),
+    )
+    return TextTable(f"table-{paper.number}", f"Table {paper.number}: {paper.joint}.", ("", *columns), rows)
 
 
 def _four_digits(value: float) -> str:
