@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from sindyjoint.errors import InputError, MissingExtraError, OutputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.record import Campaign
 from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.page import Blocks
 from sindyjoint.reporting.registry import (
     DATA_FILE,
     FOLDERS,
@@ -85,11 +86,9 @@ def html_of(result: Any) -> str:
 
 
 def _html_table(table: TextTable) -> str:
-    rows = ["".join(f"<th>{escape(cell)}</th>" for cell in table.columns)]
-    rows += ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in table.rows[:ROWS]]
     more = len(table.rows) - ROWS
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
-    return f"<table>{body}</table>" + (f"<p>and {more} more rows</p>" if more > 0 else "")
+    shown = str(Blocks({}, {}).table(replace(table, rows=table.rows[:ROWS])))
+    return shown + (f"<p>and {more} more rows</p>" if more > 0 else "")
 
 
 def latex_of(result: Any) -> str | None:
