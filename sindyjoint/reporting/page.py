@@ -8,7 +8,7 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from html import escape
 from importlib import resources
@@ -131,15 +131,17 @@ _REPAINTED = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)"}
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page: its name in links, its heading, its blocks, and what the bar on top calls it.
-
-    Blocks are what :class:`Blocks` makes; empty ones, and a section without any, are left out.
-    """
+    """A part of a page: its name in links, its heading, what the bar on top calls it, and its blocks."""
 
     id: str
     heading: str
+    link: str
     blocks: Sequence[str]
-    link: str = ""
+
+
+def section(id: str, heading: str, link: str, *blocks: str) -> Section:
+    """Return a part of a page of blocks that :class:`Blocks` makes; empty ones are left out."""
+    return Section(id, heading, link, [block for block in blocks if block and block.strip()])
 
 
 @dataclass(frozen=True)
@@ -224,13 +226,12 @@ def render(page: Page, origin: Provenance, simulated: bool) -> str:
     """Return a page as one HTML text, with the style sheet and scripts put into it."""
     script = "\n".join(_text(name) for name in SCRIPTS)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    filled = (replace(s, blocks=[b for b in s.blocks if b and b.strip()]) for s in page.sections)
     text: str = (
         _environment()
         .get_template("page.html.j2")
         .render(
             page=page,
-            sections=[section for section in filled if section.blocks],
+            sections=[part for part in page.sections if part.blocks],
             origin=origin,
             simulated=simulated,
             css=markup(_text("style.css")),

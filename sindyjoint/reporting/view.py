@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from sindyjoint.reporting.packing import pack, unpack
-from sindyjoint.reporting.page import Blocks, Section, markup, provenance, render
+from sindyjoint.reporting.page import Blocks, markup, provenance, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
 from sindyjoint.reporting.tables import findings_table, print_table, terminal
 from sindyjoint.text import in_words_of, in_words_of_origin, spelled
@@ -222,7 +222,9 @@ class View(Generic[R, D]):
                 said
             )
             blocks = show.paragraph(more), show.table(findings_table(soundness.findings))
-            page = replace(page, sections=(*page.sections, Section("data", "Are the data sound?", blocks)))
+            page = replace(
+                page, sections=(*page.sections, section("data", "Are the data sound?", "", *blocks))
+            )
         return render(page, origin, self.simulated(result))
 
     # ---- the terminal

@@ -16,7 +16,7 @@ from sindyjoint.batch.summary import TEMPERATURE, Batch
 from sindyjoint.batch.tasks import CAMPAIGNS
 from sindyjoint.reporting.equation import superscripted
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name
-from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, provenance
+from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section
 from sindyjoint.reporting.style import (
     ACCENT,
     INK,
@@ -219,24 +219,25 @@ class BatchView(
             headline(result),
             (show.paragraph(compared, "reason"), show.facts(facts), show.warnings(result.notes)),
             (
-                Section("differ", "Which joints differ", (differing,), "Differences"),
-                Section(
+                section("differ", "Which joints differ", "Differences", differing),
+                section(
                     "joints",
                     "All joints",
-                    (show.pictures("joints"), show.table(replace(joints, title=title), links)),
                     "Joints",
+                    show.pictures("joints"),
+                    show.table(replace(joints, title=title), links),
                 ),
-                Section(
+                section(
                     "scatter",
                     "How the joints scatter",
-                    (show.table(scatter) if scatter.rows else "",),
                     "Scatter",
+                    show.table(scatter) if scatter.rows else "",
                 ),
-                Section(
+                section(
                     "trends",
                     "Trends",
-                    (show.pictures("trends"), show.table(trends)) if trends.rows else (),
                     "Trends",
+                    *((show.pictures("trends"), show.table(trends)) if trends.rows else ()),
                 ),
             ),
         )

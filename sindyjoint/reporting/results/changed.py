@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from sindyjoint.judgement.changed import Change, Shift
 from sindyjoint.reporting.figure import Axes, Kind, by_name, math_symbol
-from sindyjoint.reporting.page import Blocks, Page, Section, sentence
+from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
 from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_text, print_table
 from sindyjoint.reporting.view import View
@@ -99,7 +99,7 @@ class ChangeView(
             "Before and after",
             data.after.joint.name,
             said,
-            (Section("coefficients", "Coefficients", blocks, "Coefficients"),),
+            (section("coefficients", "Coefficients", "Coefficients", *blocks),),
         )
 
     def files(self, result: Change, data: Change) -> dict[str, str]:

@@ -20,7 +20,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign
 from sindyjoint.reporting.equation import terms_csv
 from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label
-from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, provenance, sentence
+from sindyjoint.reporting.page import Blocks, Page, Provenance, provenance, section, sentence
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
@@ -301,13 +301,13 @@ class CheckView(
                 show.warnings(check.warnings),
             ),
             (
-                Section(
+                section(
                     "findings",
                     "What was found",
-                    (show.table(table) if table.rows else show.paragraph("Nothing."),),
                     "Findings",
+                    show.table(table) if table.rows else show.paragraph("Nothing."),
                 ),
-                Section("channels", "Every channel of every run", (show.pictures(),), "Channels"),
+                section("channels", "Every channel of every run", "Channels", show.pictures()),
             ),
         )
 

@@ -16,7 +16,7 @@ from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, Give
 from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.reporting.equation import interval_text, mathml, superscripted
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
-from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, provenance, sentence
+from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section, sentence
 from sindyjoint.reporting.results.discovery_terms import dependence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
@@ -142,11 +142,13 @@ class ComparisonView(
         above = {"coefficients": show.paragraph(CORRECTED if result.bias else "")}
         below = {"frequency-dependence": (show.items(answers), show.pictures("dependence"))}
         sections = [
-            Section(
+            section(
                 table.name,
                 table.title,
-                (above.get(table.name, ""), show.table(table), *below.get(table.name, ())),
                 table.name.replace("-", " ").capitalize(),
+                above.get(table.name, ""),
+                show.table(table),
+                *below.get(table.name, ()),
             )
             for table in self.tables(result)
         ]
@@ -157,14 +159,15 @@ class ComparisonView(
             result.joint,
             (show.answers(self.headline(result), self.question, self.hero(show, data, "inclusion"), found),),
             (
-                Section(
+                section(
                     "map",
                     "Which terms are chosen by what",
-                    (show.paragraph(about, "reason"), show.pictures("inclusion")),
                     "Map",
+                    show.paragraph(about, "reason"),
+                    show.pictures("inclusion"),
                 ),
                 *sections,
-                Section("warnings", "To be aware of", (warnings,)),
+                section("warnings", "To be aware of", "", warnings),
             ),
         )
 

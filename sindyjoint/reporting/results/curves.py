@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed, scaled
-from sindyjoint.reporting.page import Blocks, Page, Section, capital
+from sindyjoint.reporting.page import Blocks, Page, Section, capital, section
 from sindyjoint.reporting.style import (
     DASHES,
     INK,
@@ -213,7 +213,7 @@ class JointCurvesView(
         """Return how far stiffness and loss change, and all of it."""
         title, kicker = f"{result.name}: stiffness and loss over amplitude", "A joint over its amplitude"
         pictures = show.pictures("stiffness", "loss", "energy")
-        part = Section("curves", "Stiffness and loss", (pictures, *map(show.table, self.tables(result))))
+        part = section("curves", "Stiffness and loss", "", pictures, *map(show.table, self.tables(result)))
         said = joint_headline(result), f"Of the model {result.equation}."
         return _page(result, show, title, kicker, said, part)
 
@@ -270,8 +270,8 @@ class StructureCurvesView(
         kicker = "A structure over frequency and amplitude"
         how = f"The force acts at {result.at}; up to {result.harmonics} harmonics, and joints stick exactly."
         levels, modes = map(show.table, self.tables(result))
-        forced = Section("levels", "Frequency response", (show.pictures("response", "receptance"), levels))
-        free = Section("modes", "Modes over amplitude", (show.pictures("backbone", "damping"), modes))
+        forced = section("levels", "Frequency response", "", show.pictures("response", "receptance"), levels)
+        free = section("modes", "Modes over amplitude", "", show.pictures("backbone", "damping"), modes)
         return _page(result, show, title, kicker, (structure_headline(result), how), forced, free)
 
     def files(self, result: StructureCurves, data: StructureCurves) -> dict[str, str]:

@@ -15,7 +15,7 @@ from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, Reco
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml, model_table
 from sindyjoint.reporting.figure import Kind
-from sindyjoint.reporting.page import Blocks, Page, Section, markup, number, sentence
+from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
 from sindyjoint.reporting.results import diagnosis_campaign, diagnosis_structure
 from sindyjoint.reporting.style import amount, pretty_unit
 from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, tabulate, terminal_table
@@ -125,29 +125,25 @@ class DiagnosisView(
                 show.warnings(result.warnings),
             ),
             (
-                Section(
+                section(
                     "steps",
                     "The gap, step by step",
-                    (
-                        show.table(steps),
-                        show.pictures("maps", "overlay", "cycles", "envelope", "rivals"),
-                        show.table(parameters) if parameters.rows else "",
-                        show.items(advices, "A run that would decide"),
-                        show.paragraph(sentence(_not_sought(result))),
-                    ),
                     "Steps",
+                    show.table(steps),
+                    show.pictures("maps", "overlay", "cycles", "envelope", "rivals"),
+                    show.table(parameters) if parameters.rows else "",
+                    show.items(advices, "A run that would decide"),
+                    show.paragraph(sentence(_not_sought(result))),
                 ),
-                Section(
+                section(
                     "where",
                     "Where the first gap lies",
-                    (
-                        show.items([sentence(region.words) for region in result.where]),
-                        show.pictures("where", "budget"),
-                    ),
                     "Where",
+                    show.items([sentence(region.words) for region in result.where]),
+                    show.pictures("where", "budget"),
                 ),
-                Section(
-                    "model", "The model, estimated together with the effects", (show.table(terms),), "Model"
+                section(
+                    "model", "The model, estimated together with the effects", "Model", show.table(terms)
                 ),
             ),
         )

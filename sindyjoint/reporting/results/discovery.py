@@ -17,7 +17,7 @@ from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
 from sindyjoint.reporting.equation import mathml, model_table, terms_csv
-from sindyjoint.reporting.page import Blocks, Page, Provenance, Section, markup, number, provenance, sentence
+from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, number, provenance, section, sentence
 from sindyjoint.reporting.results.discovery_data import Loop, ReportData, gather
 from sindyjoint.reporting.results.discovery_states import loops_payload, map_payload
 from sindyjoint.reporting.results.discovery_terms import KINDS
@@ -175,35 +175,32 @@ class DiscoveryView(
             name,
             (*(paper if data.paper else ()), show.answers(*answers), show.facts(key_facts(data))),
             (
-                Section(
-                    "terms", "Terms", (*(listed if found else none), show.warnings(data.warnings)), "Terms"
+                section(
+                    "terms", "Terms", "Terms", *(listed if found else none), show.warnings(data.warnings)
                 ),
-                Section("inputs", "Over the inputs", inputs),
-                Section(
-                    "map", "Force–state map", (show.turning_map(cells, found), show.pictures("map")), "Map"
+                section("inputs", "Over the inputs", "", *inputs),
+                section(
+                    "map", "Force–state map", "Map", show.turning_map(cells, found), show.pictures("map")
                 ),
-                Section(
+                section(
                     "loops",
                     "Loops, with the model over them",
-                    (show.curves(f"{q.moment}–{q.angle.lower()} loops", found), show.pictures("loops")),
                     "Loops",
+                    show.curves(f"{q.moment}–{q.angle.lower()} loops", found),
+                    show.pictures("loops"),
                 ),
-                Section("residual", "Residual", (show.pictures("residual"),), "Residual"),
-                Section(
+                section("residual", "Residual", "Residual", show.pictures("residual")),
+                section(
                     "choice",
                     "Why these terms",
-                    (
-                        show.paragraph(sentence(data.selection_reason)),
-                        show.pictures("path", "coefficients", "covariance"),
-                        path,
-                        show.folded(
-                            f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]
-                        ),
-                    ),
                     "Choice",
+                    show.paragraph(sentence(data.selection_reason)),
+                    show.pictures("path", "coefficients", "covariance"),
+                    path,
+                    show.folded(f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]),
                 ),
-                Section("paper", "The paper’s five terms", () if data.paper else paper),
-                Section("runs", "Runs", (show.table(runs_table(data)),), "Runs"),
+                section("paper", "The paper’s five terms", "", *(() if data.paper else paper)),
+                section("runs", "Runs", "Runs", show.table(runs_table(data))),
             ),
             {"map": map_payload(data), "loops": loops_payload(data)},
         )

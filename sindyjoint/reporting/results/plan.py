@@ -15,7 +15,7 @@ from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import PAPER
 from sindyjoint.planning.separation import TELL_APART, Separation
 from sindyjoint.reporting.figure import Axes, Kind, by_name
-from sindyjoint.reporting.page import Blocks, Page, Section, capital, markup, number, sentence
+from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, legend_above, prefixed, pretty_unit
 from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_columns
 from sindyjoint.reporting.view import View
@@ -261,16 +261,14 @@ class PlanView(
                 show.warnings(result.warnings),
             ),
             (
-                Section(
+                section(
                     "runs",
                     "The runs",
-                    (
-                        *(listed if runs.rows else (show.paragraph("None."),)),
-                        show.pictures("runs", "curve", "apart"),
-                    ),
                     "Runs",
+                    *(listed if runs.rows else (show.paragraph("None."),)),
+                    show.pictures("runs", "curve", "apart"),
                 ),
-                Section("expected", "What they are expected to tell", expected, "What they tell"),
+                section("expected", "What they are expected to tell", "What they tell", *expected),
             ),
         )
 

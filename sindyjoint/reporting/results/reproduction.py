@@ -14,7 +14,7 @@ from sindyjoint.judgement.paper_tables import TableCheck
 from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TERMS, UNITS
 from sindyjoint.reporting.figure import Axes, Kind, Panel, by_name, fixed
-from sindyjoint.reporting.page import Blocks, Page, Section, sentence
+from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.discovery import state_lines
 from sindyjoint.reporting.results.verification import amplitude, period, response_payload, thinned
 from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, pretty_unit
@@ -303,38 +303,38 @@ class ReproductionView(
                 show.facts(facts),
             ),
             (
-                Section(
+                section(
                     "tables",
                     "Identified, and the paper's value in brackets",
-                    (show.paragraph(_LEGEND), *map(show.table, joints)),
                     "Tables 1, 2",
+                    show.paragraph(_LEGEND),
+                    *map(show.table, joints),
                 ),
-                Section(
+                section(
                     "joints",
                     "Loops and force–state maps",
-                    (show.pictures("figure-05", "figure-06", "figure-07"),),
                     "Loops and maps",
+                    show.pictures("figure-05", "figure-06", "figure-07"),
                 ),
-                Section(
+                section(
                     "pulse",
                     "The pulse on two beams with the joint between them",
-                    (
-                        show.curves("Virtual test and identified model over time"),
-                        show.pictures("figure-09", "figure-10", "figure-11", "amplitude-and-period"),
-                    ),
                     "Pulse",
+                    show.curves("Virtual test and identified model over time"),
+                    show.pictures("figure-09", "figure-10", "figure-11", "amplitude-and-period"),
                 ),
-                Section(
+                section(
                     "printed",
                     "What the paper's printed tables show",
-                    (show.paragraph(f"“!”: {_MARKS}"), show.table(printed)),
                     "Printed tables",
+                    show.paragraph(f"“!”: {_MARKS}"),
+                    show.table(printed),
                 ),
-                Section(
+                section(
                     "limits",
                     "What this shows, and what it cannot",
-                    (show.items(list(map(sentence, result.statements))),),
                     "What it shows",
+                    show.items(list(map(sentence, result.statements))),
                 ),
             ),
             {

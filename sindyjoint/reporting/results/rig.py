@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, fixed
-from sindyjoint.reporting.page import Blocks, Page, Section
+from sindyjoint.reporting.page import Blocks, Page, section
 from sindyjoint.reporting.style import (
     DASHES,
     MUTED,
@@ -181,14 +181,15 @@ class RigView(
                 show.pictures("deflection"),
             ),
             (
-                Section(
+                section(
                     "joints",
                     "What each joint did",
-                    (show.table(joints), show.pictures("heat", "locked")),
                     "Joints",
+                    show.table(joints),
+                    show.pictures("heat", "locked"),
                 ),
-                Section("modes", "Natural frequencies", (show.table(modes),), "Frequencies"),
-                Section("motion", "Motion", (show.pictures("angles"),), "Motion"),
+                section("modes", "Natural frequencies", "Frequencies", show.table(modes)),
+                section("motion", "Motion", "Motion", show.pictures("angles")),
             ),
         )
 

@@ -14,7 +14,7 @@ from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.equation import mathml, model_table
 from sindyjoint.reporting.figure import Axes, Kind, by_name, each, fixed
-from sindyjoint.reporting.page import Blocks, Page, Section, markup, sentence
+from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
 from sindyjoint.reporting.tables import Console, TextTable, print_table
 from sindyjoint.reporting.view import FINDING, View
@@ -183,27 +183,23 @@ class StructureJointsView(
             data.rig,
             laws,
             (
-                Section(
+                section(
                     "laws",
                     "Laws",
-                    (
-                        show.table(terms) if terms.rows else "",
-                        show.paragraph(_refined(result)),
-                        show.pictures("recovered"),
-                    ),
                     "Laws",
+                    show.table(terms) if terms.rows else "",
+                    show.paragraph(_refined(result)),
+                    show.pictures("recovered"),
                 ),
-                Section(
+                section(
                     "recovery",
                     "Recovery",
-                    (
-                        show.paragraph(how + _misfit(result)),
-                        show.table(joints),
-                        show.pictures("worth"),
-                        show.table(numbers) if numbers.rows else "",
-                        show.warnings(result.warnings),
-                    ),
                     "Recovery",
+                    show.paragraph(how + _misfit(result)),
+                    show.table(joints),
+                    show.pictures("worth"),
+                    show.table(numbers) if numbers.rows else "",
+                    show.warnings(result.warnings),
                 ),
             ),
         )

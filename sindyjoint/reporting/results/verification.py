@@ -24,7 +24,7 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
-from sindyjoint.reporting.page import Blocks, Page, Section, capital, markup, sentence
+from sindyjoint.reporting.page import Blocks, Page, capital, markup, section, sentence
 from sindyjoint.reporting.style import (
     INK,
     MUTED,
@@ -366,23 +366,21 @@ class VerificationView(
                 show.warnings(result.warnings),
             ),
             (
-                Section("runs", "Runs", (show.table(runs), show.items(failures)), "Runs"),
-                Section(
+                section("runs", "Runs", "Runs", show.table(runs), show.items(failures)),
+                section(
                     "response",
                     f"Simulated over {'the virtual test' if virtual else 'measured'}",
-                    (
-                        show.curves(f"{capital(seen)} and simulated response over time"),
-                        show.pictures("response", "cycles", "error"),
-                    ),
                     "Response",
+                    show.curves(f"{capital(seen)} and simulated response over time"),
+                    show.pictures("response", "cycles", "error"),
                 ),
-                Section(
+                section(
                     "decay",
                     "Amplitude, period and energy",
-                    (show.pictures("envelope", "period", "energy"),),
                     "Decay",
+                    show.pictures("envelope", "period", "energy"),
                 ),
-                Section("model", "The model", list(map(show.table, others)), "Model"),
+                section("model", "The model", "Model", *list(map(show.table, others))),
             ),
             {"loops": response_payload(result.runs, virtual)},
         )
