@@ -286,7 +286,11 @@ def batch_csv(result: Batch) -> str:
     """Return one line per campaign as CSV: numbers in full, SI."""
     records, scores = result.records, {s.coefficient: s.scores for s in result.population.scatters}
     labels = dict.fromkeys(key for record in records for key in record.joint.get("labels", {}))
-    series = {"": result.values, "_standard_error": result.errors, "_score": scores}
+    series: dict[str, Mapping[str, Any]] = {
+        "": result.values,
+        "_standard_error": result.errors,
+        "_score": scores,
+    }
 
     def joint(i: int, key: str) -> object:
         return records[i].joint.get(key)

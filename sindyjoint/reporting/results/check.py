@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
-from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
 from sindyjoint.reporting.equation import terms_csv
 from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, Provenance, provenance, section, sentence
@@ -98,7 +98,7 @@ class CheckData:
     """What the pictures of a check are drawn from."""
 
     joint: str
-    motion: str
+    motion: Motion
     verdict: str
     runs: tuple[CheckedRun, ...]
 
