@@ -13,7 +13,7 @@ from sympy.printing.mathml import MathMLPresentationPrinter
 
 from sindyjoint.equation.equation_text import numbered, renamed
 from sindyjoint.equation.formula import formula_pretty
-from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import DASH, TextTable, csv_text, terminal_table
 from sindyjoint.text import in_words_of, quantities, rounded, superscript
@@ -42,34 +42,27 @@ class _StatePrinter(MathMLPresentationPrinter):
         super().__init__()
         self._motion = motion
 
+    def _made(self, tag: str, *children: Any, **attributes: str) -> Any:
+        """Return an element of text and other elements."""
+        element = self.dom.createElement(tag)
+        for name, value in attributes.items():
+            element.setAttribute(name, value)
+        for child in children:
+            element.appendChild(self.dom.createTextNode(child) if isinstance(child, str) else child)
+        return element
+
     def _print_Symbol(self, sym: Any, style: str = "plain") -> Any:
         if sym.name not in _DOTS:
             return super()._print_Symbol(sym, style)
         dots, angle, displacement = _DOTS[sym.name]
-        letter = self.dom.createElement("mi")
-        letter.appendChild(self.dom.createTextNode(displacement if self._motion == "translation" else angle))
-        if not dots:
-            return letter
-        over = self.dom.createElement("mover")
-        over.setAttribute("accent", "true")
-        over.appendChild(letter)
-        accent = self.dom.createElement("mo")
-        accent.appendChild(self.dom.createTextNode(dots))
-        over.appendChild(accent)
-        return over
+        letter = self._made("mi", displacement if self._motion == "translation" else angle)
+        return self._made("mover", letter, self._made("mo", dots), accent="true") if dots else letter
 
     def _print_sign(self, expr: Any) -> Any:
-        row = self.dom.createElement("mrow")
-        for tag, text in (("mi", "sgn"), ("mo", "("), (None, ""), ("mo", ")")):
-            if tag is None:
-                row.appendChild(self._print(expr.args[0]))
-                continue
-            element = self.dom.createElement(tag)
-            element.appendChild(self.dom.createTextNode(text))
-            if tag == "mo":
-                element.setAttribute("stretchy", "false")
-            row.appendChild(element)
-        return row
+        brackets = [self._made("mo", text, stretchy="false") for text in "()"]
+        return self._made(
+            "mrow", self._made("mi", "sgn"), brackets[0], self._print(expr.args[0]), brackets[1]
+        )
 
     def _print_Mul(self, expr: Any) -> Any:
         # A decay stays a factor with a negative exponent: sympy would set it under the bar of a fraction.
@@ -77,26 +70,17 @@ class _StatePrinter(MathMLPresentationPrinter):
         if not decays:
             return super()._print_Mul(expr)
         others = expr.func(*[factor for factor in expr.args if factor.func is not sympy.exp])
-        row = self.dom.createElement("mrow")
-        for factor in ([] if others == 1 else [others]) + decays:
-            if row.hasChildNodes():
-                row.appendChild(self.dom.createElement("mo"))
-                row.lastChild.appendChild(self.dom.createTextNode("&InvisibleTimes;"))
-            row.appendChild(self._print(factor))
-        return row
+        factors = ([] if others == 1 else [others]) + decays
+        parts = [
+            part for factor in factors for part in (self._made("mo", "&InvisibleTimes;"), self._print(factor))
+        ]
+        return self._made("mrow", *parts[1:])
 
     def _print_exp(self, expr: Any) -> Any:
-        power = self.dom.createElement("msup")
-        letter = self.dom.createElement("mi")
-        letter.appendChild(self.dom.createTextNode("e"))
-        power.appendChild(letter)
-        power.appendChild(self._print(expr.args[0]))
-        return power
+        return self._made("msup", self._made("mi", "e"), self._print(expr.args[0]))
 
     def _print_Float(self, expr: Any) -> Any:
-        number = self.dom.createElement("mn")
-        number.appendChild(self.dom.createTextNode(f"{float(expr):.4g}"))
-        return number
+        return self._made("mn", f"{float(expr):.4g}")
 
 
 def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
@@ -108,7 +92,8 @@ def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
     """
     motion = model.joint.motion
     printer = _StatePrinter(motion)
-    parts = [_term(printer, term) for term in sorted(model.terms, key=lambda t: t.id != INERTIA)]
+    terms = sorted(model.terms, key=lambda t: t.id != INERTIA)
+    parts = [_product(printer, term.symbol, term.expression) for term in terms]
     if model.joint.inertia:
         letter, variable = ("m", "x") if motion == "translation" else ("I", "θ")
         second = f'<mover accent="true"><mi>{variable}</mi><mo>¨</mo></mover>'
@@ -122,22 +107,20 @@ def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
     load = "F" if motion == "translation" else "M"
     # Each summand is a separate row: a browser may break the line only between them.
     right = "<mo>+</mo>".join(f"<mrow>{part}</mrow>" for part in parts) or "<mn>0</mn>"
-    lines = [(f"<mi>{load}</mi>", right), *rates]
-    return "".join(f'<math display="block">{left}<mo>=</mo>{right}</math>' for left, right in lines)
+    return _lines([(f"<mi>{load}</mi>", right), *rates])
 
 
 def effect_mathml(effect: FittedEffect, motion: str) -> str:
     """Return the moment of an effect, and the rates of its internal states, as lines of ``<math>``."""
-    printer = _StatePrinter(motion)
-    variant = effect.variant
-    lines = [
-        (
-            _named_moment(in_words_of(motion, effect.effect.name), motion),
-            "<mo>+</mo>".join(_product(printer, c.symbol, c.expression) for c in variant.columns),
-        )
-    ]
-    lines += [_rate_mathml(printer, state.name, state.rate, state.limit) for state in variant.states]
-    return "".join(f'<math display="block">{left}<mo>=</mo>{right}</math>' for left, right in lines)
+    printer, variant = _StatePrinter(motion), effect.variant
+    name = _named_moment(in_words_of(motion, effect.effect.name), motion)
+    moment = "<mo>+</mo>".join(_product(printer, c.symbol, c.expression) for c in variant.columns)
+    rates = (_rate_mathml(printer, state.name, state.rate, state.limit) for state in variant.states)
+    return _lines([(name, moment), *rates])
+
+
+def _lines(equations: Sequence[tuple[str, str]]) -> str:
+    return "".join(f'<math display="block">{left}<mo>=</mo>{right}</math>' for left, right in equations)
 
 
 def _rate_mathml(printer: _StatePrinter, name: str, rate: Any, limit: Any) -> tuple[str, str]:
@@ -185,10 +168,6 @@ def split_symbol(symbol: str) -> tuple[str, str]:
     if not tail and len(head) > 1 and head[0].isalpha() and head[1:].isdigit():
         head, tail = head[0], head[1:]
     return GREEK.get(head, head), GREEK.get(tail, tail)
-
-
-def _term(printer: _StatePrinter, term: ModelTerm) -> str:
-    return _product(printer, term.symbol, term.expression)
 
 
 def _product(printer: _StatePrinter, name: str, expression: Any) -> str:
