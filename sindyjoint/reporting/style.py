@@ -28,7 +28,6 @@ DASHES = (
     (0, (2.5, 1)),
     (0, (7, 1, 1, 1, 1, 1)),
 )
-MARKERS = ("o", "s", "^", "D", "v", "P")
 INK, MUTED, RULE, ACCENT = "#1b1f24", "#5b6570", "#d5dae0", "#D55E00"
 # One shade per step, dark to light, ordered in grey too.
 SEQUENTIAL, DIVERGING = "cividis", "RdBu_r"
