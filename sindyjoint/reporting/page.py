@@ -7,7 +7,7 @@ import hashlib
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from html import escape
@@ -180,8 +180,9 @@ class Blocks:
     def __init__(self, kinds: Mapping[str, Kind], pictures: Mapping[str, bytes]):
         self._kinds, self._pictures = kinds, dict(pictures)
 
-    def __getattr__(self, name: str) -> Any:
-        return getattr(_environment().get_template("blocks.html.j2").module, name)
+    def __getattr__(self, name: str) -> Callable[..., str]:
+        macro: Callable[..., str] = getattr(_environment().get_template("blocks.html.j2").module, name)
+        return macro
 
     def pictures(self, *names: str) -> str:
         """Return the figures of these names, or all, that are drawn and do not yet stand on the page."""
@@ -198,13 +199,11 @@ class Blocks:
 
     def _figure(self, id: str, name: str, svg: bytes, caption: str = "") -> str:
         kind = self._kinds[name]
-        made: str = self.picture(markup(inline_svg(svg, id, kind.title)), id, caption or kind.caption)
-        return made
+        return self.picture(markup(inline_svg(svg, id, kind.title)), id, caption or kind.caption)
 
     def warnings(self, texts: Sequence[str]) -> str:
         """Return sentences to be aware of."""
-        made: str = self.items(list(map(sentence, texts)), "To be aware of", "warnings")
-        return made
+        return self.items(list(map(sentence, texts)), "To be aware of", "warnings")
 
 
 def sentence(text: str) -> str:
