@@ -113,10 +113,9 @@ def tabulate(
     return TextTable(name, title, tuple(columns), rows, **more)
 
 
-def csv_table(items: Iterable[Any], columns: Mapping[str, Callable[[Any], object]]) -> str:
-    """Return CSV text with a row for each item; numbers in full, nothing where none is known."""
-    rows = [[_in_full(cell(item)) for cell in columns.values()] for item in items]
-    return csv_text(list(columns), rows)
+def csv_records(rows: Sequence[Mapping[str, object]]) -> str:
+    """Return records of the same entries as CSV text; numbers in full, nothing where none is known."""
+    return csv_text(list(rows[0]), [[_in_full(value) for value in row.values()] for row in rows])
 
 
 def _in_full(value: object) -> object:

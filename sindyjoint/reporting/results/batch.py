@@ -32,7 +32,7 @@ from sindyjoint.reporting.tables import (
     DASH,
     TextTable,
     aligned,
-    csv_table,
+    csv_records,
     fitting_blocks,
     print_table,
     tabulate,
@@ -284,43 +284,33 @@ class BatchView(
 
 def batch_csv(result: Batch) -> str:
     """Return one line per campaign as CSV: numbers in full, SI."""
-    records, scores = result.records, {s.coefficient: s.scores for s in result.population.scatters}
-    labels = dict.fromkeys(key for record in records for key in record.joint.get("labels", {}))
+    scores = {s.coefficient: s.scores for s in result.population.scatters}
     series: dict[str, Mapping[str, Any]] = {
         "": result.values,
         "_standard_error": result.errors,
         "_score": scores,
     }
-
-    def joint(i: int, key: str) -> object:
-        return records[i].joint.get(key)
-
-    def label(i: int, key: str) -> object:
-        return records[i].joint.get("labels", {}).get(key)
-
-    def fit(i: int, key: str) -> object:
-        return _fit(records[i]).get(key)
-
-    def number(i: int, term: str, of: str) -> float:
-        return float(series[of][term][i])
-
-    columns: dict[str, Callable[[int], object]] = {
-        "campaign": lambda i: records[i].id,
-        "manifest": lambda i: records[i].manifest,
-        "status": lambda i: records[i].status,
-        "joint": partial(joint, key="name"),
-        "motion": partial(joint, key="motion"),
-        "serial": partial(joint, key="serial"),
-        "temperature_K": partial(joint, key="temperature"),
-        **{name: partial(label, key=name) for name in labels},
-        "terms": lambda i: " ".join(records[i].terms),
-        "paper_term_set": lambda i: (records[i].result or {}).get("paper_term_set", {}).get("verdict", ""),
-        **{key: partial(fit, key=key) for key in ("moment_rms", "residual_rms", "noise_floor")},
-        **{term + of: partial(number, term=term, of=of) for term in result.common for of in series},
-        "stands_out": lambda i: "; ".join(d.text for d in result.differences if d.id == records[i].id),
-        "reason": lambda i: records[i].reason,
-    }
-    return csv_table(range(len(records)), columns)
+    labels = dict.fromkeys(key for record in result.records for key in record.joint.get("labels", {}))
+    rows = [
+        {
+            "campaign": record.id,
+            "manifest": record.manifest,
+            "status": record.status,
+            "joint": record.joint.get("name"),
+            "motion": record.joint.get("motion"),
+            "serial": record.joint.get("serial"),
+            "temperature_K": record.joint.get("temperature"),
+            **{label: record.joint.get("labels", {}).get(label) for label in labels},
+            "terms": " ".join(record.terms),
+            "paper_term_set": (record.result or {}).get("paper_term_set", {}).get("verdict", ""),
+            **{key: _fit(record).get(key) for key in ("moment_rms", "residual_rms", "noise_floor")},
+            **{term + of: float(series[of][term][i]) for term in result.common for of in series},
+            "stands_out": "; ".join(d.text for d in result.differences if d.id == record.id),
+            "reason": record.reason,
+        }
+        for i, record in enumerate(result.records)
+    ]
+    return csv_records(rows)
 
 
 def _fit(record: CampaignRecord) -> dict[str, Any]:
