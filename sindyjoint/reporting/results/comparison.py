@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from sindyjoint.reporting.tables import (
     Console,
     TextTable,
     aligned,
-    csv_text,
+    csv_records,
     print_table,
     short_number,
     tabulate,
@@ -88,9 +89,6 @@ KINDS = by_name(
 )
 
 
-# Of the CSV file, and of a data frame.
-LONG_COLUMNS = ("kind", "name", "term", "chosen", "coefficient", "standard_error", "interval95_low",
-                "interval95_high", "unit")  # fmt: skip
 CORRECTED = (
     "These are the values of the model: the bias that processing leaves in a coefficient is taken out of them, and of "
     "the test for frequency dependence below. The tables above hold each value as it was fitted, so that methods "
@@ -177,14 +175,37 @@ class ComparisonView(
 
     def records(self, result: Comparison) -> list[dict[str, Any]]:
         """Return every choice, term by term, numbers in SI units."""
-        return [dict(zip(LONG_COLUMNS, row, strict=True)) for row in _long_rows(result, float("nan"))]
+        groups = {
+            "method": result.methods,
+            result.parts: result.frequencies,
+            "library": result.libraries,
+            "model": (result.model,),
+        }
+        missing = float("nan")
+        none = SimpleNamespace(coefficient=missing, standard_error=missing, interval95=(missing, missing))
+        return [
+            {
+                "kind": kind,
+                "name": choice.name,
+                "term": term,
+                "chosen": int(choice[term] is not None),
+                "coefficient": (held := choice[term] or none).coefficient,
+                "standard_error": held.standard_error,
+                "interval95_low": held.interval95[0],
+                "interval95_high": held.interval95[1],
+                "unit": result.units.get(term, ""),
+            }
+            for kind, choices in groups.items()
+            for choice in choices
+            for term in result.shown_ids
+        ]
 
     def files(self, result: Comparison, data: Comparison) -> dict[str, str]:
         """Return the tables as CSV, Markdown and LaTeX."""
         tables = self.tables(result)
         latex = "\n".join(table.latex() for table in tables)
         return {
-            "comparison.csv": csv_text(LONG_COLUMNS, _long_rows(result, "")),
+            "comparison.csv": csv_records(self.records(result)),
             "comparison.md": _markdown(result, tables, self.warnings(result)),
             "comparison.tex": f"% needs \\usepackage{{booktabs}}\n{latex}",
         }
@@ -355,24 +376,6 @@ def _folds(result: Comparison) -> TextTable:
         ("left out", f"error of its {quantities(result.motion).moment.lower()}", "terms found"),
         tuple(rows),
     )
-
-
-def _long_rows(result: Comparison, missing: Any) -> list[tuple[Any, ...]]:
-    """Return every choice, term by term; ``missing`` stands for the numbers of a term that was not chosen."""
-    groups = {
-        "method": result.methods,
-        result.parts: result.frequencies,
-        "library": result.libraries,
-        "model": (result.model,),
-    }
-    rows: list[tuple[Any, ...]] = []
-    for kind, choices in groups.items():
-        for choice in choices:
-            for term in result.shown_ids:
-                held, unit = choice[term], result.units.get(term, "")
-                values = (held.coefficient, held.standard_error, *held.interval95) if held else (missing,) * 4
-                rows.append((kind, choice.name, term, int(held is not None), *values, unit))
-    return rows
 
 
 def _markdown(result: Comparison, tables: Sequence[TextTable], warnings: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.discovery import state_lines
 from sindyjoint.reporting.results.verification import amplitude, period, response_payload, thinned
 from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, pretty_unit
-from sindyjoint.reporting.tables import TextTable, csv_text, milliseconds, terminal, terminal_table
+from sindyjoint.reporting.tables import TextTable, csv_records, milliseconds, terminal, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import RunVerification
 from sindyjoint.states import ForceStates
@@ -437,14 +437,24 @@ def page_text(result: Reproduction, captions: Mapping[str, str]) -> str:
 
 def tables_csv(result: Reproduction) -> str:
     """Return Tables 1 and 2, identified and printed, as CSV."""
-    columns = ("table", "joint", "frequency_hz", "term", "symbol", "unit")
-    rows = [
-        (joint.table.number, joint.table.joint, f, term, symbol, unit, *map(repr, map(float, numbers)))
-        for joint in result.joints
-        for f, *values in zip(FREQUENCIES, joint.rows, joint.errors, joint.table.rows, strict=True)
-        for term, symbol, unit, *numbers in zip(TERMS, SYMBOLS, UNITS, *values, strict=True)
-    ]
-    return csv_text((*columns, "identified", "standard_error", "paper"), rows)
+    return csv_records(
+        [
+            {
+                "table": joint.table.number,
+                "joint": joint.table.joint,
+                "frequency_hz": f,
+                "term": term,
+                "symbol": symbol,
+                "unit": unit,
+                "identified": ours,
+                "standard_error": error,
+                "paper": theirs,
+            }
+            for joint in result.joints
+            for f, *values in zip(FREQUENCIES, joint.rows, joint.errors, joint.table.rows, strict=True)
+            for term, symbol, unit, ours, error, theirs in zip(TERMS, SYMBOLS, UNITS, *values, strict=True)
+        ]
+    )
 
 
 def show_checks(checks: Sequence[TableCheck], findings: Sequence[str]) -> None:
