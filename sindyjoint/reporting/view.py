@@ -190,14 +190,16 @@ class View(Generic[R, D]):
         """Return what the page says; ``folder`` is where it will stand, for links to what lies there."""
         raise NotImplementedError
 
-    def hero(self, show: Blocks, data: Any, name: str, panel: int = 0, caption: str = "") -> str:
-        """Return one panel of a figure for the first screen."""
+    def hero(
+        self, show: Blocks, data: Any, name: str, panel: int = 0, caption: str = "", again: bool = False
+    ) -> str:
+        """Return one panel of a figure for the first screen; of a figure's only one, whether it stands below again."""
         kind = self.figures(data)[name]
         panels = kind.panels(data)
         if not panels:
             return ""
         drawn = figure_bytes(self.draw(kind, [panels[panel]], data, SINGLE_COLUMN), "svg")
-        return show.hero(name, drawn, caption, len(panels) == 1)
+        return show.hero(name, drawn, caption, whole=len(panels) == 1 and not again)
 
     def origin(self, result: R, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return where a result came from."""

@@ -316,7 +316,8 @@ class CheckView(
         named = [f.run for f in _check_of(result).soundness.findings if f.run is not None]
         names = [run.run for run in data.runs]
         figure, panel = divmod(names.index(named[0]) if named and named[0] in names else 0, RUNS_PER_FIGURE)
-        return self.hero(show, data, list(self.figures(data))[figure], panel)
+        # Small here, below at the size at which a finding is seen.
+        return self.hero(show, data, list(self.figures(data))[figure], panel, again=True)
 
     def origin(self, result: Any, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the origin of the campaign's runs, too."""
