@@ -74,8 +74,8 @@ def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
     """Check what was written, and draw all runs beside it."""
     from sindyjoint.checksums import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
-    from sindyjoint.reporting.figures.check import TOGETHER
     from sindyjoint.reporting.registry import draw
+    from sindyjoint.reporting.results.check import TOGETHER
     from sindyjoint.reporting.style import figure_bytes
     from sindyjoint.workflows.check import check
 

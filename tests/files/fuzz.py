@@ -139,7 +139,7 @@ def read_record(path: Path) -> None:
 
 def read_saved(path: Path) -> None:
     from sindyjoint.reporting import draw, drawable, load_results
-    from sindyjoint.reporting.saved import drawing
+    from sindyjoint.reporting.registry import drawing
 
     data = load_results(path.parent.parent)
     with drawing(path.parent.parent):

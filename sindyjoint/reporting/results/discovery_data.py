@@ -9,24 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.evidence import fit_columns
+from sindyjoint.bias.correction import Bias
+from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.equation.model import JointModel
+from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.numeric import Array
+from sindyjoint.states import ForceStates
 from sindyjoint.states.surface import ForceStateMap, force_state_map, map_of_states
 from sindyjoint.trust import Trust
-
-if TYPE_CHECKING:
-    from sindyjoint.bias.correction import Bias
-    from sindyjoint.discovery.evidence import Evidence
-    from sindyjoint.judgement.discovery import Discovery
-    from sindyjoint.states import ForceStates
-
 
 MAP_CELLS = 24
 SHEET_NODES = 17
