@@ -9,9 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from sindyjoint.checksums import hash_file
 from sindyjoint.described import Described, same
-from sindyjoint.documents import parse_json, read_regular
+from sindyjoint.documents import hash_file, list_changes, parse_json, read_regular
 from sindyjoint.equation.catalogue import Catalogue, as_catalogue
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.manifest import read_manifest
@@ -163,12 +162,7 @@ def is_valid(record: CampaignRecord, folder: Path, inputs: str) -> bool:
 
 def changed_outputs(record: CampaignRecord, folder: Path) -> list[str]:
     """Return which files of a result are missing or changed, a sentence each."""
-    states = {name: hash_file(folder / name) for name in (*REQUIRED, *record.outputs)}
-    return [
-        f"{name} is missing" if state == "missing" else f"{name} was changed"
-        for name, state in sorted(states.items())
-        if state == "missing" or state != record.outputs.get(name)
-    ]
+    return sorted(list_changes(folder, dict.fromkeys(REQUIRED, "") | record.outputs))
 
 
 def broken(id: str, manifest: str, error: BaseException | str, inputs: str = "") -> CampaignRecord:

@@ -72,7 +72,7 @@ def init(
 
 def _check(manifest: Path, force: bool) -> tuple[Check, Path]:
     """Check what was written, and draw all runs beside it."""
-    from sindyjoint.checksums import refuse_foreign_file
+    from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
     from sindyjoint.reporting.figures.check import TOGETHER
     from sindyjoint.reporting.registry import draw

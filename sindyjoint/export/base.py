@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.checksums import refuse_foreign_file
 from sindyjoint.described import Described, Maybe, same
+from sindyjoint.documents import refuse_foreign_file
 from sindyjoint.equation.element import states_along
 from sindyjoint.equation.formula import compile_terms, variable_symbols
 from sindyjoint.errors import InputError

@@ -17,9 +17,8 @@ from sindyjoint.files.drafting.excitation import find_frequency, name_levels
 from sindyjoint.files.drafting.roles import role_of
 from sindyjoint.files.drafting.survey import DataFile
 from sindyjoint.files.inputs import inputs_of_runs
-from sindyjoint.files.stated_units import unit_in_name
 from sindyjoint.files.timeaxis import check_order, uniform_rate
-from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
 from sindyjoint.measured import measured_run, travelled_run
 from sindyjoint.numeric import Array
 from sindyjoint.options import refuse_unknown

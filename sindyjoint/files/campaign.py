@@ -10,12 +10,11 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.files.blocks import open_blocks
 from sindyjoint.files.channels import INPUT, KEYS, RunReader, check_keys
 from sindyjoint.files.declared import declared_gains, declared_noise
 from sindyjoint.files.inputs import DeclaredInputs
 from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
-from sindyjoint.files.readers import read_table, sha256_of
+from sindyjoint.files.readers import open_blocks, read_table, sha256_of
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.spectrum import check_frequency
 from sindyjoint.files.units import parse_quantity
@@ -216,7 +215,8 @@ class _RunLoader:
             return opened, channels, sha256
         for key, channel in apart.items():
             other, its_hash = read_table(self.file.parent / channel.file)
-            opened, name = opened.with_column(other, channel.column, f"{channel.file}: {channel.column}")
+            name = f"{channel.file}: {channel.column}"
+            opened = opened.with_column(other, channel.column, name)
             channels = channels.model_copy(update={key: channel.model_copy(update={"column": name})})
             sha256 = hashlib.sha256(f"{sha256}{its_hash}".encode()).hexdigest()
         return opened, channels, sha256

@@ -13,8 +13,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
-from sindyjoint.checksums import check_finished
-from sindyjoint.documents import read_toml
+from sindyjoint.documents import check_finished, read_toml
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.files.complaints import first_complaint
 

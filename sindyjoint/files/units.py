@@ -1,4 +1,4 @@
-"""Units at the door: everything past ``files/`` is SI.
+"""Units at the door: everything past ``files/`` is SI; which a file states, and what one is in another.
 
 pint knows the units; it counts the radian as no dimension at all, so the comparison here is made on its
 *root* units, where ``rad`` is kept: ``N*m`` and ``N*m/rad`` then differ.
@@ -76,6 +76,20 @@ _EXPONENT = r"(?:\*\*|\^)\s*\(?\s*[+-]?\d{1,2}(?:\.\d{1,3})?\s*\)?"
 _GRAVITY = re.compile(r"(?<![\w.])g(?!\w)")
 ACCELERATIONS = ("rad/s**2", "m/s**2")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*(.*?)\s*", re.DOTALL)
+
+# Units in the names of columns: ``force [kN]``, ``angle (mrad)``, ``angle_mrad``.
+_BRACKETS = re.compile(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$")
+_ENDING = re.compile(r"^(?P<base>.*?)(?:\s*/\s*|_|\s+)(?P<unit>[^\W\d_][\w*·^]*|°|µ\w+)$")
+# What an ending must be to count as a unit; single letters only after a word.
+KNOWN = {
+    "rad", "mrad", "urad", "µrad", "deg", "°", "Nm", "mNm", "Nmm", "kNm", "kN", "mN", "kip", "lbf", "mm", "um", "µm",
+    "cm", "nm", "in", "inch", "ms", "us", "µs", "mV", "kHz", "Hz",
+}  # fmt: skip
+LETTERS = {"N", "V", "m", "s"}
+OTHERS = {
+    "g", "kg", "C", "degC", "K", "A", "mA", "Pa", "MPa", "bar", "min", "h", "sec", "Sec", "volt", "Volt", "V",
+}  # fmt: skip
+SPELLINGS = {"Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "mNm": "mN*m", "°": "deg", "·": "*"}
 
 
 @lru_cache(maxsize=1)
@@ -291,3 +305,43 @@ def _parse_unit(unit: str, where: str) -> pint.Unit:
     if parsed is None:
         raise UnitError(f"{where}: unit {unit!r} is unknown; write it as 'N*m', 'mrad', 'kg*m^2', 'um/m' ...")
     return parsed
+
+
+def unit_in_name(name: str) -> tuple[str, bool] | None:
+    """Return the unit in the name of a column, and whether its ending alone states it; None where there is none.
+
+    Examples
+    --------
+    >>> unit_in_name("Force [kN]"), unit_in_name("angle_mrad"), unit_in_name("angle_rad_from_upright")
+    (('kN', False), ('mrad', True), None)
+    """
+    bracketed = _BRACKETS.search(name)
+    if bracketed:
+        return _spelled(bracketed[1]), False
+    ending = _ENDING.match(name.strip())
+    if ending is None:
+        return None
+    base, unit = ending["base"], ending["unit"]
+    if unit in KNOWN or (unit in LETTERS and len(base) > 3 and base.isalpha()):
+        return _spelled(unit), True
+    return None
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a field below a header is a unit: in brackets, or one that laboratories write.
+
+    Examples
+    --------
+    >>> is_unit("[s]"), is_unit("kN"), is_unit("m/s^2"), is_unit("force"), is_unit("-")
+    (True, True, True, False, True)
+    """
+    text = text.strip()
+    bare = text.strip("[](){}").strip()
+    if text != bare or bare in ("-", "1", "%"):
+        return True
+    parts = re.split(r"[*·/^ ]+\d*", bare)
+    return all(part in KNOWN | LETTERS | OTHERS or part.isdigit() or not part for part in parts)
+
+
+def _spelled(unit: str) -> str:
+    return SPELLINGS.get(unit, unit.replace("·", "*"))

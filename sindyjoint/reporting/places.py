@@ -7,7 +7,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from sindyjoint.checksums import kind_of_results, read_checked
+from sindyjoint.documents import kind_of_results, read_checked
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.reporting.registry import FOLDERS

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sindyjoint.checksums import hash_file
-from sindyjoint.documents import read_toml
+from sindyjoint.documents import hash_file, read_toml
 from sindyjoint.record import Campaign
 from sindyjoint.versions import versions
 

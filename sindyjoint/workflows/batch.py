@@ -25,9 +25,9 @@ from sindyjoint.batch.record import (
 )
 from sindyjoint.batch.summary import Batch, summarised
 from sindyjoint.batch.tasks import CAMPAIGNS, Task, Writer, extras_of, find_tasks
-from sindyjoint.checksums import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.evidence_file import evidence_bytes
+from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.errors import InputError, OutputError, SindyJointError
 from sindyjoint.files.atomic import (

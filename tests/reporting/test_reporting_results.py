@@ -11,7 +11,7 @@ from handmade_results import comparison, diagnosis, structure, verification
 from test_reporting_figures import laid_out
 from test_reporting_page import read
 
-from sindyjoint.checksums import changed_files
+from sindyjoint.documents import changed_files
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.record import Campaign, Run

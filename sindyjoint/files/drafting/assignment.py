@@ -12,8 +12,7 @@ from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.bundles import MOTIONS, Bundle, Column, is_clock
 from sindyjoint.files.drafting.dialogue import Dialogue
 from sindyjoint.files.drafting.excitation import decays
-from sindyjoint.files.stated_units import KNOWN
-from sindyjoint.files.units import conversion, parse_quantity, unit_ratio
+from sindyjoint.files.units import KNOWN, conversion, parse_quantity, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 
-from sindyjoint.files.stated_units import unit_in_name
-from sindyjoint.files.units import unit_ratio
+from sindyjoint.files.units import unit_in_name, unit_ratio
 
 # What a unit can only be the unit of, by SI unit.
 BY_UNIT = {

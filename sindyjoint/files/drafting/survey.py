@@ -7,9 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
-from sindyjoint.files.blocks import open_blocks
 from sindyjoint.files.manifest import natural_order
-from sindyjoint.files.readers import READERS, read_table
+from sindyjoint.files.readers import READERS, open_blocks, read_table
 from sindyjoint.files.readers.table import Table
 from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES

@@ -1,7 +1,7 @@
 """One small reader per file format, chosen by the file's ending.
 
 Each returns a :class:`~sindyjoint.files.readers.table.Table` of named columns, or says in one sentence what
-is wrong with the file. A new format is one small module and one line in ``READERS``.
+is wrong with the file. A new format is one function and one line in ``READERS``.
 """
 
 from __future__ import annotations
@@ -10,39 +10,39 @@ import difflib
 import hashlib
 import os
 from contextlib import suppress
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from sindyjoint.documents import check_regular, read_regular
 from sindyjoint.errors import InputError, MissingInputError
-from sindyjoint.files.limits import check_bytes
-from sindyjoint.files.readers.table import Table
+from sindyjoint.files.readers.table import Table, check_bytes
 
-# ending -> module, function; the modules import their libraries when a file of that kind is met.
-READERS = {
-    ".csv": ("text", "read_text"),
-    ".tsv": ("text", "read_text"),
-    ".txt": ("text", "read_text"),
-    ".dat": ("text", "read_text"),
-    ".asc": ("text", "read_text"),
-    ".lvm": ("lvm", "read_lvm"),
-    ".xlsx": ("excel", "read_xlsx"),
-    ".json": ("json_columns", "read_json"),
-    ".parquet": ("arrow", "read_parquet"),
-    ".feather": ("arrow", "read_feather"),
-    ".mat": ("mat", "read_mat"),
-    ".h5": ("hdf5", "read_hdf5"),
-    ".hdf5": ("hdf5", "read_hdf5"),
+# ending -> module, function, whether a file can be read a segment of rows at a time, and whether lines may stand above
+# its table. The modules import their libraries when a file of that kind is met. Of NPZ, MATLAB v5 and universal files
+# the libraries load all or nothing.
+_TEXT, _HDF5, _UNIVERSAL = (
+    ("text", "read_text", True, True),
+    ("hdf5", "read_hdf5", True),
+    ("recorders", "read_uff"),
+)
+READERS: dict[str, tuple[Any, ...]] = {
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), _TEXT),
+    ".lvm": ("recorders", "read_lvm"),
+    ".xlsx": ("sheets", "read_xlsx", False, True),
+    ".json": ("sheets", "read_json"),
+    ".parquet": ("arrow", "read_parquet", True),
+    ".feather": ("arrow", "read_feather", True),
+    ".mat": ("mat", "read_mat", True),
+    ".h5": _HDF5,
+    ".hdf5": _HDF5,
     ".npz": ("npz", "read_npz"),
-    ".npy": ("npz", "read_npy"),
-    ".uff": ("uff", "read_uff"),
-    ".unv": ("uff", "read_uff"),
-    ".tdms": ("tdms", "read_tdms"),
+    ".npy": ("npz", "read_npy", True),
+    ".uff": _UNIVERSAL,
+    ".unv": _UNIVERSAL,
+    ".tdms": ("recorders", "read_tdms", True),
 }
-
-
-# Readers of files that may have lines above their table.
-WITH_PREAMBLE = ("read_text", "read_xlsx")
 
 
 def read_table(path: str | Path, skip: int | None = None) -> tuple[Table, str]:
@@ -75,11 +75,11 @@ def read_table(path: str | Path, skip: int | None = None) -> tuple[Table, str]:
     if os.path.isdir(file):
         raise InputError(f"{file}: is a folder; expected a data file")
     if not os.path.exists(file):
-        near = difflib.get_close_matches(file.name, _neighbours(file), n=1)
+        there = os.listdir(file.parent) if os.path.isdir(file.parent) else []
+        near = difflib.get_close_matches(file.name, there, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise MissingInputError(f"{file}: there is no such file{hint}")
-    kind = READERS.get(file.suffix.lower())
-    if kind is None:
+    if file.suffix.lower() not in READERS:
         known = ", ".join(ending.removeprefix(".") for ending in READERS)
         raise InputError(f"{file}: ending {file.suffix!r} is unknown; expected one of {known}")
     with suppress(OSError):
@@ -87,17 +87,45 @@ def read_table(path: str | Path, skip: int | None = None) -> tuple[Table, str]:
     data = read_regular(file)
     if not data:
         raise InputError(f"{file}: is empty")
-    module = import_module(f"{__name__}.{kind[0]}")
-    options = {} if skip is None else {"skip": skip}
-    if options and kind[1] not in WITH_PREAMBLE:
+    if skip is not None and not READERS[file.suffix.lower()][3:]:
         raise InputError(f"{file}: skip = {skip} was given; only text tables and sheets have lines to skip")
-    table: Table = getattr(module, kind[1])(file, data, **options)
-    return table, hashlib.sha256(data).hexdigest()
+    return _read(file, data, skip), hashlib.sha256(data).hexdigest()
 
 
-def _neighbours(file: Path) -> list[str]:
-    """Return the names of the files in the folder of a missing one."""
-    return os.listdir(file.parent) if os.path.isdir(file.parent) else []
+def open_blocks(path: str | Path, skip: int | None = None) -> Table | None:
+    """Open a file that may be larger than memory, to be read in segments of rows; None for a format that cannot be.
+
+    Of a text table, ``skip`` lines stand above the header; without it they are found.
+
+    A file that has not changed stays open: the line offsets of a text are then indexed once per process.
+
+    Raises
+    ------
+    InputError
+        For a file that is not what its ending says.
+    MissingExtraError
+        When the library for this format is not installed.
+    """
+    file = Path(path)
+    try:
+        check_regular(file)
+        found = file.stat()
+        return _open(file, (found.st_mtime_ns, found.st_size), skip)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read ({error.strerror or error})") from error
+
+
+@lru_cache(maxsize=4)
+def _open(file: Path, state: tuple[int, int], skip: int | None) -> Table | None:
+    cut = READERS.get(file.suffix.lower(), ())[2:]
+    return _read(file, None, skip if cut[1:] else None) if any(cut[:1]) else None
+
+
+def _read(file: Path, data: bytes | None, skip: int | None) -> Any:
+    """Call the reader of a file, of all its bytes or, without them, of the parts that are asked for."""
+    module, function, *_ = READERS[file.suffix.lower()]
+    options = {} if skip is None else {"skip": skip}
+    return getattr(import_module(f"{__name__}.{module}"), function)(file, data, **options)
 
 
 def sha256_of(path: Path) -> str:
