@@ -23,7 +23,6 @@ BASE = {
     "described",
     "shown",
     "trust",
-    "options",
     "accelerometer",
     "measured",
 }
@@ -38,7 +37,6 @@ ALLOWED = {
     "hooks": set(),
     "described": set(),
     "shown": {"described", "hooks"},  # what shows results is supplied at the package's root
-    "options": {"errors"},
     "policy": set(),
     "numeric": set(),
     "source": {"errors"},

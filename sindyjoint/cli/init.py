@@ -12,7 +12,7 @@ import typer
 from sindyjoint.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from sindyjoint.files.drafting.dialogue import Question
+    from sindyjoint.files.drafting.assignment import Question
     from sindyjoint.soundness.check import Check
 
 SHOWN = 8  # findings
@@ -41,9 +41,9 @@ def init(
 
     Example: sindyjoint init virtual --force
     """
+    from sindyjoint.described import to_plain
     from sindyjoint.errors import InputError
     from sindyjoint.files.drafting.init import init as run
-    from sindyjoint.soundness.check import summarize
 
     given = {}
     for answer in answers or []:
@@ -57,7 +57,7 @@ def init(
         typer.echo(str(made))
     checked, picture = _check(made.manifest, force)
     if as_json:
-        record = made.to_dict() | {"check": summarize(checked.soundness), "picture": str(picture)}
+        record = made.to_dict() | {"check": to_plain(checked.soundness), "picture": str(picture)}
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
         return
     soundness = checked.soundness

@@ -10,19 +10,25 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.files.channels import INPUT, KEYS, RunReader, check_keys
-from sindyjoint.files.declared import declared_gains, declared_noise
+from sindyjoint.files.channels import (
+    CHANNEL_KEYS,
+    INPUT,
+    KEYS,
+    RunReader,
+    check_keys,
+    declared_gains,
+    declared_noise,
+)
 from sindyjoint.files.inputs import DeclaredInputs
 from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
 from sindyjoint.files.readers import open_blocks, read_table, sha256_of
 from sindyjoint.files.readers.table import Table
-from sindyjoint.files.spectrum import check_frequency
+from sindyjoint.files.timeaxis import check_frequency
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.measured import measured_run, travelled_run
 from sindyjoint.record import Campaign, Joint, Motion, Run
 from sindyjoint.source import LongRecord, Source
 
-CHANNEL_KEYS = tuple(key for keys in KEYS.values() for name, (key, _) in keys.items() if name != "inertia")
 # Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
 # than the columns of all harmonics may take of memory; of any other motion, which has no such columns, more.
 SEGMENT, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
@@ -162,7 +168,12 @@ class _RunLoader:
         whole = self._cut_long_run(path, index, channels, frequency) if first else None
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
-        opened, sha256 = self._open(path, channels, rows)
+        blocks = None if rows is None else open_blocks(path, channels.skip)
+        if blocks is None or rows is None:
+            opened, sha256 = read_table(path, channels.skip)
+        else:
+            # A hash where the first rows are among them.
+            opened, sha256 = blocks.table(*rows), "" if rows[0] else sha256_of(path)
         opened, channels, sha256 = self._join_files(opened, channels, sha256)
         self.simulated |= opened.simulated
         reader = RunReader(
@@ -199,40 +210,29 @@ class _RunLoader:
             check_frequency(run.angle, moment, rate, run.frequency, str(path), self.motion)
         return run
 
-    def _open(self, path: Path, channels: Channels, rows: tuple[int, int] | None) -> tuple[Table, str]:
-        """Return all or some rows of a file; its hash where the first are among them."""
-        if rows is None:
-            return read_table(path, channels.skip)
-        blocks = open_blocks(path, channels.skip)
-        assert blocks is not None
-        return blocks.table(*rows), "" if rows[0] else sha256_of(path)
-
     def _join_files(self, opened: Table, channels: Channels, sha256: str) -> tuple[Table, Channels, str]:
         """Return the columns of all files of one run as one table, its channels, and a hash of all bytes."""
-        apart = {key: getattr(channels, key) for key in CHANNEL_KEYS}
-        apart = {key: channel for key, channel in apart.items() if channel is not None and channel.file}
-        if not apart:
-            return opened, channels, sha256
-        for key, channel in apart.items():
-            other, its_hash = read_table(self.file.parent / channel.file)
-            name = f"{channel.file}: {channel.column}"
-            opened = opened.with_column(other, channel.column, name)
-            channels = channels.model_copy(update={key: channel.model_copy(update={"column": name})})
-            sha256 = hashlib.sha256(f"{sha256}{its_hash}".encode()).hexdigest()
+        for key in CHANNEL_KEYS:
+            channel = getattr(channels, key)
+            if channel is not None and channel.file:
+                other, its_hash = read_table(self.file.parent / channel.file)
+                name = f"{channel.file}: {channel.column}"
+                opened = opened.with_column(other, channel.column, name)
+                channels = channels.model_copy(update={key: channel.model_copy(update={"column": name})})
+                sha256 = hashlib.sha256(f"{sha256}{its_hash}".encode()).hexdigest()
         return opened, channels, sha256
 
     def _cut_long_run(
         self, path: Path, index: int, channels: Channels, frequency: float | None
     ) -> LongRecord | None:
         """Return how a file is cut that is too long to be read at once; None for one that is not."""
-        # A row is eight letters at least: most files need not be opened to know.
-        if self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest:
-            return None
-        if channels.time == "none":
-            return None
         # Channels of several files have to lie side by side in memory.
         apart = any(getattr(getattr(channels, key), "file", None) for key in CHANNEL_KEYS)
-        blocks = None if apart else open_blocks(path, channels.skip)
+        # A row is eight letters at least: most files need not be opened to know.
+        short = self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest
+        if self.longest is None or short or apart or channels.time == "none":
+            return None
+        blocks = open_blocks(path, channels.skip)
         if blocks is None or blocks.rows <= self.longest:
             return None
         head = RunReader(

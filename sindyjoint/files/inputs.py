@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -23,13 +24,9 @@ def value_in(each: Input, given: str | float, where: str) -> float:
     UnitError
         For a unit of another kind, or text that is no quantity.
     """
-    if not isinstance(given, str):
+    with suppress(ValueError):
         return each.zero + each.factor * float(given)
-    try:
-        return each.zero + each.factor * float(given)
-    except ValueError:
-        pass
-    number, unit = split_quantity(given, where, each.shown_unit)
+    number, unit = split_quantity(str(given), where, each.shown_unit)
     si, factor, zero = input_unit(unit, where)
     if si != each.unit:
         raise UnitError(
@@ -57,8 +54,11 @@ class DeclaredInputs:
                     f"{file}: [[run]] {number} inputs: {unknown[0]!r} is not declared; add it to [inputs] (declared "
                     f"there: {', '.join(self.tables) or 'none'})"
                 )
-        first = {name: _first_value(name, table, manifest.run) for name, table in self.tables.items()}
-        self.inputs = {name: self._declared(name, table, first[name]) for name, table in self.tables.items()}
+        self.inputs: dict[str, Input] = {}
+        for name, table in self.tables.items():
+            values = [table.constant, *(run.inputs.get(name) for run in manifest.run), table.reference]
+            first = next((value for value in values if value is not None), None)
+            self.inputs[name] = self._declared(name, table, first)
 
     def _declared(self, name: str, table: InputTable, value: Any) -> Input:
         where = f"{self.file}: [inputs] {name}"
@@ -67,17 +67,8 @@ class DeclaredInputs:
             unit = (
                 value.split(maxsplit=1)[1] if " " in value.strip() else split_quantity(value, where, "K")[1]
             )
-        try:
-            si, factor, zero = input_unit(unit or "1", where)
-            lag = 0.0 if table.lag is None else parse_quantity(table.lag, "s", f"{where}.lag")
-            each = Input(
-                name, si, label=table.name or "", shown_unit=unit or "1", factor=factor, zero=zero, lag=lag
-            )
-        except InputError as error:
-            raise type(error)(f"{where}: {error}") from None
-        if table.reference is None:
-            return each
-        return replace(each, reference=value_in(each, table.reference, f"{where}.reference"))
+        lag = 0.0 if table.lag is None else parse_quantity(table.lag, "s", f"{where}.lag")
+        return made_input(name, unit or "1", where, table.reference, label=table.name or "", lag=lag)
 
     def columns(self, run: RunTable) -> dict[str, InputTable]:
         """Return the inputs that a run takes from columns of its file."""
@@ -115,9 +106,16 @@ class DeclaredInputs:
         return found
 
 
-def _first_value(name: str, table: InputTable, runs: Iterable[RunTable]) -> Any:
-    values = [table.constant, *(run.inputs.get(name) for run in runs), table.reference]
-    return next((value for value in values if value is not None), None)
+def made_input(name: str, unit: str, where: str, reference: str | float | None, **known: Any) -> Input:
+    """Return an input of the law whose values stand in a unit."""
+    try:
+        si, factor, zero = input_unit(unit, where)
+        each = Input(name, si, shown_unit=unit, factor=factor, zero=zero, **known)
+    except InputError as error:
+        raise type(error)(f"{where}: {error}") from None
+    if reference is None:
+        return each
+    return replace(each, reference=value_in(each, reference, f"{where}.reference"))
 
 
 def inputs_of_runs(
@@ -158,14 +156,13 @@ def inputs_of_runs(
             )
         texts = [value for value in (*own, references.get(name)) if isinstance(value, str)]
         unit = units.get(name) or (split_quantity(texts[0], f"inputs {name}", "K")[1] if texts else "1")
-        si, factor, zero = input_unit(unit, f"inputs {name}")
-        each = Input(name, si, shown_unit=unit, factor=factor, zero=zero)
+        each = made_input(name, unit, f"inputs {name}", references.get(name))
         for run, value in zip(runs, own, strict=True):
-            array = None if isinstance(value, str) else np.asarray(value, dtype=np.float64)
+            text = isinstance(value, str)
             run[name] = (
-                value_in(each, value, f"inputs {name}") if array is None else each.zero + each.factor * array
+                value_in(each, value, f"inputs {name}")
+                if text
+                else each.zero + each.factor * np.asarray(value, dtype=np.float64)
             )
-        if name in references:
-            each = replace(each, reference=value_in(each, references[name], f"references {name}"))
         declared.append(each)
     return declared, runs

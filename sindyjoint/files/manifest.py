@@ -5,20 +5,24 @@ The models hold what the person wrote; units become SI in ``campaign.py``.
 
 from __future__ import annotations
 
-import difflib
+import json
 import os
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
 
 from sindyjoint.documents import check_finished, read_toml
-from sindyjoint.errors import InputError, MissingInputError
-from sindyjoint.files.complaints import first_complaint
+from sindyjoint.errors import InputError, MissingInputError, nearest
+from sindyjoint.text import expectation
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"
+# What pydantic calls the two things that [channels] time may be.
+WITHOUT_TIME, TIME_CHANNEL = "literal['none']", "TimeChannel"
 
 
 class StrictTable(BaseModel):
@@ -34,9 +38,7 @@ class StrictTable(BaseModel):
         known = sorted(field.alias or name for name, field in cls.model_fields.items())
         for key in given:
             if key not in known:
-                near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-                hint = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
-                raise ValueError(f"unknown key {key!r}; {hint}")
+                raise ValueError(f"unknown key {key!r}; {nearest(key, known, 'known keys:')}")
         return given
 
 
@@ -151,15 +153,8 @@ class Channels(StrictTable):
         if other is None:
             return self
         changes = {name: getattr(other, name) for name in other.model_fields_set}
-        for name, rival in (
-            ("time", "rate"),
-            ("rate", "time"),
-            ("skew", "skew_removed"),
-            ("skew_removed", "skew"),
-        ):
-            if name in changes:
-                changes.setdefault(rival, None)
-        return self.model_copy(update=changes)
+        rivals = {"time": "rate", "rate": "time", "skew": "skew_removed", "skew_removed": "skew"}
+        return self.model_copy(update={rivals[name]: None for name in changes if name in rivals} | changes)
 
 
 class RigTable(StrictTable):
@@ -364,3 +359,72 @@ def natural_order(name: str) -> list[tuple[float, str]]:
     """
     parts = re.split(r"(\d+(?:\.\d+)?)", name)
     return [(float(part), "") if number % 2 else (-1.0, part) for number, part in enumerate(parts)]
+
+
+def manifest_text(
+    head: Sequence[str],
+    joint: Sequence[str],
+    channels: Sequence[Mapping[str, str]],
+    runs: Sequence[Sequence[str]],
+    tables: Sequence[str] = (),
+    tail: Sequence[str] = (),
+) -> str:
+    """Return the text of ``campaign.toml``: what the channels of all runs share stands once, all else with each run.
+
+    Parameters
+    ----------
+    head, joint : sequence of str
+        Lines above the first table, and of ``[joint]``.
+    channels : sequence of mapping of str to str
+        Of each run, by key, as TOML.
+    runs : sequence of sequence of str
+        Lines of each ``[[run]]``.
+    tables, tail : sequence of str
+        Lines between ``[channels]`` and the runs, and at the end.
+    """
+    shared = {key: text for key, text in channels[0].items() if all(own.get(key) == text for own in channels)}
+    lines = [*head, "", "[joint]", *joint, "", "[channels]", *_pairs(shared), *tables]
+    for run, own in zip(runs, channels, strict=True):
+        particular = _pairs({key: text for key, text in own.items() if key not in shared})
+        lines += ["", "[[run]]", *run, *(["[run.channels]", *particular] if particular else [])]
+    return "\n".join([*lines, *tail]).lstrip("\n") + "\n"
+
+
+def _pairs(table: Mapping[str, str]) -> list[str]:
+    return [f"{key} = {value}" for key, value in table.items()]
+
+
+def toml_string(value: str | int | None) -> str:
+    """Return a TOML basic string, or a number.
+
+    JSON's escapes are TOML's but for DEL; an unpaired surrogate is no text.
+    """
+    clean = str(value).encode("utf-8", errors="replace").decode("utf-8")
+    return (
+        clean if isinstance(value, int) else json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
+    )
+
+
+def first_complaint(error: ValidationError) -> str:
+    """Turn pydantic's list into one sentence: the field, what was expected, what was given."""
+    # Of a key that may be a number or text, pydantic complains once per type: one per key is enough.
+    complaints: dict[tuple[int | str, ...], ErrorDetails] = {}
+    for complaint in error.errors(include_url=False):
+        place = tuple(part for part in complaint["loc"] if part != TIME_CHANNEL)
+        if WITHOUT_TIME not in place:  # what is said of the column that it is not says more
+            typed = place and place[-1] in ("float", "str", "int", "bool")
+            complaints.setdefault(place[:-1] if typed else place, complaint)
+    # A misspelt key also makes the right one missing: say the cause first.
+    place, first = min(complaints.items(), key=lambda item: "unknown key" not in item[1]["msg"])
+    if first["type"] == "missing":
+        place, message = place[:-1], f"key {place[-1]!r} is missing"
+    else:
+        told = first["type"] in ("value_error", "too_short", "too_long")
+        message = expectation(first) + ("" if told else f", not {first['input']!r:.60}")
+    # As a user writes it: [channels] angle.unit.
+    table, rest = (f"[{place[0]}]" if place else ""), place[1:]
+    if place[:1] == ("run",) and rest and isinstance(rest[0], int):
+        table, rest = f"[[run]] {rest[0] + 1}", rest[1:]
+    field = f"{table} {'.'.join(map(str, rest))}".strip()
+    more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
+    return f"{field}: {message}{more}" if field else f"{message}{more}"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -12,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.errors import InputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.channels import KEYS
-from sindyjoint.files.manifest import MANIFEST_NAME
-from sindyjoint.files.readers.table import SIMULATED
+from sindyjoint.files.manifest import MANIFEST_NAME, manifest_text, toml_string
+from sindyjoint.files.readers.table import SIMULATED, library
 from sindyjoint.inputs import Input
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rig import SensorRig
@@ -89,9 +88,7 @@ def write_campaign(
         for number, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):
             columns = _columns(run, campaign.joint, rig) | dict(raw[number] if raw is not None else {})
             (stage / file).write_bytes(encode(columns, REMARK if campaign.simulated else ""))
-        (stage / MANIFEST_NAME).write_text(
-            manifest_text(campaign, files, rig), encoding="utf-8", newline="\n"
-        )
+        (stage / MANIFEST_NAME).write_text(_manifest(campaign, files, rig), encoding="utf-8", newline="\n")
     return Path(folder) / MANIFEST_NAME
 
 
@@ -130,51 +127,43 @@ def _file_names(names: list[str], format: str) -> list[str]:
     return files
 
 
-def manifest_text(campaign: Campaign, files: list[str], rig: SensorRig | None = None) -> str:
+def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> str:
     """Return the text of ``campaign.toml`` for runs written in SI units under the given file names."""
-    joint = campaign.joint
-    units = UNITS[joint.motion]
-    inertia = list(units)[3]
-    lines = ["simulated = true"] if campaign.simulated else []
+    joint, units, q = campaign.joint, UNITS[campaign.joint.motion], toml_string
+    head = ["simulated = true"] if campaign.simulated else []
     if campaign.notes:
-        lines.append("notes = [" + ", ".join(map(_string, campaign.notes)) + "]")
-    lines += ["", "[joint]", f"name = {_string(joint.name)}", f"motion = {_string(joint.motion)}"]
-    if joint.inertia is not None:
-        lines.append(f"{inertia} = {_quantity(joint.inertia, units[inertia])}")
-    if joint.temperature is not None:
-        lines.append(f"temperature = {_quantity(joint.temperature, 'K')}")
-    if joint.serial is not None:
-        lines.append(f"serial = {_string(joint.serial)}")
-    if joint.labels:
-        pairs = (f"{_string(key)} = {_string(value)}" for key, value in joint.labels.items())
-        lines.append("labels = { " + ", ".join(pairs) + " }")
-
-    declared = [_channels_of(run, units, rig, campaign.gain_uncertainty) for run in campaign.runs]
-    # What all runs share stands once in [channels]; all else stands with each run.
-    shared = {
-        key: value for key, value in declared[0].items() if all(run.get(key) == value for run in declared)
+        head.append(f"notes = [{', '.join(map(q, campaign.notes))}]")
+    inertia = list(units)[3]
+    labels = ", ".join(f"{q(key)} = {q(value)}" for key, value in joint.labels.items())
+    stated = {
+        "name": q(joint.name),
+        "motion": q(joint.motion),
+        inertia: None if joint.inertia is None else _quantity(joint.inertia, units[inertia]),
+        "temperature": None if joint.temperature is None else _quantity(joint.temperature, "K"),
+        "serial": None if joint.serial is None else q(joint.serial),
+        "labels": f"{{ {labels} }}" if labels else None,
     }
-    lines += ["", "[channels]", *(f"{key} = {value}" for key, value in shared.items())]
-    if campaign.skew is not None:
-        lines.append(f"skew_removed = {_quantity(campaign.skew, 's')}")
-    lines += _input_lines(campaign)
-    if rig is not None:
-        lines += ["", "[rig]", *_rig_lines(rig)]
-    for run, file, channels in zip(campaign.runs, files, declared, strict=True):
-        lines += ["", "[[run]]", f"file = {_string(file)}", f"name = {_string(run.name)}"]
-        if run.frequency is not None:
-            lines.append(f"frequency = {float(run.frequency)!r}")
-        if run.level is not None:
-            lines.append(f"level = {_string(run.level)}")
-        lines.append(f"use = {_string(run.use)}")
+    skew = [] if campaign.skew is None else [f"skew_removed = {_quantity(campaign.skew, 's')}"]
+    channels = [_channels_of(run, units, rig, campaign.gain_uncertainty) for run in campaign.runs]
+    runs = []
+    for run, file in zip(campaign.runs, files, strict=True):
         held = [(each, run.inputs[each.name]) for each in campaign.inputs]
-        values = [f"{each.name} = {_number(each, v[0])}" for each, v in held if np.ptp(v) == 0]
-        if values:
-            lines.append("inputs = { " + ", ".join(values) + " }")
-        particular = [f"{key} = {value}" for key, value in channels.items() if key not in shared]
-        if particular:
-            lines += ["[run.channels]", *particular]
-    return "\n".join(lines).lstrip("\n") + "\n"
+        values = ", ".join(f"{each.name} = {_number(each, v[0])}" for each, v in held if np.ptp(v) == 0)
+        entry = {
+            "file": q(file),
+            "name": q(run.name),
+            "frequency": None if run.frequency is None else repr(float(run.frequency)),
+            "level": None if run.level is None else q(run.level),
+            "use": q(run.use),
+            "inputs": f"{{ {values} }}" if values else None,
+        }
+        runs.append(_pairs(entry))
+    tables = [*skew, *_input_lines(campaign), *([] if rig is None else ["", "[rig]", *_rig_lines(rig)])]
+    return manifest_text(head, _pairs(stated), channels, runs, tables)
+
+
+def _pairs(entry: Mapping[str, str | None]) -> list[str]:
+    return [f"{key} = {text}" for key, text in entry.items() if text is not None]
 
 
 def _input_lines(campaign: Campaign) -> list[str]:
@@ -183,9 +172,9 @@ def _input_lines(campaign: Campaign) -> list[str]:
     for each in campaign.inputs:
         column = any(np.ptp(run.inputs[each.name]) > 0 for run in campaign.runs)
         unit = each.unit if column else each.shown_unit
-        parts = [f"column = {_string(each.name)}"] * column + [f"unit = {_string(unit)}"]
+        parts = [f"column = {toml_string(each.name)}"] * column + [f"unit = {toml_string(unit)}"]
         parts.append(f"reference = {_number(each, each.reference)}")
-        parts.append(f"name = {_string(each.label)}")
+        parts.append(f"name = {toml_string(each.label)}")
         lines.append(f"{each.name} = {{ {', '.join(parts)} }}")
     return ["", "[inputs]", *lines] if lines else []
 
@@ -237,7 +226,7 @@ def _rig_lines(rig: SensorRig) -> list[str]:
 
 
 def _channel(column: str, unit: str, noise: float | None = None, gain: float | None = None) -> str:
-    parts = (f"column = {_string(column)}", f"unit = {_string(unit)}", *_declared(unit, noise, gain))
+    parts = (f"column = {toml_string(column)}", f"unit = {toml_string(unit)}", *_declared(unit, noise, gain))
     return f"{{ {', '.join(parts)} }}"
 
 
@@ -249,13 +238,7 @@ def _declared(unit: str, noise: float | None, gain: float | None) -> list[str]:
 
 def _quantity(value: float, unit: str) -> str:
     """Return a quantity with every digit that its float64 holds."""
-    return _string(f"{float(value)!r} {unit}")
-
-
-def _string(text: str) -> str:
-    """Return a TOML basic string: JSON's escapes are TOML's but for DEL; an unpaired surrogate is no text."""
-    clean = str(text).encode("utf-8", errors="replace").decode("utf-8")
-    return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return toml_string(f"{float(value)!r} {unit}")
 
 
 def _text(columns: Columns, remark: str, delimiter: str) -> bytes:
@@ -285,33 +268,21 @@ def _mat(columns: Columns, remark: str) -> bytes:
 
 
 def _parquet(columns: Columns, remark: str) -> bytes:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError as error:
-        raise _missing("pyarrow") from error
+    arrow, parquet = library("writing", "pyarrow"), library("writing", "pyarrow.parquet", "pyarrow")
     buffer = io.BytesIO()
-    table = pa.table(dict(columns))
-    pq.write_table(table.replace_schema_metadata({"remark": remark}) if remark else table, buffer)
+    table = arrow.table(dict(columns))
+    parquet.write_table(table.replace_schema_metadata({"remark": remark}) if remark else table, buffer)
     return buffer.getvalue()
 
 
 def _hdf5(columns: Columns, remark: str) -> bytes:
-    try:
-        import h5py
-    except ImportError as error:
-        raise _missing("h5py") from error
     buffer = io.BytesIO()
-    with h5py.File(buffer, "w") as file:
+    with library("writing", "h5py").File(buffer, "w") as file:
         if remark:
             file.attrs["remark"] = remark
         for name, values in columns.items():
             file[name] = values
     return buffer.getvalue()
-
-
-def _missing(package: str) -> MissingExtraError:
-    return MissingExtraError(f'writing this format needs {package}; run: pip install "sindyjoint[formats]"')
 
 
 ENCODERS: dict[str, Callable[[Columns, str], bytes]] = {

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
-from sindyjoint.files.complaints import first_complaint
+from sindyjoint.files.manifest import first_complaint
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.mechanics.beam import Beam, rectangular_section
 from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
