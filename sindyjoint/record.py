@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.accelerometer import Fusion, fuse, unknown_means
 from sindyjoint.errors import InputError
-from sindyjoint.hooks import supplied
 from sindyjoint.inputs import Input, check_inputs, signals_of
-from sindyjoint.shown import Shown
+from sindyjoint.shown import Shown, supplied
 from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
 from sindyjoint.text import control_character, printable, quantities
 
@@ -129,7 +128,7 @@ class Run:
         The sensors of a run with an accelerometer, whose angle is that of all of them.
     quasi_static : bool
         Whether the samples lie at even steps of the travelled path, which then takes the place of time:
-        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.quasi_static`.
+        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.measured`.
 
     Raises
     ------

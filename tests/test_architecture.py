@@ -13,13 +13,11 @@ BASE = {
     "errors",
     "inputs",
     "source",
-    "quasi_static",
     "record",
     "text",
     "policy",
     "numeric",
     "documents",
-    "hooks",
     "described",
     "shown",
     "trust",
@@ -34,21 +32,18 @@ DIAGNOSES = RESPONDS | {"bias", "soundness", "diagnosis"}
 ALLOWED = {
     "errors": set(),
     "text": set(),
-    "hooks": set(),
     "described": set(),
-    "shown": {"described", "hooks"},  # what shows results is supplied at the package's root
+    "shown": {"described"},  # what shows results is supplied at the package's root
     "policy": set(),
     "numeric": set(),
     "source": {"errors"},
     "inputs": {"errors"},
     "accelerometer": {"numeric", "source", "text"},
-    "quasi_static": {"errors"},
-    "record": {"errors", "hooks", "text", "source", "inputs", "quasi_static", "shown", "accelerometer"},
-    "measured": {"errors", "source", "inputs", "quasi_static", "accelerometer", "record"},
+    "record": {"errors", "text", "source", "inputs", "shown", "accelerometer"},
+    "measured": {"errors", "numeric", "source", "inputs", "accelerometer", "record"},
     "documents": {"errors", "text"},
     "threads": set(),
     "clock": set(),
-    "versions": set(),
     "parallel": {"errors", "threads", "clock"},
     "rig": {"errors", "record"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
@@ -66,10 +61,10 @@ ALLOWED = {
     "diagnosis": (DIAGNOSES | {"paper", "substructure"}) - {"diagnosis"},
     "planning": DIAGNOSES | {"paper"},
     "batch": EXPLAINS,
-    "judgement": DIAGNOSES | {"paper", "substructure", "versions"},
-    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions", "substructure"},
+    "judgement": DIAGNOSES | {"paper", "substructure"},
+    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "substructure"},
 }
-BELOW_TOP = DIAGNOSES | {"substructure", "paper", "planning", "batch", "judgement", "workflows", "versions"}
+BELOW_TOP = DIAGNOSES | {"substructure", "paper", "planning", "batch", "judgement", "workflows"}
 ALLOWED |= {
     "reporting": BELOW_TOP,
     "export": BELOW_TOP - {"workflows", "judgement"},

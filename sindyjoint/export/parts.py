@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sindyjoint.equation.formula import compile_terms, variable_symbols
 from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
@@ -39,14 +40,9 @@ class Curve:
 
     def __call__(self, x: ArrayLike) -> Array:
         """Return the tabulated moment."""
-        return piecewise(self.x, self.y, np.asarray(x, dtype=np.float64))
-
-
-def piecewise(nodes: Array, values: Array, x: Array) -> Array:
-    """Interpolate linearly, and go on beyond the ends with the slope of the last piece."""
-    piece = np.clip(np.searchsorted(nodes, x) - 1, 0, nodes.size - 2)
-    slope = np.diff(values) / np.diff(nodes)
-    return values[piece] + slope[piece] * (x - nodes[piece])
+        piece = np.clip(np.searchsorted(self.x, x) - 1, 0, self.x.size - 2)
+        slope = np.diff(self.y) / np.diff(self.x)
+        return self.y[piece] + slope[piece] * (np.asarray(x, dtype=np.float64) - self.x[piece])
 
 
 @dataclass(frozen=True)
@@ -75,8 +71,6 @@ class Parts:
     @classmethod
     def of(cls, model: JointModel) -> Parts:
         """Sort the terms of a model."""
-        from sindyjoint.equation.formula import variable_symbols
-
         theta, omega, alpha = variable_symbols()
         groups: dict[str, list[ModelTerm]] = {name: [] for name in ("elastic", "rate", "coupled", "inertial")}
         for term in model.terms:
@@ -92,16 +86,12 @@ class Parts:
     @cached_property
     def viscous(self) -> tuple[ModelTerm, ...]:
         """Terms in proportion to the rate."""
-        from sindyjoint.equation.formula import variable_symbols
-
         return tuple(term for term in self.rate if term.expression == variable_symbols()[1])
 
     @cached_property
     def coulomb(self) -> tuple[ModelTerm, ...]:
         """Terms in proportion to the sign of the rate."""
         import sympy
-
-        from sindyjoint.equation.formula import variable_symbols
 
         return tuple(term for term in self.rate if term.expression == sympy.sign(variable_symbols()[1]))
 
@@ -121,10 +111,13 @@ class Parts:
         return float(sum(term.coefficient for term in self.coulomb))
 
     @property
+    def stuck_stiffness(self) -> float:
+        """Of the spring that stands for sticking Coulomb friction, N·m/rad; zero without friction."""
+        return max(self.friction, 0.0) / (GIVE * self.model.fitted.angle)
+
+    @property
     def is_linear_spring(self) -> bool:
         """Whether the elastic part is one stiffness."""
-        from sindyjoint.equation.formula import variable_symbols
-
         return all(term.expression == variable_symbols()[0] for term in self.elastic)
 
     def elastic_nodes(self, count: int) -> Array:
@@ -149,8 +142,6 @@ def corners(model: JointModel) -> tuple[JointModel, ...]:
 
 def contribution(term: ModelTerm, angle: ArrayLike, rate: ArrayLike) -> Array:
     """Coefficient times formula at states, shape (n,); sign(0) is 0."""
-    from sindyjoint.equation.formula import compile_terms
-
     theta, omega = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     column = compile_terms([term.expression])(theta.ravel(), omega.ravel(), np.nan)[:, 0]
     return term.coefficient * column.reshape(theta.shape)
@@ -224,8 +215,6 @@ def power_law(expression: sympy.Expr) -> tuple[float, float, str] | None:
     True
     """
     import sympy
-
-    from sindyjoint.equation.formula import variable_symbols
 
     theta, omega, _ = variable_symbols()
     powers = {"theta": 0.0, "size": 0.0, "rate": 0.0, "sign": 0.0}

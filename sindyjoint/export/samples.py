@@ -18,7 +18,8 @@ from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.export.base import Export, Fidelity
+from sindyjoint.export import Export
+from sindyjoint.export.text import Fidelity
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.numeric import Array
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from sindyjoint.documents import hash_file, read_toml
+from sindyjoint.judgement.versions import versions
 from sindyjoint.record import Campaign
-from sindyjoint.versions import versions
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def batch(
         workers_here = stack.enter_context(executor(jobs, workers, cluster))
         folder = prepare_output(Path(out) / CAMPAIGNS)
         stack.enter_context(_only_batch(folder))
-        for number, answer in workers_here.completed(run_task, tasks):
+        for number, answer in workers_here(run_task, tasks):
             if isinstance(answer, Lost):
                 record, fresh = _recorded_lost(tasks[number], answer), True
             else:

@@ -81,7 +81,7 @@ class BatchView(View[Batch, Batch]):
             "title": headline(result),
             "headline": headline(result),
             "facts": [
-                ("Campaigns", str(len(result.records)), f"{result.count('found')} with a model"),
+                ("Campaigns", str(len(result.records)), f"{result.found} with a model"),
                 ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
                 (
                     "Trends",
@@ -267,9 +267,9 @@ def _trends(result: Batch) -> TextTable:
 
 def headline(result: Batch) -> str:
     """Return how many campaigns there are and how they ended."""
-    parts = [f"{len(result.records)} campaigns: {result.count('found')} with a model"]
-    parts += [f"{result.count('none')} without"] if result.count("none") else []
-    parts += [f"{result.count('broken')} broken"] if result.count("broken") else []
+    parts = [f"{len(result.records)} campaigns: {result.found} with a model"]
+    parts += [f"{result.none} without"] if result.none else []
+    parts += [f"{result.broken} broken"] if result.broken else []
     parts += [f"{result.kept} of them done before"] if result.kept else []
     return ", ".join(parts)
 
