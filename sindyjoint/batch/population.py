@@ -199,7 +199,7 @@ def population(
             # A joint whose covariate is not known cannot be judged about the trend.
             y = y - best.slope * (x - np.nanmean(x))
         judged = _estimate_robustly(name, y, s, POLICY.level / max(len(data), 1))
-        scatters.append(replace(judged, covariate=best and best.covariate))
+        scatters.append(replace(judged, covariate=None if best is None else best.covariate))
     adjusted = iter(holm([p for scatter in scatters for p in scatter.p_adjusted]).tolist())
     return Population(
         tuple(replace(each, p_adjusted=tuple(next(adjusted) for _ in each.p_adjusted)) for each in scatters),
@@ -213,12 +213,8 @@ def _estimate_robustly(name: str, y: Array, s: Array, level: float) -> Scatter:
     scores, p = np.full(y.size, np.nan), np.full(y.size, np.nan)
     v, e, unknown = y[here], s[here], float("nan")
     if here.size < POLICY.fewest_joints:
-        mean, error, tau, kept = (
-            float(np.mean(v)) if here.size else unknown,
-            unknown,
-            unknown,
-            np.ones(here.size),
-        )
+        mean, error, tau = float(np.mean(v)) if here.size else unknown, unknown, unknown
+        kept = np.ones(here.size, dtype=bool)
     else:
         centre = float(np.median(v))
         first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)

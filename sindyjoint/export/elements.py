@@ -175,7 +175,7 @@ def _as_pairs(
     if kept.any():
         columns = columns[kept]
         stiffness, _ = nnls(columns.reshape(len(columns), -1).T, wanted.ravel())
-        missed = np.mean((np.tensordot(stiffness, columns, 1) - wanted) ** 2)
+        missed = float(np.mean((np.tensordot(stiffness, columns, 1) - wanted) ** 2))
     if not missed < WORST_FIT**2 * np.mean(wanted**2):
         return [], Represented("not carried: it is too far from springs in series with sliders", None)
     stiffness = np.array([float(f"{k:.6g}") for k in stiffness])

@@ -209,7 +209,7 @@ def campaign_from_frames(
             made.append(travelled_run(title, moment, angle, values[i], frequency=asked, **known))
             continue
         if asked == FOUND:
-            motion_signal = signals.get("angle", signals.get("acceleration"))
+            motion_signal = signals["angle" if "angle" in signals else "acceleration"]
             known["frequency"] = find_frequency(motion_signal, signals["moment"], sample_rate, title)
         else:
             known["frequency"] = parse_quantity(asked, "Hz", "frequency") if isinstance(asked, str) else asked

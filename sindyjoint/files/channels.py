@@ -305,7 +305,7 @@ class RunReader:
         own = self.channels.acceleration
         lags = {
             "moment": ("skew", self.channels.skew),
-            "acceleration": ("acceleration.delay", own and own.delay),
+            "acceleration": ("acceleration.delay", None if own is None else own.delay),
         }
         for late, (key, given) in lags.items():
             if given is None or late not in signals:

@@ -158,11 +158,9 @@ def inputs_of_runs(
         unit = units.get(name) or (split_quantity(texts[0], f"inputs {name}", "K")[1] if texts else "1")
         each = made_input(name, unit, f"inputs {name}", references.get(name))
         for run, value in zip(runs, own, strict=True):
-            text = isinstance(value, str)
-            run[name] = (
-                value_in(each, value, f"inputs {name}")
-                if text
-                else each.zero + each.factor * np.asarray(value, dtype=np.float64)
-            )
+            if isinstance(value, str):
+                run[name] = value_in(each, value, f"inputs {name}")
+            else:
+                run[name] = each.zero + each.factor * np.asarray(value, dtype=np.float64)
         declared.append(each)
     return declared, runs

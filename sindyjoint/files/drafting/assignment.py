@@ -105,7 +105,7 @@ def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
         answer = dialogue.ask("motion", text, guess)
     if answer not in (None, *ROLES):
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
-    motion: Motion = guess if answer is None else answer  # type: ignore[assignment]
+    motion: Motion = guess if answer is None else answer
     other: Motion = "rotation" if motion == "translation" else "translation"
     for key in sorted(_OWN[other] & answered):
         raise InputError(

@@ -55,11 +55,11 @@ class Initialised(Described):
         wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines += ["  " + "  ".join(map(str.ljust, row, wide)).rstrip() for row in rows]
         lines += _more(draft.columns, " columns")
-        kinds = [(run.frequency, run.level) for run in draft.runs if run.frequency is not None]
+        kinds = [(run.frequency, run.level) for run in draft.runs]
         for run in draft.runs[:SHOWN]:
             rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
             repeated = kinds.count((run.frequency, run.level))
-            again = f", one of {repeated} that repeat" if repeated > 1 else ""
+            again = f", one of {repeated} that repeat" if repeated > 1 and run.frequency else ""
             lines.append(f"  {run.file}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
         lines += _more(draft.runs, "")
         lines += [f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]]
@@ -153,15 +153,15 @@ def init(
                 raise
             question = replace(question, complaint=str(error))
     # Without a guess any answer would be invented.
-    open_ones = [question for question in drafted.questions if question.guess is None or not guess]
+    open_ones = [each for each in drafted.questions if each.guess is None or not guess]
     if open_ones:
-        listed = "; ".join(f"{question.key}: {question.text}" for question in open_ones)
-        if any(question.key.endswith(".unit") for question in open_ones):
+        listed = "; ".join(f"{each.key}: {each.text}" for each in open_ones)
+        if any(each.key.endswith(".unit") for each in open_ones):
             listed += " (of volts, KEY.gain too)"
         ways = "answer with --set KEY=VALUE (answers={...})" + (
             "" if guess else ", or take the guesses with --yes"
         )
-        values = given | {question.key: question.guess or "..." for question in open_ones}
+        values = given | {each.key: each.guess or "..." for each in open_ones}
         settings = (f"--set {shlex.quote(f'{key}={value}')}" for key, value in values.items())
         raise InputError(
             f"{place}: the files do not tell {len(open_ones)} thing(s): {listed} {ways}: "

@@ -113,7 +113,8 @@ class _Batches:
 
     def __init__(self, path: Path, edges: NDArray, begin: Callable[[int, Sequence[int]], Iterator[Any]]):
         self._path, self._edges, self._begin = path, edges, begin
-        self._next, self._wanted, self._pending = -1, (-1,), list[NDArray]()
+        self._next, self._pending = -1, list[NDArray]()
+        self._wanted: tuple[int, ...] = (-1,)
         self._batches: Iterator[Any] = iter(())
 
     def __call__(self, wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:

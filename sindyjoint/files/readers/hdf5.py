@@ -72,7 +72,7 @@ def _vectors(
         raise InputError(f"{path}: group {prefix!r:.60} holds itself")
     for key in group:
         name, linked = f"{prefix}{key}", isinstance(group.get(key, getlink=True), h5py.ExternalLink)
-        item = None if linked else group.get(key)
+        item: Any = None if linked else group.get(key)
         stored = isinstance(item, h5py.Dataset)
         # The hash of another file is not in any record, and where that is missing HDF5 gives zeros.
         elsewhere = {
