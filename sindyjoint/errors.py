@@ -106,6 +106,21 @@ class SimulationError(SindyJointError, ArithmeticError):
         self.time = time
 
 
+def refuse(faults: Iterable[tuple[object, str]]) -> None:
+    """Raise InputError with the sentence of the first fault that is there.
+
+    Examples
+    --------
+    >>> refuse([(False, "a is missing"), (0.0 < 1, "b is below 1")])
+    Traceback (most recent call last):
+    ...
+    sindyjoint.errors.InputError: b is below 1
+    """
+    for there, sentence in faults:
+        if there:
+            raise InputError(sentence)
+
+
 def checks_options(further: Callable[[], Iterable[str]] = tuple) -> Callable[[F], F]:
     """Make a function refuse options that it does not have, and name the nearest.
 

@@ -20,7 +20,7 @@ from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 from sindyjoint.clock import allowance, clocks_running, run_on_clocks, run_timed
-from sindyjoint.errors import InputError, MissingExtraError, WorkerError
+from sindyjoint.errors import InputError, MissingExtraError, WorkerError, refuse
 from sindyjoint.threads import interruption_held, single_threaded
 
 T = TypeVar("T")
@@ -179,12 +179,13 @@ def check_unused(jobs: int, workers: int | None, cluster: str | None) -> str:
 def _check_way(jobs: int, workers: int | None, cluster: str | None) -> None:
     ways = {"jobs": jobs != 1, "workers": workers is not None, "cluster": cluster is not None}
     given = [name for name, on in ways.items() if on]
-    if len(given) > 1:
-        raise InputError(f"{' and '.join(given)} were given; expected one way to run the tasks")
-    if jobs != -1 and jobs < 1:
-        raise InputError(f"jobs is {jobs}; expected a positive number, or -1 for one per core")
-    if workers is not None and workers < 1:
-        raise InputError(f"workers is {workers}; expected a positive number")
+    refuse(
+        [
+            (len(given) > 1, f"{' and '.join(given)} were given; expected one way to run the tasks"),
+            (jobs != -1 and jobs < 1, f"jobs is {jobs}; expected a positive number, or -1 for one per core"),
+            (workers is not None and workers < 1, f"workers is {workers}; expected a positive number"),
+        ]
+    )
 
 
 def _serial(

@@ -1,33 +1,16 @@
-"""What every result offers a person in Python: text, a table, pictures, a page.
-
-Lower layers call what higher ones supply: a record shows itself without importing what shows it. The root of the
-package, which every import of a part of it runs first, says what stands behind each hook. Nothing here or below knows a
-module above.
-"""
+"""What every result offers a person in Python: text, a table, pictures, a page."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.described import Described
+from sindyjoint.hooks import supplied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-_SUPPLIERS: dict[str, Callable[[], Any]] = {}
-
-
-def supply(hook: str, load: Callable[[], Any]) -> None:
-    """Say what stands behind a hook; it is loaded where it is used."""
-    _SUPPLIERS[hook] = load
-
-
-def supplied(hook: str) -> Any:
-    """Return what stands behind a hook."""
-    return _SUPPLIERS[hook]()
 
 
 class Shown(Described):

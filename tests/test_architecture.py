@@ -18,6 +18,7 @@ BASE = {
     "policy",
     "numeric",
     "documents",
+    "hooks",
     "described",
     "shown",
     "trust",
@@ -32,14 +33,15 @@ DIAGNOSES = RESPONDS | {"bias", "soundness", "diagnosis"}
 ALLOWED = {
     "errors": set(),
     "text": set(),
+    "hooks": set(),
     "described": set(),
-    "shown": {"described"},  # what shows results is supplied at the package's root
+    "shown": {"described", "hooks"},  # what shows results is supplied at the package's root
     "policy": set(),
     "numeric": set(),
     "source": {"errors"},
     "inputs": {"errors"},
     "accelerometer": {"numeric", "source", "text"},
-    "record": {"errors", "text", "source", "inputs", "shown", "accelerometer"},
+    "record": {"errors", "hooks", "text", "source", "inputs", "shown", "accelerometer"},
     "measured": {"errors", "numeric", "source", "inputs", "accelerometer", "record"},
     "documents": {"errors", "text"},
     "threads": set(),

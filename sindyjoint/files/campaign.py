@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from sindyjoint.errors import InputError, SindyJointError
+from sindyjoint.errors import InputError, SindyJointError, refuse
 from sindyjoint.files.channels import (
     CHANNEL_KEYS,
     INPUT,
@@ -109,11 +109,16 @@ def _make_joint(table: JointTable, file: str) -> Joint:
     """Return the joint in SI units."""
     where = f"{file}: [joint]"
     _, unit = KEYS[table.motion]["inertia"]
-    if table.mass is not None and table.motion == "rotation":
-        raise InputError(f"{where} mass: belongs to motion = 'translation'; give inertia, or set motion")
-    if table.mass is not None and table.inertia is not None:
-        raise InputError(f"{where} mass: inertia says the same; give one of the two")
-    key = "mass" if table.mass is not None else "inertia"
+    mass, key = table.mass is not None, "inertia" if table.mass is None else "mass"
+    refuse(
+        [
+            (
+                mass and table.motion == "rotation",
+                f"{where} mass: belongs to motion = 'translation'; give inertia, or set motion",
+            ),
+            (mass and table.inertia is not None, f"{where} mass: inertia says the same; give one of the two"),
+        ]
+    )
     text = getattr(table, key)
     inertia = None if text is None else parse_quantity(text, unit, f"{where} {key}")
     if inertia is not None and inertia < 0:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.errors import InputError, UnitError
+from sindyjoint.errors import InputError, UnitError, refuse
 from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import (
@@ -74,45 +74,55 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
         Naming the key at fault.
     """
     where = f"{manifest}: [channels]"
-    if rig is not None and motion == "translation":
-        raise InputError(
-            f"{manifest}: [rig] is about rotation (strain and displacement to moment and angle); "
-            "motion is 'translation'"
-        )
     other: Motion = "translation" if motion == "rotation" else "rotation"
+    given = "neither" if channels.time is None else "both"
+    untimed, accelerated = channels.time == "none", channels.acceleration is not None
+    faults: list[tuple[object, str]] = [
+        (
+            rig is not None and motion == "translation",
+            f"{manifest}: [rig] is about rotation (strain and displacement to moment and angle); motion is "
+            "'translation'",
+        )
+    ]
     for quantity in ("moment", "angle", "rate"):
         wrong, right = KEYS[other][quantity][0], KEYS[motion][quantity][0]
-        if getattr(channels, wrong) is not None:
-            raise InputError(f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion")
-    if (channels.time is None) == (channels.rate is None):
-        given = "neither" if channels.time is None else "both"
-        raise InputError(
+        text = f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion"
+        faults.append((getattr(channels, wrong) is not None, text))
+    faults.append(
+        (
+            (channels.time is None) == (channels.rate is None),
             f"{where}: expected time (a column, or 'none' for quasi-static samples) or rate (such as '1 kHz'), not "
-            f"{given}"
+            f"{given}",
         )
+    )
     for key in (KEYS[motion]["rate"][0], "skew", "skew_removed", "resample"):
-        if channels.time == "none" and getattr(channels, key):
-            raise InputError(f"{where} {key}: time = 'none' says that the samples have no time; leave it out")
-    if channels.skew is not None and channels.skew_removed is not None:
-        raise InputError(f"{where} skew: skew_removed states that it is removed already; give one of the two")
+        text = f"{where} {key}: time = 'none' says that the samples have no time; leave it out"
+        faults.append((untimed and getattr(channels, key), text))
+    both = channels.skew is not None and channels.skew_removed is not None
+    faults.append(
+        (both, f"{where} skew: skew_removed states that it is removed already; give one of the two")
+    )
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
         key = KEYS[motion][quantity][0]
         channel: Channel | None = getattr(channels, key)
-        if channel is not None and channel.column is None and channel.constant is None:
-            channel = None  # only its noise is declared
+        # Of one without column and constant only the noise is declared.
+        here = channel is not None and (channel.column is not None or channel.constant is not None)
         in_rig = rig is not None and getattr(rig, raw) is not None
-        if in_rig and channel is not None:
-            raise InputError(f"{where} {key}: [rig] {raw} gives it already; give one of the two")
-        if not in_rig and channel is None and (quantity == "moment" or channels.acceleration is None):
-            instead = ", or acceleration in its place" if quantity == "angle" else ""
-            in_rig_instead = f" (or [rig] {raw})" if rig else ""
-            raise InputError(f"{where}: key {key!r} is missing{in_rig_instead}{instead}")
-        if quantity == "angle" and channel is not None and channel.constant is not None:
-            raise InputError(f"{where} {key}: cannot be a constant; expected a joint that moves")
-    if channels.acceleration is not None and channels.time == "none":
-        raise InputError(f"{where} acceleration: samples without time have none; leave it out")
-    if channels.acceleration is not None and channels.acceleration.column is None:
-        raise InputError(f"{where} acceleration: expected a column with its unit")
+        needed = quantity == "moment" or not accelerated
+        instead = f" (or [rig] {raw})" if rig else ""
+        instead += ", or acceleration in its place" if quantity == "angle" else ""
+        still = quantity == "angle" and channel is not None and channel.constant is not None
+        faults += [
+            (in_rig and here, f"{where} {key}: [rig] {raw} gives it already; give one of the two"),
+            (needed and not in_rig and not here, f"{where}: key {key!r} is missing{instead}"),
+            (still, f"{where} {key}: cannot be a constant; expected a joint that moves"),
+        ]
+    column = channels.acceleration is not None and channels.acceleration.column is not None
+    faults += [
+        (accelerated and untimed, f"{where} acceleration: samples without time have none; leave it out"),
+        (accelerated and not column, f"{where} acceleration: expected a column with its unit"),
+    ]
+    refuse(faults)
 
 
 @dataclass(frozen=True)

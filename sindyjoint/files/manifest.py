@@ -16,7 +16,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from pydantic_core import ErrorDetails
 
 from sindyjoint.documents import check_finished, read_toml
-from sindyjoint.errors import InputError, MissingInputError, nearest
+from sindyjoint.errors import InputError, MissingInputError, nearest, refuse
 from sindyjoint.text import expectation
 
 Column = str | int
@@ -77,14 +77,18 @@ class Channel(StrictTable):
     def _column_or_constant(self) -> Channel:
         if self.model_fields_set <= {"noise", "gain_uncertainty"} and self.model_fields_set:
             return self
-        if (self.column is None) == (self.constant is None):
-            raise ValueError("expected either column (with unit) or constant")
-        if self.constant is not None and (self.unit or self.gain or self.offset or self.noise or self.file):
-            raise ValueError(
-                "a constant carries its unit; file, unit, gain, offset and noise belong to a column"
-            )
-        if self.column is not None and self.unit is None:
-            raise ValueError("key 'unit' is missing")
+        stray = self.unit or self.gain or self.offset or self.noise or self.file
+        carried = "a constant carries its unit; file, unit, gain, offset and noise belong to a column"
+        refuse(
+            [
+                (
+                    (self.column is None) == (self.constant is None),
+                    "expected either column (with unit) or constant",
+                ),
+                (self.constant is not None and stray, carried),
+                (self.column is not None and self.unit is None, "key 'unit' is missing"),
+            ]
+        )
         return self
 
 
@@ -177,13 +181,18 @@ class RigTable(StrictTable):
 
     @model_validator(mode="after")
     def _constants_go_with_gauges(self) -> RigTable:
-        if self.strain is None and self.displacement is None:
-            raise ValueError("expected strain (four columns) or displacement (three columns)")
-        wanted = ["bending_stiffness", "section_height"] if self.strain is not None else []
-        wanted += ["joint_length"] if self.displacement is not None else []
-        for name in wanted:
-            if getattr(self, name) is None:
-                raise ValueError(f"key {name!r} is missing")
+        strain, displacement = self.strain is not None, self.displacement is not None
+        needs = {"bending_stiffness": strain, "section_height": strain, "joint_length": displacement}
+        none = not (strain or displacement)
+        refuse(
+            [
+                (none, "expected strain (four columns) or displacement (three columns)"),
+                *(
+                    (needed and getattr(self, name) is None, f"key {name!r} is missing")
+                    for name, needed in needs.items()
+                ),
+            ]
+        )
         return self
 
 
@@ -213,12 +222,14 @@ class InputTable(StrictTable):
 
     @model_validator(mode="after")
     def _one_source(self) -> InputTable:
-        if self.column is not None and self.constant is not None:
-            raise ValueError("expected column or constant, not both")
-        if self.column is not None and self.unit is None:
-            raise ValueError("key 'unit' is missing")
-        if self.delay is not None and self.column is None:
-            raise ValueError("delay belongs to a column")
+        column = self.column is not None
+        refuse(
+            [
+                (column and self.constant is not None, "expected column or constant, not both"),
+                (column and self.unit is None, "key 'unit' is missing"),
+                (self.delay is not None and not column, "delay belongs to a column"),
+            ]
+        )
         return self
 
 

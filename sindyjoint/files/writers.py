@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import refuse
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.manifest import MANIFEST_NAME, manifest_text, toml_string
@@ -70,19 +70,26 @@ def write_campaign(
     MissingExtraError
         When the format needs a library that is not installed.
     """
-    if format not in ENCODERS:
-        raise InputError(f"format is {format!r}; expected one of {', '.join(ENCODERS)}")
-    if rig is not None and campaign.joint.motion != "rotation":
-        raise InputError(
-            "a rig of strain gauges and lasers was given for a translational joint; leave it out"
-        )
-    if rig is not None and any(np.ptp(run.moment) == 0 for run in campaign.runs):
-        raise InputError(
-            "a rig was given and a run has a constant moment, which no strain gauge shows; leave it out"
-        )
+    constant = any(np.ptp(run.moment) == 0 for run in campaign.runs)
+    sets = 0 if raw is None else len(raw)
+    refuse(
+        [
+            (format not in ENCODERS, f"format is {format!r}; expected one of {', '.join(ENCODERS)}"),
+            (
+                rig is not None and campaign.joint.motion != "rotation",
+                "a rig of strain gauges and lasers was given for a translational joint; leave it out",
+            ),
+            (
+                rig is not None and constant,
+                "a rig was given and a run has a constant moment, which no strain gauge shows; leave it out",
+            ),
+            (
+                raw is not None and (rig is None or sets != len(campaign.runs)),
+                f"raw channels of {sets} run(s) were given; expected a rig and one set per run",
+            ),
+        ]
+    )
     encode = ENCODERS[format]
-    if raw is not None and (rig is None or len(raw) != len(campaign.runs)):
-        raise InputError(f"raw channels of {len(raw)} run(s) were given; expected a rig and one set per run")
     files = _file_names([run.name for run in campaign.runs], format)
     with output_folder(folder, "campaign", force=force) as stage:
         for number, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):
