@@ -266,10 +266,6 @@ class Run:
         return self.n_samples / self.sample_rate
 
 
-def _some(runs: tuple[Run, ...]) -> list[str]:
-    return [run.name for run in runs[:4]] + ["..."] * (len(runs) > 4)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Campaign(Shown):
     """A joint and its runs.
@@ -356,9 +352,8 @@ class Campaign(Shown):
 
     def __repr__(self) -> str:
         virtual = "simulated " if self.simulated else ""
-        return (
-            f"<Campaign: {self.joint.name}, {len(self.runs)} {virtual}run(s): {', '.join(_some(self.runs))}>"
-        )
+        names = [run.name for run in self.runs[:4]] + ["..."] * (len(self.runs) > 4)
+        return f"<Campaign: {self.joint.name}, {len(self.runs)} {virtual}run(s): {', '.join(names)}>"
 
     @classmethod
     def from_arrays(cls, **signals: Any) -> Campaign:

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from sindyjoint.described import Described, same
 from sindyjoint.documents import hash_file, list_changes, parse_json, read_regular
-from sindyjoint.equation.catalogue import Catalogue, as_catalogue
+from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.files.manifest import read_manifest
 
@@ -110,14 +110,13 @@ def fingerprint(manifest: Path, options: Mapping[str, Any], library: Any, versio
         "manifest": hash_file(path),
         "files": files,
         "options": {name: repr(value) for name, value in sorted(options.items())},
-        "library": _list_catalogue_text(as_catalogue(library)),
+        "library": [
+            repr((t.id, t.symbol, t.formula, t.unit, t.name, t.family, t.parameters))
+            for t in as_catalogue(library)
+        ],
         "version": version,
     }
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
-
-
-def _list_catalogue_text(catalogue: Catalogue) -> list[str]:
-    return [repr((t.id, t.symbol, t.formula, t.unit, t.name, t.family, t.parameters)) for t in catalogue]
 
 
 def last_result(folder: Path) -> CampaignRecord | None:

@@ -272,18 +272,12 @@ def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
             represented[term.id] = Represented("the number INERTIA, used in steps", cycles.term(term))
         else:
             represented[term.id] = Represented("not carried: a formula of the acceleration", None)
-    return (*_input_rows(model), *fidelity_table(model, cycles, represented))
-
-
-def _input_rows(model: JointModel) -> tuple[Fidelity, ...]:
-    """Return a row for each input that the code takes as a parameter."""
-    how = "parameter {}, {}; unless given, {}"
-    return tuple(
-        Fidelity(
-            each.name, each.name, how.format(name, each.unit, each.shown(each.reference)), True, 0.0, 0.0
-        )
+    inputs = [
+        (each.name, f"parameter {name}, {each.unit}; unless given, {each.shown(each.reference)}")
         for name, each in law_of(model).inputs
-    )
+    ]
+    parameters = (Fidelity(name, name, words, True, 0.0, 0.0) for name, words in inputs)
+    return (*parameters, *fidelity_table(model, cycles, represented))
 
 
 def code_notes(model: JointModel) -> tuple[str, ...]:

@@ -169,7 +169,9 @@ def elastic_rows(parts: Parts, cycles: Cycles, nodes: Array, how: str) -> Rows:
 
 def rate_curve(parts: Parts, terms: tuple[ModelTerm, ...]) -> Curve:
     """Tabulate terms of the rate; a jump at zero rate becomes a ramp."""
-    nodes = parts.rate_nodes()
+    # Denser towards zero, where friction ramps up.
+    positive = np.unique(np.concatenate([np.geomspace(RAMP, 1, 16), np.linspace(0.05, 1, 20)]))
+    nodes = parts.model.fitted.rate * np.concatenate([-positive[::-1], [0.0], positive])
     return Curve(nodes, total(terms, 0.0, nodes))
 
 

@@ -125,11 +125,6 @@ class Parts:
         half = np.linspace(0, 1, count // 2 + 1)[1:]
         return self.model.fitted.angle * np.concatenate([-half[::-1], [0.0], half])
 
-    def rate_nodes(self) -> Array:
-        """Rates of a table over the tested range, denser towards zero, where friction ramps up."""
-        positive = np.unique(np.concatenate([np.geomspace(RAMP, 1, 16), np.linspace(0.05, 1, 20)]))
-        return self.model.fitted.rate * np.concatenate([-positive[::-1], [0.0], positive])
-
 
 def corners(model: JointModel) -> tuple[JointModel, ...]:
     """Return a law held at its inputs' reference and at the ends of their tested ranges, in every combination."""

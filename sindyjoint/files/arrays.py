@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.errors import InputError, UnitError, refuse_unknown
+from sindyjoint.files.campaign import inputs_of_runs
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.assignment import Dialogue, assign_columns, find_motion
 from sindyjoint.files.drafting.run import find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, role_of
-from sindyjoint.files.inputs import inputs_of_runs
 from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
 from sindyjoint.measured import measured_run, travelled_run

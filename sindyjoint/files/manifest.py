@@ -5,10 +5,8 @@ The models hold what the person wrote; units become SI in ``campaign.py``.
 
 from __future__ import annotations
 
-import json
 import os
 import re
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -233,10 +231,6 @@ class InputTable(StrictTable):
         return self
 
 
-def _as_input(value: Any) -> Any:
-    return value if isinstance(value, dict | InputTable) else {"constant": value}
-
-
 class JointTable(StrictTable):
     """The joint under test."""
 
@@ -279,7 +273,15 @@ class Manifest(StrictTable):
     notes: list[str] = Field(default_factory=list, description="Remarks that reports repeat.")
     joint: JointTable = Field(default=JointTable(), description="The joint under test.")
     channels: Channels = Field(description="Which column holds which quantity.")
-    inputs: dict[str, Annotated[InputTable, BeforeValidator(_as_input)]] = Field(
+    inputs: dict[
+        str,
+        Annotated[
+            InputTable,
+            BeforeValidator(
+                lambda given: given if isinstance(given, dict | InputTable) else {"constant": given}
+            ),
+        ],
+    ] = Field(
         default_factory=dict,
         description="What the law may depend on beside angle and rate, by its name in formulas.",
     )
@@ -370,50 +372,6 @@ def natural_order(name: str) -> list[tuple[float, str]]:
     """
     parts = re.split(r"(\d+(?:\.\d+)?)", name)
     return [(float(part), "") if number % 2 else (-1.0, part) for number, part in enumerate(parts)]
-
-
-def manifest_text(
-    head: Sequence[str],
-    joint: Sequence[str],
-    channels: Sequence[Mapping[str, str]],
-    runs: Sequence[Sequence[str]],
-    tables: Sequence[str] = (),
-    tail: Sequence[str] = (),
-) -> str:
-    """Return the text of ``campaign.toml``: what the channels of all runs share stands once, all else with each run.
-
-    Parameters
-    ----------
-    head, joint : sequence of str
-        Lines above the first table, and of ``[joint]``.
-    channels : sequence of mapping of str to str
-        Of each run, by key, as TOML.
-    runs : sequence of sequence of str
-        Lines of each ``[[run]]``.
-    tables, tail : sequence of str
-        Lines between ``[channels]`` and the runs, and at the end.
-    """
-    shared = {key: text for key, text in channels[0].items() if all(own.get(key) == text for own in channels)}
-    lines = [*head, "", "[joint]", *joint, "", "[channels]", *_pairs(shared), *tables]
-    for run, own in zip(runs, channels, strict=True):
-        particular = _pairs({key: text for key, text in own.items() if key not in shared})
-        lines += ["", "[[run]]", *run, *(["[run.channels]", *particular] if particular else [])]
-    return "\n".join([*lines, *tail]).lstrip("\n") + "\n"
-
-
-def _pairs(table: Mapping[str, str]) -> list[str]:
-    return [f"{key} = {value}" for key, value in table.items()]
-
-
-def toml_string(value: str | int | None) -> str:
-    """Return a TOML basic string, or a number.
-
-    JSON's escapes are TOML's but for DEL; an unpaired surrogate is no text.
-    """
-    clean = str(value).encode("utf-8", errors="replace").decode("utf-8")
-    return (
-        clean if isinstance(value, int) else json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
-    )
 
 
 def first_complaint(error: ValidationError) -> str:

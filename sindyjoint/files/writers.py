@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 from sindyjoint.errors import refuse
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.channels import KEYS
-from sindyjoint.files.manifest import MANIFEST_NAME, manifest_text, toml_string
+from sindyjoint.files.manifest import MANIFEST_NAME
 from sindyjoint.files.readers.table import SIMULATED, library
 from sindyjoint.inputs import Input
-from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.record import Campaign, Joint, Motion, Run
 from sindyjoint.rig import SensorRig
 
 Columns = Mapping[str, NDArray[np.float64]]
@@ -151,7 +152,7 @@ def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> st
         "labels": f"{{ {labels} }}" if labels else None,
     }
     skew = [] if campaign.skew is None else [f"skew_removed = {_quantity(campaign.skew, 's')}"]
-    channels = [_channels_of(run, units, rig, campaign.gain_uncertainty) for run in campaign.runs]
+    channels = [_channels_of(run, joint.motion, rig, campaign.gain_uncertainty) for run in campaign.runs]
     runs = []
     for run, file in zip(campaign.runs, files, strict=True):
         held = [(each, run.inputs[each.name]) for each in campaign.inputs]
@@ -165,8 +166,58 @@ def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> st
             "inputs": f"{{ {values} }}" if values else None,
         }
         runs.append(_pairs(entry))
-    tables = [*skew, *_input_lines(campaign), *([] if rig is None else ["", "[rig]", *_rig_lines(rig)])]
+    raw = rig and {
+        "strain": '["e1", "e2", "e3", "e4"]',
+        "strain_unit": '"m/m"',
+        "displacement": '["d1", "d2", "d3"]',
+        "displacement_unit": '"m"',
+        "bending_stiffness": _quantity(rig.bending_stiffness, "N*m^2"),
+        "section_height": _quantity(rig.section_height, "m"),
+        "strain_position_factor": repr(float(rig.strain_position_factor)),
+        "joint_length": _quantity(rig.joint_length, "m"),
+    }
+    tables = [*skew, *_input_lines(campaign), *(["", "[rig]", *_pairs(raw)] if raw else [])]
     return manifest_text(head, _pairs(stated), channels, runs, tables)
+
+
+def manifest_text(
+    head: Sequence[str],
+    joint: Sequence[str],
+    channels: Sequence[Mapping[str, str]],
+    runs: Sequence[Sequence[str]],
+    tables: Sequence[str] = (),
+    tail: Sequence[str] = (),
+) -> str:
+    """Return the text of ``campaign.toml``: what the channels of all runs share stands once, all else with each run.
+
+    Parameters
+    ----------
+    head, joint : sequence of str
+        Lines above the first table, and of ``[joint]``.
+    channels : sequence of mapping of str to str
+        Of each run, by key, as TOML.
+    runs : sequence of sequence of str
+        Lines of each ``[[run]]``.
+    tables, tail : sequence of str
+        Lines between ``[channels]`` and the runs, and at the end.
+    """
+    shared = {key: text for key, text in channels[0].items() if all(own.get(key) == text for own in channels)}
+    lines = [*head, "", "[joint]", *joint, "", "[channels]", *_pairs(shared), *tables]
+    for run, own in zip(runs, channels, strict=True):
+        particular = _pairs({key: text for key, text in own.items() if key not in shared})
+        lines += ["", "[[run]]", *run, *(["[run.channels]", *particular] if particular else [])]
+    return "\n".join([*lines, *tail]).lstrip("\n") + "\n"
+
+
+def toml_string(value: str | int | None) -> str:
+    """Return a TOML basic string, or a number.
+
+    JSON's escapes are TOML's but for DEL; an unpaired surrogate is no text.
+    """
+    clean = str(value).encode("utf-8", errors="replace").decode("utf-8")
+    return (
+        clean if isinstance(value, int) else json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
+    )
 
 
 def _pairs(entry: Mapping[str, str | None]) -> list[str]:
@@ -191,56 +242,29 @@ def _number(each: Input, value: float) -> str:
 
 
 def _channels_of(
-    run: Run, units: Mapping[str, str], rig: SensorRig | None, gains: Mapping[str, float]
+    run: Run, motion: Motion, rig: SensorRig | None, gains: Mapping[str, float]
 ) -> dict[str, str]:
     """Return the ``[channels]`` entries of one run as TOML text."""
-    moment, angle, rate, *_ = units
     channels = {"rate": _quantity(run.sample_rate, "Hz")}
-    if rig is None:
+    fusion = run.fusion if rig is None else None
+    wanted = ["moment"] if fusion is not None and fusion.angle is None else ["moment", "angle"]
+    wanted += [] if fusion is None else ["acceleration"]
+    wanted += ["rate"] if run.rate is not None or (run.fusion and run.fusion.rate is not None) else []
+    for quantity in wanted:
+        key, unit = KEYS[motion][quantity]
+        # An accelerometer alone has the gain of the angle.
+        alone = quantity == "acceleration" and "angle" not in wanted
+        noise, gain = getattr(run.noise, quantity), gains.get("angle" if alone else quantity)
+        columned, unit = rig is None or quantity == "rate", unit.replace("**", "^")
+        parts = [f"column = {toml_string(key)}", f"unit = {toml_string(unit)}"] if columned else []
+        parts += [] if noise is None else [f"noise = {_quantity(noise, unit)}"]
+        parts += [] if gain is None else [f"gain_uncertainty = {float(gain)!r}"]
         # A moment that never changes, as in a free decay, is declared: a constant column is a dead channel.
-        constant = np.ptp(run.moment) == 0
-        value = _quantity(run.moment[0], units[moment])
-        written = _channel(moment, units[moment], run.noise.moment, gains.get("moment"))
-        channels[moment] = f"{{ constant = {value} }}" if constant else written
-        if run.fusion is None or run.fusion.angle is not None:
-            channels[angle] = _channel(angle, units[angle], run.noise.angle, gains.get("angle"))
-    else:
-        known = ((moment, run.noise.moment, "moment"), (angle, run.noise.angle, "angle"))
-        for key, noise, quantity in known:
-            declared = _declared(units[key], noise, gains.get(quantity))
-            if declared:
-                channels[key] = f"{{ {', '.join(declared)} }}"
-    if run.fusion is not None and rig is None:
-        gain = None if angle in channels else gains.get("angle")
-        noise = run.noise.acceleration
-        channels["acceleration"] = _channel("acceleration", units["acceleration"], noise, gain)
-    if run.rate is not None or (run.fusion is not None and run.fusion.rate is not None):
-        channels[rate] = _channel(rate, units[rate], run.noise.rate, gains.get("rate"))
+        if quantity == "moment" and columned and np.ptp(run.moment) == 0:
+            parts = [f"constant = {_quantity(run.moment[0], unit)}"]
+        if parts:
+            channels[key] = f"{{ {', '.join(parts)} }}"
     return channels
-
-
-def _rig_lines(rig: SensorRig) -> list[str]:
-    return [
-        'strain = ["e1", "e2", "e3", "e4"]',
-        'strain_unit = "m/m"',
-        'displacement = ["d1", "d2", "d3"]',
-        'displacement_unit = "m"',
-        f"bending_stiffness = {_quantity(rig.bending_stiffness, 'N*m^2')}",
-        f"section_height = {_quantity(rig.section_height, 'm')}",
-        f"strain_position_factor = {float(rig.strain_position_factor)!r}",
-        f"joint_length = {_quantity(rig.joint_length, 'm')}",
-    ]
-
-
-def _channel(column: str, unit: str, noise: float | None = None, gain: float | None = None) -> str:
-    parts = (f"column = {toml_string(column)}", f"unit = {toml_string(unit)}", *_declared(unit, noise, gain))
-    return f"{{ {', '.join(parts)} }}"
-
-
-def _declared(unit: str, noise: float | None, gain: float | None) -> list[str]:
-    """Return what is declared of a channel's errors."""
-    parts = [] if noise is None else [f"noise = {_quantity(noise, unit)}"]
-    return parts if gain is None else [*parts, f"gain_uncertainty = {float(gain)!r}"]
 
 
 def _quantity(value: float, unit: str) -> str:

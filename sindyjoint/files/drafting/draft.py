@@ -20,8 +20,8 @@ from sindyjoint.files.drafting.assignment import (
 )
 from sindyjoint.files.drafting.run import draft_time, find_course, find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files
-from sindyjoint.files.manifest import manifest_text, toml_string
 from sindyjoint.files.units import conversion, unit_ratio
+from sindyjoint.files.writers import manifest_text, toml_string
 from sindyjoint.record import Motion
 from sindyjoint.text import list_some, printable
 

@@ -10,7 +10,6 @@ import numpy as np
 from sindyjoint.errors import InputError
 from sindyjoint.files.drafting.assignment import Dialogue
 from sindyjoint.files.drafting.survey import Bundle, Column
-from sindyjoint.files.manifest import toml_string
 from sindyjoint.files.timeaxis import (
     FEWEST_PERIODS,
     LONGEST_GAP,
@@ -21,6 +20,7 @@ from sindyjoint.files.timeaxis import (
     uniform_rate,
 )
 from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files.writers import toml_string
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.text import printable
 

@@ -24,7 +24,7 @@ from sindyjoint.files.readers.table import Table, check_bytes
 # the libraries load all or nothing.
 _TEXT, _HDF5, _UNIVERSAL = (
     ("text", "read_text", True, True),
-    ("hdf5", "read_hdf5", True),
+    ("arrays", "read_hdf5", True),
     ("recorders", "read_uff"),
 )
 READERS: dict[str, tuple[Any, ...]] = {
@@ -37,8 +37,8 @@ READERS: dict[str, tuple[Any, ...]] = {
     ".mat": ("mat", "read_mat", True),
     ".h5": _HDF5,
     ".hdf5": _HDF5,
-    ".npz": ("npz", "read_npz"),
-    ".npy": ("npz", "read_npy", True),
+    ".npz": ("arrays", "read_npz"),
+    ".npy": ("arrays", "read_npy", True),
     ".uff": _UNIVERSAL,
     ".unv": _UNIVERSAL,
     ".tdms": ("recorders", "read_tdms", True),

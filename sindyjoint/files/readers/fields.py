@@ -128,7 +128,9 @@ def preamble_length(lines: Sequence[str]) -> int:
     ]
     first = next((i for i in range(len(rows)) if all(alike[i : i + ALIKE])), 0)
     headings = 0
-    while headings < min(2, first) and _is_heading(kinds[first - headings - 1], width):
+    for above in kinds[max(first - 2, 0) : first][::-1]:
+        if len(above) != width or set(above) == {"blank"} or "number" in above:
+            break
         headings += 1
     if headings == 2 and first > 2 and not all(is_unit(field) for field in rows[first - 1] if field):
         headings = 1
@@ -142,10 +144,6 @@ def _kind(field: str) -> str:
     if is_number(field):
         return "number"
     return "stamp" if is_stamp(field) else "text" if field else "blank"
-
-
-def _is_heading(kinds: Sequence[str], width: int) -> bool:
-    return len(kinds) == width and set(kinds) != {"blank"} and "number" not in kinds
 
 
 def _is_broken_row(kinds: Sequence[str], pattern: Sequence[str]) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.files.readers.hdf5 import read_hdf5
+from sindyjoint.files.readers.arrays import read_hdf5
 from sindyjoint.files.readers.table import (
     Table,
     begins,
