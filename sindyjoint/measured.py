@@ -18,10 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.accelerometer import fuse
 from sindyjoint.errors import InputError
-from sindyjoint.inputs import signals_of
+from sindyjoint.inputs import SensorNoise, signals_of
 from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES, Run, checked_signal
-from sindyjoint.source import SensorNoise
 
 # Most steps of a path, and measured samples that one step holds on the average where there are fewer.
 MOST_STEPS, PER_STEP = 20_000, 2

@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.accelerometer import Fusion, fuse, unknown_means
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.hooks import supplied
-from sindyjoint.inputs import Input, check_inputs, signals_of
+from sindyjoint.inputs import FileUnit, Input, LongRecord, SensorNoise, Source, check_inputs, signals_of
 from sindyjoint.shown import Shown
-from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
 from sindyjoint.text import control_character, printable, quantities
 
 Motion = Literal["rotation", "translation"]

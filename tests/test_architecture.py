@@ -12,7 +12,6 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sindyjoint"
 BASE = {
     "errors",
     "inputs",
-    "source",
     "record",
     "text",
     "policy",
@@ -38,11 +37,10 @@ ALLOWED = {
     "shown": {"described", "hooks"},  # what shows results is supplied at the package's root
     "policy": set(),
     "numeric": set(),
-    "source": {"errors"},
     "inputs": {"errors"},
-    "accelerometer": {"numeric", "source", "text"},
-    "record": {"errors", "hooks", "text", "source", "inputs", "shown", "accelerometer"},
-    "measured": {"errors", "numeric", "source", "inputs", "accelerometer", "record"},
+    "accelerometer": {"numeric", "inputs", "text"},
+    "record": {"errors", "hooks", "text", "inputs", "shown", "accelerometer"},
+    "measured": {"errors", "numeric", "inputs", "accelerometer", "record"},
     "documents": {"errors", "text"},
     "threads": set(),
     "clock": set(),

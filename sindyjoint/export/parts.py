@@ -212,26 +212,23 @@ def power_law(expression: sympy.Expr) -> tuple[float, float, str] | None:
     import sympy
 
     theta, omega, _ = variable_symbols()
+    names = {theta: "theta", sympy.Abs(theta): "theta", sympy.Abs(omega): "size", omega: "rate"}
     powers = {"theta": 0.0, "size": 0.0, "rate": 0.0, "sign": 0.0}
-    for factor in sympy.Mul.make_args(expression):
-        base, exponent = factor.as_base_exp()
-        if not (exponent.is_number and exponent > 0):
+    for base, exponent in expression.as_powers_dict().items():
+        name = "sign" if base == sympy.sign(omega) else names.get(base, "")
+        whole = bool(exponent.is_Integer)
+        fits = {
+            "theta": base != theta or (whole and int(exponent) % 2 == 0),
+            "size": True,
+            "rate": whole,
+            "sign": exponent == 1,
+        }
+        if not (exponent.is_number and exponent > 0 and fits.get(name)):
             return None
-        p, even = float(exponent), bool(exponent.is_Integer and int(exponent) % 2 == 0)
-        if base in (sympy.Abs(theta), theta) and (base != theta or even):
-            powers["theta"] += p
-        elif base == sympy.Abs(omega):
-            powers["size"] += p
-        elif base == omega and exponent.is_Integer:
-            powers["rate"] += p
-        elif base == sympy.sign(omega) and exponent == 1:
-            powers["sign"] += 1
-        else:
-            return None
-    p, q, rate, sign = (powers[name] for name in ("theta", "size", "rate", "sign"))
-    if rate % 2 == 1 and not sign:
-        return p, q + rate - 1, "rate"
-    if sign and rate % 2 == 0:
-        size = q + rate
-        return (p, size - 1, "rate") if size >= 1 else ((p, 0.0, "sign") if size == 0 else None)
-    return None
+        powers[name] += float(exponent)
+    p, size, odd, sign = powers["theta"], powers["size"] + powers["rate"], powers["rate"] % 2, powers["sign"]
+    if odd == bool(sign):
+        return None
+    if size == 0:
+        return p, 0.0, "sign"
+    return (p, size - 1, "rate") if odd or size >= 1 else None

@@ -27,11 +27,10 @@ from sindyjoint.files.readers import open_blocks, read_table, sha256_of
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import check_frequency
 from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
-from sindyjoint.inputs import Input, lagged
+from sindyjoint.inputs import Input, LongRecord, Source, lagged
 from sindyjoint.measured import measured_run, travelled_run
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Joint, Motion, Run
-from sindyjoint.source import LongRecord, Source
 
 # Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
 # than the columns of all harmonics may take of memory; of any other motion, which has no such columns, more.

@@ -13,6 +13,7 @@ from test_reporting_page import read
 
 from sindyjoint.documents import changed_files
 from sindyjoint.errors import InputError, OutputError
+from sindyjoint.inputs import Source
 from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.record import Campaign, Run
 from sindyjoint.reporting import draw, drawable, load_results, write_results
@@ -22,7 +23,6 @@ from sindyjoint.reporting.provenance import provenance
 from sindyjoint.reporting.registry import draw_all, kinds_of, view_of
 from sindyjoint.reporting.saved import saved_text
 from sindyjoint.reporting.style import figure_bytes
-from sindyjoint.source import Source
 from tests.doors.asked import ask
 
 HOSTILES = {
