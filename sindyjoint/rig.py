@@ -106,6 +106,17 @@ class SensorRig:
         for name in ("bending_stiffness", "section_height", "joint_length", "strain_position_factor"):
             check_positive(name, getattr(self, name))
 
+    def moment(self, strains: ArrayLike) -> Array:
+        """Moment, N·m, shape (n,), from four strains, m/m, shape (4, n)."""
+        strain = full_bridge_strain(*np.asarray(strains, dtype=np.float64))
+        return bending_moment(
+            strain, self.bending_stiffness, self.section_height, self.strain_position_factor
+        )
+
+    def angle(self, displacements: ArrayLike) -> Array:
+        """Angle, rad, shape (n,), from three displacements, m, shape (3, n)."""
+        return joint_angle(*np.asarray(displacements, dtype=np.float64), joint_length=self.joint_length)
+
     def strains(self, moment: ArrayLike) -> Array:
         """Strains of four ideal gauges, m/m, shape (4, n), under a moment, N·m, shape (n,).
 

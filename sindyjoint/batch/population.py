@@ -76,6 +76,15 @@ class Trend:
 
 
 @dataclass(frozen=True)
+class Outlier:
+    """A joint that stands out."""
+
+    id: str
+    score: Maybe
+    p: Maybe
+
+
+@dataclass(frozen=True)
 class Scatter:
     """How one coefficient scatters over the joints.
 
@@ -94,16 +103,36 @@ class Scatter:
         With which there is a significant trend, about which the scatter is meant.
     joints : int
         That were not rejected.
+    ids : tuple of str
+        What the joints are called.
     """
 
+    WRITTEN: ClassVar = {
+        "term": "coefficient",
+        **same("mean", "mean_error", "spread", "next_joint95"),
+        "about_trend_with": "covariate",
+        "outliers": "standing_out",
+    }
     coefficient: str
-    mean: float
-    mean_error: float
-    spread: float
+    mean: Maybe
+    mean_error: Maybe
+    spread: Maybe
     scores: tuple[float, ...]
     p_adjusted: tuple[float, ...]
     covariate: str | None = None
     joints: int = 0
+    ids: tuple[str, ...] = ()
+
+    @property
+    def standing_out(self) -> tuple[Outlier, ...]:
+        """Joints that stand out."""
+        return tuple(Outlier(self.ids[i], self.scores[i], self.p_adjusted[i]) for i in self.outliers)
+
+    @property
+    def next_joint95(self) -> tuple[float, float] | None:
+        """In which the coefficient of a further joint lies in 95 of 100 cases."""
+        ahead = next_joint(self)
+        return None if ahead is None else ahead.interval95
 
     @property
     def outliers(self) -> tuple[int, ...]:

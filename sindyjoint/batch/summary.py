@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sindyjoint.batch.policy import POLICY
-from sindyjoint.batch.population import Population, Scatter, next_joint, population
+from sindyjoint.batch.population import Population, Scatter, population
 from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.described import Maybe, same
 from sindyjoint.discovery.evidence import Evidence, fit_columns
@@ -83,28 +83,6 @@ class CommonTerm:
     unit: str
 
 
-@dataclass(frozen=True)
-class Outlier:
-    """A joint that stands out."""
-
-    id: str
-    score: Maybe
-    p: Maybe
-
-
-@dataclass(frozen=True)
-class CoefficientScatter:
-    """How a coefficient scatters over the joints."""
-
-    term: str
-    mean: Maybe
-    mean_error: Maybe
-    spread: Maybe
-    next_joint95: tuple[float, float] | None
-    about_trend_with: str | None
-    outliers: tuple[Outlier, ...]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Batch(Shown):
     """The result of :func:`~sindyjoint.workflows.batch.batch`.
@@ -139,7 +117,8 @@ class Batch(Shown):
     WRITTEN: ClassVar = {
         **same("campaigns", "found", "none", "broken"),
         "calibration?": "calibration",
-        **same("common_terms", "scatter"),
+        "common_terms": "common_terms",
+        "scatter": "population.scatters",
         "trends": "population.trends",
         **same("differences", "notes"),
     }
@@ -184,18 +163,6 @@ class Batch(Shown):
         return tuple(CommonTerm(term, self.units[term]) for term in self.common)
 
     @property
-    def scatter(self) -> tuple[CoefficientScatter, ...]:
-        """How each coefficient scatters over the joints."""
-        return tuple(
-            CoefficientScatter(
-                s.coefficient, s.mean, s.mean_error, s.spread,
-                None if (ahead := next_joint(s)) is None else ahead.interval95, s.covariate,
-                tuple(Outlier(self.records[i].id, s.scores[i], s.p_adjusted[i]) for i in s.outliers),
-            )
-            for s in self.population.scatters
-        )  # fmt: skip
-
-    @property
     def found(self) -> int:
         """Campaigns in which a model was found."""
         return [record.status for record in self.records].count("found")
@@ -238,7 +205,9 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
     covariates = covariates_of(records)
     calibration = _calibration(compared, common)
     alone = population(values, errors, covariates)
-    result = replace(alone, scatters=tuple(_with_calibration(s, calibration) for s in alone.scatters))
+    ids = tuple(record.id for record in records)
+    scatters = tuple(_with_calibration(scatter, calibration, ids) for scatter in alone.scatters)
+    result = replace(alone, scatters=scatters)
     return Batch(
         records=records,
         kept=kept,
@@ -265,10 +234,12 @@ def _calibration(records: Sequence[CampaignRecord], common: Sequence[str]) -> di
     return {id: {name: float(np.mean(m)) for name, m in moves.items()} for id, moves in found.items()}
 
 
-def _with_calibration(scatter: Scatter, calibration: dict[str, dict[str, float]]) -> Scatter:
+def _with_calibration(
+    scatter: Scatter, calibration: dict[str, dict[str, float]], ids: tuple[str, ...]
+) -> Scatter:
     """Return a scatter whose mean has the errors of gains that all joints share."""
     moves = [scatter.mean * share for share in calibration.get(scatter.coefficient, {}).values()]
-    return replace(scatter, mean_error=float(np.hypot(scatter.mean_error, np.linalg.norm(moves))))
+    return replace(scatter, mean_error=float(np.hypot(scatter.mean_error, np.linalg.norm(moves))), ids=ids)
 
 
 def _find_majority(items: Sequence[Any]) -> Any:

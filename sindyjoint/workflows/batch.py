@@ -11,20 +11,24 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.batch.record import (
+    CAMPAIGNS,
     FACTORS_FILE,
     MODEL_FILE,
     RECORD_FILE,
     REQUIRED,
     CampaignRecord,
+    Task,
+    Writer,
     broken,
     changed_outputs,
+    extras_of,
+    find_tasks,
     fingerprint,
     is_valid,
     last_result,
     read_record,
 )
 from sindyjoint.batch.summary import Batch, summarised
-from sindyjoint.batch.tasks import CAMPAIGNS, Task, Writer, extras_of, find_tasks
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.evidence_file import evidence_bytes
 from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files import load_campaign, write_campaign, writers
-from sindyjoint.inputs import SensorNoise
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.rig import SensorRig, bending_moment, full_bridge_strain, joint_angle
+from sindyjoint.rig import SensorRig
+from sindyjoint.source import SensorNoise
 from sindyjoint.text import control_character
 
 RIG = SensorRig(2333.0, 0.02, 0.06, 1.02)
@@ -99,10 +99,8 @@ def test_measured_raw_channels_are_written_as_they_are(tmp_path):
     raw |= {f"d{place + 1}": row for place, row in enumerate(spots)}
     write_campaign(Campaign(Joint(), (test,)), tmp_path, rig=RIG, raw=[raw])
     back = load_campaign(tmp_path).runs[0]
-    np.testing.assert_allclose(
-        back.moment, bending_moment(full_bridge_strain(*strains), 2333.0, 0.02, 1.02), rtol=1e-14
-    )
-    np.testing.assert_allclose(back.angle, joint_angle(*spots, joint_length=0.06), rtol=1e-14)
+    np.testing.assert_allclose(back.moment, RIG.moment(strains), rtol=1e-14)
+    np.testing.assert_allclose(back.angle, RIG.angle(spots), rtol=1e-14)
 
 
 def test_translation(tmp_path):

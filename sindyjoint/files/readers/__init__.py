@@ -19,30 +19,25 @@ from sindyjoint.documents import check_regular, read_regular
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.files.readers.table import Table, check_bytes
 
-# ending -> module, function, whether a file can be read a segment of rows at a time, and whether lines may stand above
-# its table. The modules import their libraries when a file of that kind is met. Of NPZ, MATLAB v5 and universal files
-# the libraries load all or nothing.
-_TEXT, _HDF5, _UNIVERSAL = (
-    ("text", "read_text", True, True),
-    ("arrays", "read_hdf5", True),
-    ("recorders", "read_uff"),
-)
-READERS: dict[str, tuple[Any, ...]] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), _TEXT),
+# ending -> module, function; the modules import their libraries when a file of that kind is met.
+READERS = {
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), ("text", "read_text")),
     ".lvm": ("recorders", "read_lvm"),
-    ".xlsx": ("sheets", "read_xlsx", False, True),
+    ".xlsx": ("sheets", "read_xlsx"),
     ".json": ("sheets", "read_json"),
-    ".parquet": ("arrow", "read_parquet", True),
-    ".feather": ("arrow", "read_feather", True),
-    ".mat": ("mat", "read_mat", True),
-    ".h5": _HDF5,
-    ".hdf5": _HDF5,
+    ".parquet": ("arrow", "read_parquet"),
+    ".feather": ("arrow", "read_feather"),
+    ".mat": ("mat", "read_mat"),
+    **dict.fromkeys((".h5", ".hdf5"), ("arrays", "read_hdf5")),
     ".npz": ("arrays", "read_npz"),
-    ".npy": ("arrays", "read_npy", True),
-    ".uff": _UNIVERSAL,
-    ".unv": _UNIVERSAL,
-    ".tdms": ("recorders", "read_tdms", True),
+    ".npy": ("arrays", "read_npy"),
+    **dict.fromkeys((".uff", ".unv"), ("recorders", "read_uff")),
+    ".tdms": ("recorders", "read_tdms"),
 }
+# What reads segments of rows as well; of NPZ, MATLAB v5 and universal files the libraries load all or nothing.
+IN_SEGMENTS = ("read_text", "read_parquet", "read_feather", "read_mat", "read_hdf5", "read_npy", "read_tdms")
+# Readers of files that may have lines above their table.
+WITH_PREAMBLE = ("read_text", "read_xlsx")
 
 
 def read_table(path: str | Path, skip: int | None = None) -> tuple[Table, str]:
@@ -87,7 +82,7 @@ def read_table(path: str | Path, skip: int | None = None) -> tuple[Table, str]:
     data = read_regular(file)
     if not data:
         raise InputError(f"{file}: is empty")
-    if skip is not None and not READERS[file.suffix.lower()][3:]:
+    if skip is not None and READERS[file.suffix.lower()][1] not in WITH_PREAMBLE:
         raise InputError(f"{file}: skip = {skip} was given; only text tables and sheets have lines to skip")
     return _read(file, data, skip), hashlib.sha256(data).hexdigest()
 
@@ -117,13 +112,14 @@ def open_blocks(path: str | Path, skip: int | None = None) -> Table | None:
 
 @lru_cache(maxsize=4)
 def _open(file: Path, state: tuple[int, int], skip: int | None) -> Table | None:
-    cut = READERS.get(file.suffix.lower(), ())[2:]
-    return _read(file, None, skip if cut[1:] else None) if any(cut[:1]) else None
+    _, function = READERS.get(file.suffix.lower(), ("", ""))
+    own = skip if function in WITH_PREAMBLE else None
+    return _read(file, None, own) if function in IN_SEGMENTS else None
 
 
 def _read(file: Path, data: bytes | None, skip: int | None) -> Any:
     """Call the reader of a file, of all its bytes or, without them, of the parts that are asked for."""
-    module, function, *_ = READERS[file.suffix.lower()]
+    module, function = READERS[file.suffix.lower()]
     options = {} if skip is None else {"skip": skip}
     return getattr(import_module(f"{__name__}.{module}"), function)(file, data, **options)
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.batch.population import next_joint
+from sindyjoint.batch.record import CAMPAIGNS
 from sindyjoint.batch.summary import Batch
-from sindyjoint.batch.tasks import CAMPAIGNS
 from sindyjoint.reporting.figures.batch import DIAMONDS, KELVIN, KINDS
 from sindyjoint.reporting.provenance import Provenance, provenance
 from sindyjoint.reporting.style import pretty_unit, shortened
@@ -232,7 +231,7 @@ def _scatter(result: Batch) -> TextTable:
                 if np.isfinite(s.mean_error)
                 else f"{s.mean:.4g}",
                 f"{100 * share:.1f} %" if np.isfinite(share) else DASH,
-                DASH if (ahead := next_joint(s)) is None else "{:.4g} … {:.4g}".format(*ahead.interval95),
+                DASH if s.next_joint95 is None else "{:.4g} … {:.4g}".format(*s.next_joint95),
                 ", ".join(result.records[i].id for i in s.outliers) or "none",
             )
         )
