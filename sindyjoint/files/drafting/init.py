@@ -143,15 +143,15 @@ def init(
     question: Question | None = None
     while ask is not None and drafted.questions:
         # An answer may bring up other questions, or settle them; a wrong one is asked for again, the others stay.
-        question = question or drafted.questions[0]
-        answer = ask(question)
+        asked = question or drafted.questions[0]
+        answer = ask(asked)
         try:
-            drafted = draft(given | {question.key: answer})
-            given[question.key], question = answer, None
+            drafted = draft(given | {asked.key: answer})
+            given[asked.key], question = answer, None
         except InputError as error:
-            if question.complaint == str(error):
+            if asked.complaint == str(error):
                 raise
-            question = replace(question, complaint=str(error))
+            question = replace(asked, complaint=str(error))
     # Without a guess any answer would be invented.
     open_ones = [each for each in drafted.questions if each.guess is None or not guess]
     if open_ones:

@@ -128,8 +128,8 @@ def preamble_length(lines: Sequence[str]) -> int:
     ]
     first = next((i for i in range(len(rows)) if all(alike[i : i + ALIKE])), 0)
     headings = 0
-    for above in kinds[max(first - 2, 0) : first][::-1]:
-        if len(above) != width or set(above) == {"blank"} or "number" in above:
+    for row in kinds[max(first - 2, 0) : first][::-1]:
+        if len(row) != width or set(row) == {"blank"} or "number" in row:
             break
         headings += 1
     if headings == 2 and first > 2 and not all(is_unit(field) for field in rows[first - 1] if field):
