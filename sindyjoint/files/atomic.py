@@ -15,7 +15,7 @@ import shutil
 import signal
 import uuid
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from sindyjoint.documents import SUMS, find_foreign, read_list, sums_of, sums_text
@@ -29,10 +29,16 @@ except ImportError:  # Windows
 NEW, OLD = "new", "old"
 
 
-def _make_write_error(path: Path, error: OSError | ValueError) -> OutputError:
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
     """Say in one line why a path cannot be written."""
-    reason = getattr(error, "strerror", None) or error
-    return OutputError(f"cannot write {str(path)!r:.200}: {reason}; choose another path")
+    try:
+        yield
+    except OutputError:
+        raise
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(f"cannot write {str(path)!r:.200}: {reason}; choose another path") from error
 
 
 def _name_temporary(path: Path, kind: str = NEW) -> Path:
@@ -58,13 +64,11 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
         raise OutputError(f"cannot write {str(target)!r}: it is a folder; give the name of a file")
     if target.exists() and not target.is_file():
         raise OutputError(f"cannot write {str(target)!r}: it is a device or a pipe; give the name of a file")
-    try:
+    with _writing(target):
         settle(target)
         with _hold_new(target, Path.touch) as temporary:
             temporary.write_bytes(data)
             os.replace(temporary, target)
-    except OSError as error:
-        raise _make_write_error(target, error) from error
     return target
 
 
@@ -85,13 +89,11 @@ def check_output(path: str | os.PathLike[str]) -> Path:
     existing = folder
     while not os.path.exists(existing) and existing != existing.parent:
         existing = existing.parent
-    try:
+    with _writing(folder):
         # Of a name that is too long, or of a loop of links, the system says so at once.
         for path in (*(existing / part for part in folder.parts[len(existing.parts) :]), folder):
             with suppress(FileNotFoundError, NotADirectoryError):
                 os.lstat(path)
-    except (OSError, ValueError) as error:
-        raise _make_write_error(folder, error) from error
     if not existing.is_dir():
         what = "it" if existing == folder else repr(str(existing))
         raise OutputError(
@@ -99,22 +101,18 @@ def check_output(path: str | os.PathLike[str]) -> Path:
         )
     # Permission bits say nothing to root and nothing about read-only file systems: only writing shows.
     probe = existing / "probe"
-    try:
+    with _writing(folder):
         settle(probe)
         with _hold_new(probe, Path.touch):
             pass
-    except OSError as error:
-        raise _make_write_error(folder, error) from error
     return folder
 
 
 def prepare_output(path: str | os.PathLike[str]) -> Path:
     """Check a folder of results as :func:`check_output` does, and make it where it is missing."""
     folder = check_output(path)
-    try:
+    with _writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _make_write_error(folder, error) from error
     return folder
 
 
@@ -272,9 +270,10 @@ def _open_stage(location: Path, target: Path) -> Iterator[Path]:
     except OSError as error:
         # About writing into the stage, not about reading something else.
         concerned = error.filename is None or str(stage) in (str(error.filename) + str(error.filename2))
-        if isinstance(error, OutputError) or not (stage == location or concerned):
+        if not (stage == location or concerned):
             raise
-        raise _make_write_error(target, error) from error
+        with _writing(target):
+            raise
 
 
 @contextmanager
@@ -283,25 +282,20 @@ def _hold_new(location: Path, make: Callable[[Path], None]) -> Iterator[Path]:
 
     Between its making and its holding another process may take it for a leftover: then it is made again.
     """
-    temporary, handle, held = _name_temporary(location), -1, False
+    temporary, handles = _name_temporary(location), ExitStack()
     try:
         with _uninterrupted():
-            while not held:
-                if handle >= 0:
-                    os.close(handle)
-                temporary, handle = _name_temporary(location), -1
+            make(temporary)
+            while handles.enter_context(hold_folder(temporary)) is False or not temporary.exists():
+                temporary = _name_temporary(location)
                 make(temporary)
-                handle = _open(temporary)
-                held = _lock(handle) is not False and temporary.exists()
         yield temporary
     finally:
-        with _uninterrupted():
+        with _uninterrupted(), handles:
             if temporary.is_dir():
                 shutil.rmtree(temporary, ignore_errors=True)
             with suppress(OSError):
                 temporary.unlink()
-            if handle >= 0:
-                os.close(handle)
 
 
 @contextmanager
@@ -327,30 +321,18 @@ def hold_folder(folder: Path, wait: bool = False) -> Iterator[bool | None]:
 
     The lock ends with its process, however that ends. With ``wait`` the block begins when the other one has ended.
     """
-    handle = _open(folder)
+    handle, held = -1, None
+    if fcntl is not None:
+        try:
+            handle = os.open(folder, os.O_RDONLY)
+            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            held = True
+        except BlockingIOError:
+            held = False
+        except OSError:
+            held = None  # none to be had, or no such locks here
     try:
-        yield _lock(handle, wait)
+        yield held
     finally:
         if handle >= 0:
             os.close(handle)
-
-
-def _open(path: Path) -> int:
-    """Return a handle to lock a file or folder by; -1 where there is none to be had."""
-    try:
-        return os.open(path, os.O_RDONLY) if fcntl is not None else -1
-    except OSError:
-        return -1
-
-
-def _lock(handle: int, wait: bool = False) -> bool | None:
-    """Lock an open file; False where another one has, None where the system has no such locks."""
-    if fcntl is None or handle < 0:
-        return None
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        return False
-    except OSError:
-        return None
-    return True
