@@ -13,7 +13,7 @@ from sindyjoint.cli.options import AsJson
 
 if TYPE_CHECKING:
     from sindyjoint.files.drafting.assignment import Question
-    from sindyjoint.soundness.check import Check
+    from sindyjoint.soundness.checked import Checked
 
 SHOWN = 8  # findings
 
@@ -70,7 +70,7 @@ def init(
     typer.echo(f"\nnext: sindyjoint check {folder}, then sindyjoint discover {folder} --out RESULTS")
 
 
-def _check(manifest: Path, force: bool) -> tuple[Check, Path]:
+def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
     """Check what was written, and draw all runs beside it."""
     from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
