@@ -85,7 +85,7 @@ class Outlier:
 
 
 @dataclass(frozen=True)
-class Scatter:
+class CoefficientScatter:
     """How one coefficient scatters over the joints.
 
     Parameters
@@ -163,7 +163,7 @@ class NextJoint:
         return self.mean - half, self.mean + half
 
 
-def next_joint(scatter: Scatter) -> NextJoint | None:
+def next_joint(scatter: CoefficientScatter) -> NextJoint | None:
     """Return what joints say of the next one, at the mean of a covariate with a trend; None of too few.
 
     The true coefficient of a further joint of the same kind is y = μ + u; with its error the mean of n joints knows μ,
@@ -181,11 +181,11 @@ class Population:
 
     Parameters
     ----------
-    scatters : tuple of Scatter
+    scatters : tuple of CoefficientScatter
     trends : tuple of Trend
     """
 
-    scatters: tuple[Scatter, ...]
+    scatters: tuple[CoefficientScatter, ...]
     trends: tuple[Trend, ...]
 
 
@@ -218,7 +218,7 @@ def population(
         data[name] = np.where(np.isfinite(s), y, np.nan), s
     known = {name: np.asarray(x, dtype=float) for name, x in (covariates or {}).items()}
     trends = _fit_trends(data, known)
-    scatters: list[Scatter] = []
+    scatters: list[CoefficientScatter] = []
     for name, (y, s) in data.items():
         found = [t for t in trends if t.coefficient == name and t.significant]
         # Of equally likely ones the first: rounding is no reason.
@@ -236,7 +236,7 @@ def population(
     )
 
 
-def _estimate_robustly(name: str, y: Array, s: Array, level: float) -> Scatter:
+def _estimate_robustly(name: str, y: Array, s: Array, level: float) -> CoefficientScatter:
     """Return how a coefficient scatters, its p-values not yet adjusted; ``level`` is for all joints."""
     here = np.flatnonzero(np.isfinite(y))
     scores, p = np.full(y.size, np.nan), np.full(y.size, np.nan)
@@ -257,7 +257,9 @@ def _estimate_robustly(name: str, y: Array, s: Array, level: float) -> Scatter:
             if np.array_equal(joined, kept) or joined.sum() < POLICY.fewest_joints - 1:
                 break
             kept = joined
-    return Scatter(name, mean, error, tau, tuple(scores.tolist()), tuple(p.tolist()), None, int(kept.sum()))
+    return CoefficientScatter(
+        name, mean, error, tau, tuple(scores.tolist()), tuple(p.tolist()), None, int(kept.sum())
+    )
 
 
 def _judge_outliers(v: Array, e: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:

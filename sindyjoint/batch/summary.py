@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sindyjoint.batch.policy import POLICY
-from sindyjoint.batch.population import Population, Scatter, population
+from sindyjoint.batch.population import CoefficientScatter, Population, population
 from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.described import Maybe, same
 from sindyjoint.discovery.evidence import Evidence, fit_columns
@@ -235,8 +235,8 @@ def _calibration(records: Sequence[CampaignRecord], common: Sequence[str]) -> di
 
 
 def _with_calibration(
-    scatter: Scatter, calibration: dict[str, dict[str, float]], ids: tuple[str, ...]
-) -> Scatter:
+    scatter: CoefficientScatter, calibration: dict[str, dict[str, float]], ids: tuple[str, ...]
+) -> CoefficientScatter:
     """Return a scatter whose mean has the errors of gains that all joints share."""
     moves = [scatter.mean * share for share in calibration.get(scatter.coefficient, {}).values()]
     return replace(scatter, mean_error=float(np.hypot(scatter.mean_error, np.linalg.norm(moves))), ids=ids)

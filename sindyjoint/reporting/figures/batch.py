@@ -25,7 +25,7 @@ from sindyjoint.text import spelled
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.batch.population import Scatter, Trend
+    from sindyjoint.batch.population import CoefficientScatter, Trend
     from sindyjoint.batch.summary import Batch
 
 # More names than these cannot be read below an axis.
@@ -60,7 +60,12 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
 
 
 def _points(
-    ax: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, scatter: Scatter, use: np.ndarray
+    ax: Axes,
+    x: np.ndarray,
+    values: np.ndarray,
+    errors: np.ndarray,
+    scatter: CoefficientScatter,
+    use: np.ndarray,
 ) -> np.ndarray:
     """Draw values with 95 % intervals, the outliers in another colour; return the indices of the outliers."""
     out = np.zeros(values.size, dtype=bool)
@@ -72,7 +77,7 @@ def _points(
     return np.flatnonzero(use & out)
 
 
-def _distribution(ax: Axes, scatter: Scatter, factor: float) -> None:
+def _distribution(ax: Axes, scatter: CoefficientScatter, factor: float) -> None:
     if np.isfinite(scatter.mean):
         ax.axhline(factor * scatter.mean, color=INK, linewidth=0.9)
     if np.isfinite(scatter.spread) and scatter.covariate is None:
