@@ -51,7 +51,7 @@ def stiffness_change(run: Run, states: ForceStates) -> tuple[float, float]:
         return 0.0, 0.0
     parts = np.array_split(stiffness, SEGMENTS)
     mean = np.array([np.mean(part) for part in parts])
-    # CoefficientScatter within the quarters about a line: the change itself must not count as its own noise.
+    # Scatter within the quarters about a line: the change itself must not count as its own noise.
     residual = np.concatenate([_straightened(part) for part in parts])
     freedom = residual.size - 2 * SEGMENTS
     error = np.sqrt(np.sum(np.abs(residual) ** 2) / (2 * freedom) * 2 / min(p.size for p in parts))

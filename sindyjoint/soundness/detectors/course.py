@@ -47,7 +47,7 @@ def largest_step(series: Array, least_scatter: float = 0.0, side: int = SIDE) ->
     ----------
     series : ndarray, shape (p,)
     least_scatter : float
-        CoefficientScatter that is taken for granted.
+        Scatter that is taken for granted.
     side : int
         Periods on either side that are compared.
     """
