@@ -43,7 +43,7 @@ def plot(
 
     Example: sindyjoint plot results loops --out loops.pdf --width 3.5
     """
-    from sindyjoint.checksums import refuse_foreign_file
+    from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.errors import InputError
     from sindyjoint.files.atomic import write_bytes
     from sindyjoint.reporting.registry import drawing, list_saved

@@ -13,7 +13,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.checksums import kind_of_results, read_checked
+from sindyjoint.documents import kind_of_results, read_checked
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingExtraError, OutputError
 from sindyjoint.files.atomic import output_folder

@@ -153,7 +153,7 @@ _RECORDS = {
     "rig": "workflows.rig:RigMotion",
     "joint-curves": "substructure.joint_curves:JointCurves",
     "structure-curves": "substructure.structure_curves:StructureCurves",
-    "export": "export.base:Export",
+    "export": "export:Export",
     "simulation": "workflows.simulate:WrittenTest",
     "batch": "batch.summary:Batch",
     "joint": "batch.record:CampaignRecord",

@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.checksums import hash_file
-from sindyjoint.documents import read_toml
+from sindyjoint.documents import hash_file, read_toml
+from sindyjoint.judgement.versions import versions
 from sindyjoint.record import Campaign
 from sindyjoint.reporting.equation import symbol_html
 from sindyjoint.reporting.style import INK, MUTED, RULE
-from sindyjoint.versions import versions
 
 if TYPE_CHECKING:
     from jinja2 import Environment

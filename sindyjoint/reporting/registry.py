@@ -11,8 +11,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from sindyjoint.checksums import kind_of_results, read_checked
-from sindyjoint.documents import LARGEST, parse_json
+from sindyjoint.documents import LARGEST, kind_of_results, parse_json, read_checked
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import (

@@ -6,7 +6,7 @@ import signal
 import pytest
 from made_models import paper_model
 
-from sindyjoint.checksums import changed_files
+from sindyjoint.documents import changed_files
 
 # Where it comes: before anything is written, while a file or folder aside is made or held, while files move in.
 EARLY, ASIDE, MOVING = (f"files.atomic.{name}" for name in ("check_output", "settle", "sums_text"))

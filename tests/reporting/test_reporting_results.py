@@ -11,8 +11,9 @@ from handmade_results import comparison, diagnosis, structure, verification
 from test_reporting_figures import laid_out
 from test_reporting_page import read
 
-from sindyjoint.checksums import changed_files
+from sindyjoint.documents import changed_files
 from sindyjoint.errors import InputError, OutputError
+from sindyjoint.inputs import Source
 from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.record import Campaign, Run
 from sindyjoint.reporting import draw, drawable, load_results, write_results
@@ -21,7 +22,6 @@ from sindyjoint.reporting.page import provenance
 from sindyjoint.reporting.registry import draw_all, kinds_of, saved_text, view_of
 from sindyjoint.reporting.results.verification import KEPT_SAMPLES, thinned
 from sindyjoint.reporting.style import figure_bytes
-from sindyjoint.source import Source
 from tests.doors.asked import ask
 
 HOSTILES = {

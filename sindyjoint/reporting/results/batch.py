@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.batch.population import Scatter, Trend, next_joint
-from sindyjoint.batch.record import CampaignRecord
+from sindyjoint.batch.population import CoefficientScatter, Trend
+from sindyjoint.batch.record import CAMPAIGNS, CampaignRecord
 from sindyjoint.batch.summary import TEMPERATURE, Batch
-from sindyjoint.batch.tasks import CAMPAIGNS
 from sindyjoint.reporting.equation import superscripted
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section
@@ -71,7 +70,12 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
 
 
 def _points(
-    ax: Axes, x: np.ndarray, values: np.ndarray, errors: np.ndarray, scatter: Scatter, use: np.ndarray
+    ax: Axes,
+    x: np.ndarray,
+    values: np.ndarray,
+    errors: np.ndarray,
+    scatter: CoefficientScatter,
+    use: np.ndarray,
 ) -> np.ndarray:
     """Draw values with 95 % intervals, the outliers in another colour; return the indices of the outliers."""
     out = np.zeros(values.size, dtype=bool)
@@ -83,7 +87,7 @@ def _points(
     return np.flatnonzero(use & out)
 
 
-def _distribution(ax: Axes, scatter: Scatter, factor: float) -> None:
+def _distribution(ax: Axes, scatter: CoefficientScatter, factor: float) -> None:
     if np.isfinite(scatter.mean):
         ax.axhline(factor * scatter.mean, color=INK, linewidth=0.9)
     if np.isfinite(scatter.spread) and scatter.covariate is None:
@@ -190,7 +194,7 @@ class BatchView(
         joints, scatter, trends = self.tables(result)
         significant = sum(t.significant for t in result.population.trends)
         facts = [
-            ("Campaigns", str(len(result.records)), f"{result.count('found')} with a model"),
+            ("Campaigns", str(len(result.records)), f"{result.found} with a model"),
             ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
             ("Trends", str(significant), f"of {len(result.population.trends)} looked for, at 5 % over all"),
         ]
@@ -230,7 +234,7 @@ class BatchView(
                 section(
                     "scatter",
                     "How the joints scatter",
-                    "Scatter",
+                    "CoefficientScatter",
                     show.table(scatter) if scatter.rows else "",
                 ),
                 section(
@@ -363,13 +367,13 @@ def _share(record: CampaignRecord, name: str) -> str:
 def _scatter(result: Batch) -> TextTable:
     """Return the scatter of each common coefficient over the joints."""
 
-    def ahead(s: Scatter) -> str:
-        return DASH if (known := next_joint(s)) is None else "{:.4g} … {:.4g}".format(*known.interval95)
+    def ahead(s: CoefficientScatter) -> str:
+        return DASH if s.next_joint95 is None else "{:.4g} … {:.4g}".format(*s.next_joint95)
 
-    def mean(s: Scatter) -> str:
+    def mean(s: CoefficientScatter) -> str:
         return superscripted(rounded(s.mean, s.mean_error)) if np.isfinite(s.mean_error) else f"{s.mean:.4g}"
 
-    def spread(s: Scatter) -> str:
+    def spread(s: CoefficientScatter) -> str:
         share = s.spread / abs(s.mean) if s.mean else float("nan")
         return f"{100 * share:.1f} %" if np.isfinite(share) else DASH
 
@@ -377,7 +381,7 @@ def _scatter(result: Batch) -> TextTable:
         "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
         "not tested lies in 95 of 100 cases."
     )
-    columns: dict[str, Callable[[Scatter], str]] = {
+    columns: dict[str, Callable[[CoefficientScatter], str]] = {
         "term": lambda s: _named(result, s.coefficient),
         "mean of the joints": mean,
         "spread between joints": spread,
@@ -410,9 +414,9 @@ def _trends(result: Batch) -> TextTable:
 
 def headline(result: Batch) -> str:
     """Return how many campaigns there are and how they ended."""
-    parts = [f"{len(result.records)} campaigns: {result.count('found')} with a model"]
-    parts += [f"{result.count('none')} without"] if result.count("none") else []
-    parts += [f"{result.count('broken')} broken"] if result.count("broken") else []
+    parts = [f"{len(result.records)} campaigns: {result.found} with a model"]
+    parts += [f"{result.none} without"] if result.none else []
+    parts += [f"{result.broken} broken"] if result.broken else []
     parts += [f"{result.kept} of them done before"] if result.kept else []
     return ", ".join(parts)
 

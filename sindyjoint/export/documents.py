@@ -1,16 +1,19 @@
-r"""LaTeX: the equation and a table of the terms (packages ``booktabs`` and ``amsmath``)."""
+r"""Documents that hold the model itself: LaTeX (packages ``booktabs`` and ``amsmath``), and JSON."""
 
 from __future__ import annotations
 
+import json
 import re
+from dataclasses import asdict
 from decimal import Decimal
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.equation_text import latex_symbol, numbered, renamed
 from sindyjoint.equation.formula import formula_latex, parameter_symbol
 from sindyjoint.equation.model import JointModel, ModelTerm
-from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
-from sindyjoint.export.text import comment, one_line, preamble, words_of
+from sindyjoint.export import Export
+from sindyjoint.export.fidelity import Cycles, Represented, fidelity_table
+from sindyjoint.export.text import Fidelity, comment, one_line, preamble, words_of
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)?", re.ASCII)
 _SPECIAL = {
@@ -20,12 +23,23 @@ _SPECIAL = {
 }  # fmt: skip
 
 
-def export(model: JointModel) -> Export:
-    """Write ``joint.tex``, to be input into a document."""
+def export_json(model: JointModel) -> Export:
+    """Write ``model.json``: the model as discover writes it, with its fidelity table; every command reads it back."""
+    rows = _rows(model, "formula, coefficient, covariance", "formulas, numbers, covariance")
+    record = {**model.to_dict(), "fidelity": [asdict(row) for row in rows]}
+    return Export("json", {"model.json": json.dumps(record, indent=1) + "\n"}, rows)
+
+
+def _rows(model: JointModel, term: str, element: str) -> tuple[Fidelity, ...]:
     cycles = Cycles.of(model)
-    represented = {term.id: Represented("formula and coefficient", cycles.term(term)) for term in model.terms}
-    represented |= {e.id: Represented("formulas and numbers", cycles.element(e)) for e in model.elements}
-    rows = fidelity_table(model, cycles, represented)
+    represented = {t.id: Represented(term, cycles.term(t)) for t in model.terms}
+    represented |= {e.id: Represented(element, cycles.element(e)) for e in model.elements}
+    return fidelity_table(model, cycles, represented)
+
+
+def export_latex(model: JointModel) -> Export:
+    """Write ``joint.tex``, to be input into a document: the equation and a table of the terms."""
+    rows = _rows(model, "formula and coefficient", "formulas and numbers")
     notes = ("needs the packages booktabs and amsmath; coefficients are rounded to their standard errors",)
     rotation, words = model.joint.motion == "rotation", words_of(model)
     inertia = (
