@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from sindyjoint.reporting.figures.before_after import overlays
-from sindyjoint.reporting.figures.diagnosis import gap_by_step
-from sindyjoint.reporting.figures.kind import Kind, drawn
+from sindyjoint.reporting.figure import Kind, drawn
 from sindyjoint.reporting.registry import draw
+from sindyjoint.reporting.results.diagnosis_campaign import gap_by_step, overlays
 from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
 from sindyjoint.workflows.plan import plan

@@ -77,7 +77,7 @@ _HOMES = {
 }
 
 # What the parts call without importing it.
-supply("display", lambda: import_module("sindyjoint.reporting.front"))
+supply("display", lambda: import_module("sindyjoint.reporting.output"))
 supply("arrays", lambda: import_module("sindyjoint.files.arrays"))
 
 

@@ -13,8 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
-from dataclasses import dataclass
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 R = TypeVar("R")
 Other = TypeVar("Other")
@@ -156,50 +155,29 @@ def spend(samples: float) -> None:
 STEP_SAMPLES = 5.0
 
 
-@dataclass(frozen=True)
-class Allowance:
-    """What a task in another process may cost.
+# What a task in another process may cost: work and processor time, s, that remain of the least portion, and the number
+# of the process that gives it, which counts for itself.
+Allowance = tuple[float, float, int]
 
-    Parameters
-    ----------
-    work, seconds : float
-        That remain of the least portion.
-    process : int
-        The process that gives it, which counts for itself.
+
+def allowance(clocks: Sequence[ProcessorTime]) -> Allowance:
+    """Return what remains of the portions among some clocks."""
+    portions = [clock for clock in clocks if isinstance(clock, Portion)]
+    work = min((portion.most_work - portion.work for portion in portions), default=math.inf)
+    return work, min((p.most_seconds - p.seconds for p in portions), default=math.inf), os.getpid()
+
+
+def run_timed(function: Callable[..., R], given: Allowance, *arguments: Any) -> tuple[R, float, float]:
+    """Return a result, and work and processor time where another process than the one of the allowance did it.
+
+    The result is None where the allowance was used up.
     """
-
-    work: float
-    seconds: float
-    process: int
-
-    @classmethod
-    def of(cls, clocks: Sequence[ProcessorTime]) -> Allowance:
-        """Return what remains of the portions among some clocks."""
-        portions = [clock for clock in clocks if isinstance(clock, Portion)]
-        return cls(
-            min((p.most_work - p.work for p in portions), default=math.inf),
-            min((p.most_seconds - p.seconds for p in portions), default=math.inf),
-            os.getpid(),
-        )
-
-
-@dataclass(frozen=True)
-class Timed(Generic[R]):
-    """The result of a task, None where its allowance was used up, and what it took in another process."""
-
-    result: R | None
-    seconds: float = 0.0
-    work: float = 0.0
-
-
-def run_timed(function: Callable[..., R], allowance: Allowance, *given: Any) -> Timed[R]:
-    """Return a result, and what it took where another process than the one that gave the allowance did it."""
-    if os.getpid() == allowance.process:
-        return Timed(function(*given))
-    start = time.thread_time()
-    portion = Portion(allowance.work, allowance.seconds)
-    result = portion.do(lambda: function(*given), None, "")
-    return Timed(result, time.thread_time() - start, portion.work)
+    work, seconds, process = given
+    if os.getpid() == process:
+        return function(*arguments), 0.0, 0.0
+    start, portion = time.thread_time(), Portion(work, seconds)
+    result: Any = portion.do(lambda: function(*arguments), None, "")
+    return result, portion.work, time.thread_time() - start
 
 
 def clocks_running() -> tuple[ProcessorTime, ...]:

@@ -1,11 +1,19 @@
-"""Every error that sindyjoint raises on purpose.
+"""Every error that sindyjoint raises on purpose, and the refusal of names that nobody knows.
 
 Each derives from :class:`SindyJointError` and from the builtin that fits, so both kinds of ``except`` work.
 A message says what was given, what was expected and what to do. The command line turns any of them into one
 line on stderr and an exit status: 2, the input is at fault, or 1, the answer is a reasoned "no".
 """
 
-from typing import Any, ClassVar
+from __future__ import annotations
+
+import difflib
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, ClassVar, TypeVar
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 class SindyJointError(Exception):
@@ -96,3 +104,62 @@ class SimulationError(SindyJointError, ArithmeticError):
     def __init__(self, message: str, time: float | None = None):
         super().__init__(message)
         self.time = time
+
+
+def refuse(faults: Iterable[tuple[object, str]]) -> None:
+    """Raise InputError with the sentence of the first fault that is there.
+
+    Examples
+    --------
+    >>> refuse([(False, "a is missing"), (0.0 < 1, "b is below 1")])
+    Traceback (most recent call last):
+    ...
+    sindyjoint.errors.InputError: b is below 1
+    """
+    for there, sentence in faults:
+        if there:
+            raise InputError(sentence)
+
+
+def checks_options(further: Callable[[], Iterable[str]] = tuple) -> Callable[[F], F]:
+    """Make a function refuse options that it does not have, and name the nearest.
+
+    Parameters
+    ----------
+    further : callable
+        Names of the options that it passes on.
+    """
+
+    def decorate(function: F) -> F:
+        parameters = inspect.signature(function).parameters.values()
+        named = [p.name for p in parameters if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)]
+
+        @functools.wraps(function)
+        def checked(*args: Any, **options: Any) -> Any:
+            unknown = [name for name in options if name not in named]
+            if unknown:
+                refuse_unknown(f"{function.__name__}()", unknown, [*named, *further()])
+            return function(*args, **options)
+
+        return checked  # type: ignore[return-value]
+
+    return decorate
+
+
+def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse the first name that is not among the known ones.
+
+    Raises
+    ------
+    OptionError
+    """
+    known = list(known)
+    for name in given:
+        if name not in known:
+            raise OptionError(f"{where} has no option {name!r}; {nearest(name, known, 'there are')}")
+
+
+def nearest(name: str, known: Sequence[str], otherwise: str) -> str:
+    """Return a question for the name that was probably meant, or else all known ones."""
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"did you mean {near[0]!r}?" if near else f"{otherwise} {', '.join(known)}"

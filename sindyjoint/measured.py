@@ -1,18 +1,43 @@
-"""Runs of what was measured: with an accelerometer among the sensors, or in order without time."""
+"""Runs of what was measured: with an accelerometer among the sensors, or in order without time.
+
+Quasi-static samples have an order and no time, and the path that the joint travels takes its place. A law without rate
+answers to the angle, to the direction in which it moves and to where it has turned. With the travelled path s = ∫|dθ|
+in the place of time the joint moves at unit speed, dθ/ds = ±1: hysteretic elements follow it as they follow a motion in
+time, and sign(dθ/ds) is the side of the friction. Where the joint stands still the path does not grow, and there is no
+sample.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.accelerometer import fuse
 from sindyjoint.errors import InputError
-from sindyjoint.inputs import signals_of
-from sindyjoint.quasi_static import along_path
+from sindyjoint.inputs import SensorNoise, signals_of
+from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES, Run, checked_signal
-from sindyjoint.source import SensorNoise
+
+# Most steps of a path, and measured samples that one step holds on the average where there are fewer.
+MOST_STEPS, PER_STEP = 20_000, 2
+# Reversals smaller than so many standard deviations of noise, or steps of the recorder, are none.
+SIGMAS, QUANTA = 6.0, 1.5
+# Fewest samples that a parabola through a reversal takes.
+FEWEST_AT_A_TURN = 5
+# Share of third differences that change sign, below which they are those of a smooth signal.
+ALTERNATING = 0.6
+# Across a longer gap between measured samples, in steps of the path, nothing is known.
+LONGEST_GAP = 3.0
+# Steps that are left out on either side of a reversal.
+GUARD = 2
+# Steps on either side over which the slope of a channel is taken.
+REACH = 3
+# Fewest steps of a path, where there are as many samples.
+FEWEST_STEPS = 64
 
 
 def measured_run(name: str, signals: Mapping[str, ArrayLike], sample_rate: float, **options: Any) -> Run:
@@ -100,3 +125,175 @@ def travelled_run(
         quasi_static=True,
         **known,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Samples at even steps of the travelled path.
+
+    Parameters
+    ----------
+    step : float
+        rad (m).
+    angle, moment : ndarray, shape (n,)
+        Angle on straight lines from reversal to reversal, rad (m), and mean moment there, N·m (N).
+    valid : ndarray of bool, shape (n,)
+        False where no sample lies near, and at reversals.
+    averaged : float
+        Measured samples in one of these, on the average.
+    inputs : mapping of str to ndarray, shape (n,)
+    """
+
+    step: float
+    angle: Array
+    moment: Array
+    valid: NDArray[np.bool_]
+    averaged: float
+    inputs: Mapping[str, Array] = field(default_factory=dict)
+
+
+def white_noise(values: Array) -> float:
+    """Return the RMS of white noise on a slow signal, by the median of its third differences: σ = |Δ³| / √20.
+
+    Zero where these are no noise, of which 77 % change sign from one to the next.
+    """
+    third = np.diff(values, 3)
+    sign = np.sign(third[third != 0])
+    if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < ALTERNATING:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
+
+
+def reversals(angle: Array, threshold: float) -> NDArray[np.intp]:
+    """Return the samples at which a motion turns by more than a threshold, first and last sample among them.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (n,)
+    threshold : float
+        By how much the joint must come back before an extreme counts as one.
+    """
+    turns, low, high, direction = [0], 0, 0, 0
+    for i, value in enumerate(angle.tolist()):
+        if value > angle[high]:
+            high = i
+        if value < angle[low]:
+            low = i
+        if direction >= 0 and angle[high] - value > threshold:
+            if direction > 0:
+                turns.append(high)
+            direction, low = -1, i
+            high = i
+        elif direction <= 0 and value - angle[low] > threshold:
+            if direction < 0:
+                turns.append(low)
+            direction, high = 1, i
+            low = i
+    last = high if direction > 0 else low
+    if direction and last > turns[-1]:
+        turns.append(last)
+    return np.array(turns, dtype=np.intp)
+
+
+def travelled(angle: Array) -> tuple[Array, Array, Array]:
+    """Return the travelled path at each sample of a motion, and its reversals: the path there, and the angle.
+
+    Between reversals the angle is the monotone sequence nearest to the measured one (isotonic regression): noise does
+    not count as travel.
+
+    Raises
+    ------
+    InputError
+        Where nothing moves.
+    """
+    from scipy.optimize import isotonic_regression
+
+    steps, noise = np.abs(np.diff(angle)), white_noise(angle)
+    threshold = max(SIGMAS * noise, QUANTA * float(steps[steps > 0].min(initial=np.inf)))
+    turns = reversals(angle, threshold if np.isfinite(threshold) else 0.0)
+    if turns.size < 2:
+        raise InputError("the joint does not move beyond its noise; expected a path that it travels")
+    angles = np.array([_turning_angle(angle, int(at), noise, at in (0, turns[-1])) for at in turns])
+    corners = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angles)))])
+    path = np.empty(turns[-1] + 1)
+    for i, (start, stop) in enumerate(zip(turns[:-1], turns[1:], strict=True)):
+        line = isotonic_regression(angle[start : stop + 1], increasing=bool(angles[i + 1] > angles[i])).x
+        path[start : stop + 1] = corners[i] + np.abs(np.clip(line, *sorted(angles[i : i + 2])) - angles[i])
+    return path, corners, angles
+
+
+def _turning_angle(angle: Array, at: int, noise: float, end: bool) -> float:
+    """Return the angle of a reversal, or of an end of the record, by a parabola.
+
+    It goes through the samples that noise does not separate from the extreme one, whose own value holds the noise.
+    """
+    far = np.abs(angle - angle[at]) > SIGMAS * noise
+    start = at - int(np.argmax(np.append(far[:at][::-1], True)))
+    stop = at + int(np.argmax(np.append(far[at + 1 :], True))) + 1
+    if stop - start < FEWEST_AT_A_TURN:
+        return float(angle[at])
+    curve = np.polynomial.Polynomial.fit(np.arange(start, stop), angle[start:stop], 2)
+    if end:
+        return float(curve(at))
+    values = curve(np.arange(start, stop))
+    return float(values.max() if angle[at] >= np.median(angle[start:stop]) else values.min())
+
+
+def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLike] | None = None) -> Path:
+    """Return the samples of a quasi-static run at even steps of the path that it travels.
+
+    Each branch, from one reversal to the next, has a whole number of steps; a reversal is the last sample of one and
+    the first of the next, so that a motion of unit speed between them is followed exactly.
+
+    Parameters
+    ----------
+    moment, angle : array_like, shape (n,)
+        N·m and rad (N and m), in the order in which they were measured.
+    inputs : mapping of str to array_like, shape (n,), or float
+        Of the law.
+
+    Raises
+    ------
+    InputError
+        Where nothing moves, or samples are too few.
+    """
+    measured = np.asarray(angle, dtype=np.float64)
+    path, corners, angles = travelled(measured)
+    count = path.size
+    steps = int(np.clip(count // PER_STEP, min(count, FEWEST_STEPS), MOST_STEPS))
+    grid, along, branch = _branches(corners, angles, float(path[-1]) / steps)
+    found, members = np.unique(np.searchsorted((grid[1:] + grid[:-1]) / 2, path), return_inverse=True)
+    size, number = np.bincount(members), np.arange(grid.size)
+
+    def mean(values: ArrayLike) -> Array:
+        """Return the mean of the samples nearest to each step; a straight line across steps without one."""
+        own = np.bincount(members, np.asarray(values, dtype=np.float64)[:count]) / size
+        return np.interp(number, found, own)
+
+    known = np.isin(number, found)
+    # The samples of a step do not lie about its middle: the slope of the branch takes their mean there.
+    places = np.where(known, mean(path), grid)
+    first, last = (np.searchsorted(branch, branch, side=side) for side in ("left", "right"))
+    before, after = np.maximum(number - REACH, first), np.minimum(number + REACH, last - 1)
+    means, apart = mean(moment), places[after] - places[before]
+    slope = (means[after] - means[before]) / np.where(apart > 0, apart, np.inf)
+    gaps = np.diff(found, prepend=-np.inf, append=np.inf)[np.searchsorted(found, number)]
+    return Path(
+        float(path[-1]) / steps,
+        along,
+        means + (grid - places) * slope,
+        (known | (gaps <= LONGEST_GAP)) & (number >= first + GUARD) & (number < last - GUARD),
+        float(np.mean(size)),
+        {name: mean(np.broadcast_to(values, measured.shape)) for name, values in (inputs or {}).items()},
+    )
+
+
+def _branches(corners: Array, angles: Array, step: float) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Return path and angle at the steps of all branches, and the number of the branch of each."""
+    counts = np.maximum(np.rint(np.diff(corners) / step).astype(np.intp), 1) + 1
+
+    def spaced(ends: Array) -> Array:
+        each = zip(ends[:-1], ends[1:], counts, strict=True)
+        return np.concatenate([np.linspace(low, high, n) for low, high, n in each])
+
+    return spaced(corners), spaced(angles), np.repeat(np.arange(counts.size), counts)

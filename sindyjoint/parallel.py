@@ -16,11 +16,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, Protocol, TypeVar
+from functools import lru_cache, partial
+from typing import Any, TypeVar
 
-from sindyjoint.clock import Allowance, clocks_running, run_on_clocks, run_timed
-from sindyjoint.errors import InputError, MissingExtraError, WorkerError
+from sindyjoint.clock import allowance, clocks_running, run_on_clocks, run_timed
+from sindyjoint.errors import InputError, MissingExtraError, WorkerError, refuse
 from sindyjoint.threads import interruption_held, single_threaded
 
 T = TypeVar("T")
@@ -55,16 +55,9 @@ class Lost:
     reason: str = f"{ATTEMPTS} workers died on it, one after the other (killed, or out of memory)"
 
 
-class Executor(Protocol):
-    """Whatever runs tasks."""
-
-    def completed(
-        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
-    ) -> Iterator[tuple[int, R | Lost]]:
-        """Yield the number of each task and ``function(*shared, task)`` as it ends, in any order.
-
-        An exception of a task is raised here.
-        """
+# Whatever runs tasks: of a function, tasks and first arguments of every task, sent once where that can be, it yields
+# the number of each task and ``function(*shared, task)`` as it ends, in any order. An exception of a task is raised.
+Executor = Callable[..., Iterator[tuple[int, Any]]]
 
 
 def ordered_map(
@@ -93,7 +86,7 @@ def ordered_map(
         If a task was lost; whatever a task raises.
     """
     results: dict[int, R] = {}
-    for number, result in executor.completed(function, tasks, shared):
+    for number, result in executor(function, tasks, shared):
         if isinstance(result, Lost):
             raise WorkerError(
                 f"task {number + 1} of {len(tasks)} was given up: {result.reason}; give it more memory"
@@ -115,15 +108,15 @@ def side_by_side(
     For tasks that lie deep inside an analysis; see :func:`ordered_map`. Without :func:`spread` they run on threads, or
     with ``threads=False`` one after the other.
     """
-    there = _here.get() or (_Threads() if threads else _Serial())
+    there = _here.get() or (_threads if threads else _serial)
     clocks = clocks_running()
     if not clocks:
         return ordered_map(there, function, tasks, shared)
-    timed = ordered_map(there, run_timed, tasks, (function, Allowance.of(clocks), *shared))
+    timed = ordered_map(there, run_timed, tasks, (function, allowance(clocks), *shared))
     for clock in clocks:
-        clock.count(sum(each.work for each in timed), sum(each.seconds for each in timed))
+        clock.count(sum(work for _, work, _ in timed), sum(seconds for _, _, seconds in timed))
     # Where an allowance was used up, so was the portion, which has said so.
-    return [each.result for each in timed]  # type: ignore[misc]
+    return [result for result, _, _ in timed]
 
 
 @contextmanager
@@ -133,7 +126,7 @@ def spread(jobs: int = 1, workers: int | None = None, cluster: str | None = None
     Parameters and errors are those of :func:`executor`.
     """
     with executor(jobs, workers, cluster) as found:
-        token = _here.set(None if isinstance(found, _Serial) else found)
+        token = _here.set(None if found is _serial else found)
         try:
             yield
         finally:
@@ -164,14 +157,14 @@ def executor(jobs: int = 1, workers: int | None = None, cluster: str | None = No
     _check_way(jobs, workers, cluster)
     if workers is not None or cluster is not None:
         with _dask(workers, cluster) as client:
-            yield _Dask(client)
+            yield partial(_on_dask, client)
     elif jobs == 1:
         # Once for all tasks: looking for the libraries takes milliseconds.
         with single_threaded():
-            yield _here.get() or _Serial()
+            yield _here.get() or _serial
     else:
         with _processes():
-            yield _Joblib(jobs)
+            yield partial(_on_processes, jobs)
 
 
 def check_unused(jobs: int, workers: int | None, cluster: str | None) -> str:
@@ -184,122 +177,93 @@ def check_unused(jobs: int, workers: int | None, cluster: str | None) -> str:
 
 
 def _check_way(jobs: int, workers: int | None, cluster: str | None) -> None:
-    given = [name for name, on in (("jobs", jobs != 1), ("workers", workers is not None),
-                                   ("cluster", cluster is not None)) if on]  # fmt: skip
-    if len(given) > 1:
-        raise InputError(f"{' and '.join(given)} were given; expected one way to run the tasks")
-    if jobs != -1 and jobs < 1:
-        raise InputError(f"jobs is {jobs}; expected a positive number, or -1 for one per core")
-    if workers is not None and workers < 1:
-        raise InputError(f"workers is {workers}; expected a positive number")
+    ways = {"jobs": jobs != 1, "workers": workers is not None, "cluster": cluster is not None}
+    given = [name for name, on in ways.items() if on]
+    refuse(
+        [
+            (len(given) > 1, f"{' and '.join(given)} were given; expected one way to run the tasks"),
+            (jobs != -1 and jobs < 1, f"jobs is {jobs}; expected a positive number, or -1 for one per core"),
+            (workers is not None and workers < 1, f"workers is {workers}; expected a positive number"),
+        ]
+    )
 
 
-class _Serial:
-    """One task after the other, here."""
-
-    def completed(
-        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
-    ) -> Iterator[tuple[int, R | Lost]]:
-        for number, task in enumerate(tasks):
-            yield number, _run(function, task, *shared)
+def _serial(
+    function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+) -> Iterator[tuple[int, R]]:
+    """Run one task after the other, here."""
+    for number, task in enumerate(tasks):
+        yield number, _run(function, task, *shared)
 
 
-class _Threads:
-    """Threads of this process: for tasks that mostly wait for compiled code."""
+def _threads(
+    function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+) -> Iterator[tuple[int, R]]:
+    """Run tasks on threads of this process: for tasks that mostly wait for compiled code."""
+    from joblib import Parallel, delayed
 
-    def completed(
-        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
-    ) -> Iterator[tuple[int, R | Lost]]:
-        from joblib import Parallel, delayed
-
-        # The limit holds for the whole process: set once, not by each task. Clocks run on in every thread.
-        clocks = clocks_running()
-        given = [delayed(run_on_clocks)(clocks, function, *shared, task) for task in tasks]
-        with single_threaded():
-            results = Parallel(n_jobs=-1, prefer="threads")(given)
-        yield from enumerate(results)
+    # The limit holds for the whole process: set once, not by each task. Clocks run on in every thread.
+    clocks = clocks_running()
+    given = [delayed(run_on_clocks)(clocks, function, *shared, task) for task in tasks]
+    with single_threaded():
+        results = Parallel(n_jobs=-1, prefer="threads")(given)
+    yield from enumerate(results)
 
 
-class _Joblib:
-    """Processes of this machine."""
+def _on_processes(
+    jobs: int, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+) -> Iterator[tuple[int, R | Lost]]:
+    """Run tasks on processes of this machine."""
+    from concurrent.futures.process import BrokenProcessPool
 
-    def __init__(self, jobs: int):
-        self.jobs = jobs
+    from joblib import Parallel, delayed
 
-    def completed(
-        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
-    ) -> Iterator[tuple[int, R | Lost]]:
-        from concurrent.futures.process import BrokenProcessPool
+    def pool(numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, R]]:
+        given = [delayed(_run_numbered)(function, n, tasks[n], shared_file, os.getpid()) for n in numbers]
+        with interruption_held():
+            return iter(Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")(given))
 
-        waiting = list(range(len(tasks)))
-        with _write_shared(shared) as shared_file:
-            while waiting:
-                try:
-                    for number, result in self._pool(function, tasks, shared_file, waiting, self.jobs):
-                        waiting.remove(number)
-                        yield number, result
-                except BrokenProcessPool:
-                    # One of the tasks that were under way ended its process: each of them tries again by itself, so
-                    # that one that does it every time takes no other down.
-                    for number in waiting[: 2 * self.jobs if self.jobs > 0 else len(waiting)]:
-                        waiting.remove(number)
-                        yield number, self._run_isolated(function, tasks, shared_file, number)
-
-    def _run_isolated(
-        self, function: Callable[..., R], tasks: Sequence[T], shared_file: str | None, number: int
-    ) -> R | Lost:
-        from concurrent.futures.process import BrokenProcessPool
-
+    def isolated(number: int) -> R | Lost:
         for _ in range(ATTEMPTS - 1):
             # Two, for with one joblib would run it in this very process.
             with suppress(BrokenProcessPool):
-                return next(self._pool(function, tasks, shared_file, [number], 2))[1]
+                return next(pool([number], 2))[1]
         return Lost()
 
-    @staticmethod
-    def _pool(
-        function: Callable[..., R],
-        tasks: Sequence[T],
-        shared_file: str | None,
-        numbers: Sequence[int],
-        jobs: int,
-    ) -> Iterator[tuple[int, R]]:
-        from joblib import Parallel, delayed
-
-        pool = Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")
-        calls = (
-            delayed(_run_numbered)(function, number, tasks[number], shared_file, os.getpid())
-            for number in list(numbers)
-        )
-        with interruption_held():
-            return iter(pool(calls))
+    waiting = list(range(len(tasks)))
+    with _write_shared(shared) as shared_file:
+        while waiting:
+            try:
+                for number, result in pool(waiting, jobs):
+                    waiting.remove(number)
+                    yield number, result
+            except BrokenProcessPool:
+                # One of the tasks that were under way ended its process: each of them tries again by itself, so
+                # that one that does it every time takes no other down.
+                for number in waiting[: 2 * jobs if jobs > 0 else len(waiting)]:
+                    waiting.remove(number)
+                    yield number, isolated(number)
 
 
-class _Dask:
-    """Workers of a Dask cluster; its scheduler sends the task of a dead worker to another one."""
+def _on_dask(
+    client: Any, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+) -> Iterator[tuple[int, R | Lost]]:
+    """Run tasks on a Dask cluster, whose scheduler sends the task of a dead worker to another one."""
+    from distributed import KilledWorker, as_completed
 
-    def __init__(self, client: Any):
-        self.client = client
-
-    def completed(
-        self, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
-    ) -> Iterator[tuple[int, R | Lost]]:
-        from distributed import KilledWorker, as_completed
-
-        # Results of a task, not scattered: those of a worker that died are made again.
-        held = [self.client.submit(_return_part, part, pure=False) for part in shared]
-        futures = [self.client.submit(_run, function, task, *held, pure=False) for task in tasks]
-        number_of = {future.key: number for number, future in enumerate(futures)}
-        try:
-            for future in as_completed(futures, loop=self.client.loop):
-                number = number_of[future.key]
-                try:
-                    yield number, future.result()
-                except KilledWorker:
-                    yield number, Lost()
-                future.release()
-        finally:
-            self.client.cancel([*futures, *held], force=True)
+    # Results of a task, not scattered: those of a worker that died are made again.
+    held = [client.submit(_return_part, part, pure=False) for part in shared]
+    futures = [client.submit(_run, function, task, *held, pure=False) for task in tasks]
+    number_of = {future.key: number for number, future in enumerate(futures)}
+    try:
+        for future in as_completed(futures, loop=client.loop):
+            try:
+                yield number_of[future.key], future.result()
+            except KilledWorker:
+                yield number_of[future.key], Lost()
+            future.release()
+    finally:
+        client.cancel([*futures, *held], force=True)
 
 
 def _return_part(part: T) -> T:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pkgutil
 from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import import_module
-from types import ModuleType
+from importlib.util import find_spec
 from typing import Any
 
 JUDGEMENT = "chosen by judgement"
@@ -68,24 +68,13 @@ def policies(package: str = "sindyjoint") -> dict[str, Any]:
         See :func:`sindyjoint.policy.described` for what each field says.
     """
     found = {}
-    for module in _modules(import_module(package)):
-        folder = module.__name__.split(".")[-2]
-        for name, record in vars(module).items():
+    folders = [part.name for part in pkgutil.iter_modules(import_module(package).__path__) if part.ispkg]
+    for folder in folders:
+        module = f"{package}.{folder}.policy"
+        for name, record in vars(import_module(module)).items() if find_spec(module) else ():
             if _is_policy(record):
                 found[folder if name == "POLICY" else f"{folder} {name.lower()}"] = record
     return found
-
-
-def _modules(package: ModuleType) -> list[ModuleType]:
-    folders = (part.name for part in pkgutil.iter_modules(package.__path__) if part.ispkg)
-    return [
-        import_module(f"{package.__name__}.{folder}.policy")
-        for folder in folders
-        if any(
-            part.name == "policy"
-            for part in pkgutil.iter_modules(import_module(f"{package.__name__}.{folder}").__path__)
-        )
-    ]
 
 
 def _is_policy(record: Any) -> bool:

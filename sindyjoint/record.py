@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.accelerometer import Fusion, fuse, unknown_means
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.hooks import supplied
-from sindyjoint.inputs import Input, check_inputs, signals_of
+from sindyjoint.inputs import FileUnit, Input, LongRecord, SensorNoise, Source, check_inputs, signals_of
 from sindyjoint.shown import Shown
-from sindyjoint.source import FileUnit, LongRecord, SensorNoise, Source
 from sindyjoint.text import control_character, printable, quantities
 
 Motion = Literal["rotation", "translation"]
@@ -85,12 +84,19 @@ class Joint:
     labels: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        if self.motion not in ("rotation", "translation"):
-            raise InputError(f"motion is {self.motion!r}; expected 'rotation' or 'translation'")
-        if self.inertia is not None and not (np.isfinite(self.inertia) and self.inertia >= 0):
-            raise InputError(f"inertia is {self.inertia!r}; expected a finite number that is not negative")
-        if self.temperature is not None and not (np.isfinite(self.temperature) and self.temperature > 0):
-            raise InputError(f"temperature is {self.temperature!r} K; expected a finite number above zero")
+        inertia, temperature = self.inertia, self.temperature
+        heavy = inertia is None or (np.isfinite(inertia) and inertia >= 0)
+        warm = temperature is None or (np.isfinite(temperature) and temperature > 0)
+        refuse(
+            [
+                (
+                    self.motion not in ("rotation", "translation"),
+                    f"motion is {self.motion!r}; expected 'rotation' or 'translation'",
+                ),
+                (not heavy, f"inertia is {inertia!r}; expected a finite number that is not negative"),
+                (not warm, f"temperature is {temperature!r} K; expected a finite number above zero"),
+            ]
+        )
         _check_texts("joint", (self.name, self.serial, *self.labels, *self.labels.values()))
 
 
@@ -129,7 +135,7 @@ class Run:
         The sensors of a run with an accelerometer, whose angle is that of all of them.
     quasi_static : bool
         Whether the samples lie at even steps of the travelled path, which then takes the place of time:
-        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.quasi_static`.
+        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.measured`.
 
     Raises
     ------
@@ -181,58 +187,62 @@ class Run:
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, checked_signal(name, values, self.name))
-        n = self.angle.size
-        for name in ("moment", "rate"):
-            values = getattr(self, name)
-            if values is not None and values.size != n:
-                raise InputError(
-                    f"run {self.name!r}: {name} has {values.size} samples and angle has {n}; expected "
-                    "equal lengths"
-                )
-        if n < MINIMUM_SAMPLES:
-            raise InputError(f"run {self.name!r}: {n} samples; expected at least {MINIMUM_SAMPLES}")
-        if not (np.isfinite(self.sample_rate) and self.sample_rate > 0):
-            raise InputError(
-                f"run {self.name!r}: sample_rate is {self.sample_rate!r} Hz; expected a positive number"
-            )
-        if self.use not in ("identify", "validate"):
-            raise InputError(f"run {self.name!r}: use is {self.use!r}; expected 'identify' or 'validate'")
-        if self.quasi_static and (self.frequency is not None or self.rate is not None):
-            raise InputError(
-                f"run {self.name!r}: samples without time have neither a frequency nor a measured rate; leave both out"
-            )
-        if self.frequency is not None:
-            self._check_frequency()
+        n, run, frequency = self.angle.size, f"run {self.name!r}", self.frequency
+        beside = [
+            (name, getattr(self, name)) for name in ("moment", "rate") if getattr(self, name) is not None
+        ]
+        steady = frequency is None or (np.isfinite(frequency) and frequency > 0)
+        untimed = frequency is not None or self.rate is not None
+        refuse(
+            [
+                *(
+                    (
+                        values.size != n,
+                        f"{run}: {name} has {values.size} samples and angle has {n}; expected equal lengths",
+                    )
+                    for name, values in beside
+                ),
+                (n < MINIMUM_SAMPLES, f"{run}: {n} samples; expected at least {MINIMUM_SAMPLES}"),
+                (
+                    not (np.isfinite(self.sample_rate) and self.sample_rate > 0),
+                    f"{run}: sample_rate is {self.sample_rate!r} Hz; expected a positive number",
+                ),
+                (
+                    self.use not in ("identify", "validate"),
+                    f"{run}: use is {self.use!r}; expected 'identify' or 'validate'",
+                ),
+                (
+                    self.quasi_static and untimed,
+                    f"{run}: samples without time have neither a frequency nor a measured rate; leave both out",
+                ),
+                (not steady, f"{run}: frequency is {frequency!r} Hz; expected a positive number"),
+                # Ten samples per period carry the first three harmonics, and no more: the least that shows a cubic.
+                (
+                    self.sample_rate < 10 * (frequency or 0.0),
+                    f"{run}: sampling at {self.sample_rate:g} Hz is too slow for {frequency or 0.0:g} Hz excitation; "
+                    f"expected at least {10 * (frequency or 0.0):g} Hz",
+                ),
+            ]
+        )
         if self.valid is not None:
-            self._check_valid()
+            valid = np.array(self.valid)
+            kept = np.count_nonzero(valid)
+            refuse(
+                [
+                    (
+                        valid.dtype != np.bool_ or valid.shape != self.angle.shape,
+                        f"{run}: valid has shape {valid.shape} and type {valid.dtype}; expected one truth value for "
+                        f"each of the {n} samples",
+                    ),
+                    (
+                        kept < MINIMUM_SAMPLES,
+                        f"{run}: {kept} of {n} samples are valid; expected at least {MINIMUM_SAMPLES}",
+                    ),
+                ]
+            )
+            valid.flags.writeable = False
+            object.__setattr__(self, "valid", valid)
         object.__setattr__(self, "inputs", signals_of(self.name, self.inputs, n))
-
-    def _check_valid(self) -> None:
-        valid = np.array(self.valid)
-        if valid.dtype != np.bool_ or valid.shape != self.angle.shape:
-            raise InputError(
-                f"run {self.name!r}: valid has shape {valid.shape} and type {valid.dtype}; expected one truth value "
-                f"for each of the {self.n_samples} samples"
-            )
-        if np.count_nonzero(valid) < MINIMUM_SAMPLES:
-            raise InputError(
-                f"run {self.name!r}: {np.count_nonzero(valid)} of {self.n_samples} samples are valid; expected at "
-                f"least {MINIMUM_SAMPLES}"
-            )
-        valid.flags.writeable = False
-        object.__setattr__(self, "valid", valid)
-
-    def _check_frequency(self) -> None:
-        frequency = self.frequency
-        assert frequency is not None
-        if not (np.isfinite(frequency) and frequency > 0):
-            raise InputError(f"run {self.name!r}: frequency is {frequency!r} Hz; expected a positive number")
-        # Ten samples per period carry the first three harmonics, and no more: the least that shows a cubic.
-        if self.sample_rate < 10 * frequency:
-            raise InputError(
-                f"run {self.name!r}: sampling at {self.sample_rate:g} Hz is too slow for {frequency:g} Hz "
-                f"excitation; expected at least {10 * frequency:g} Hz"
-            )
 
     @property
     def label(self) -> str:
@@ -253,10 +263,6 @@ class Run:
     def duration(self) -> float:
         """Length of the record, s."""
         return self.n_samples / self.sample_rate
-
-
-def _some(runs: tuple[Run, ...]) -> list[str]:
-    return [run.name for run in runs[:4]] + ["..."] * (len(runs) > 4)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -345,9 +351,8 @@ class Campaign(Shown):
 
     def __repr__(self) -> str:
         virtual = "simulated " if self.simulated else ""
-        return (
-            f"<Campaign: {self.joint.name}, {len(self.runs)} {virtual}run(s): {', '.join(_some(self.runs))}>"
-        )
+        names = [run.name for run in self.runs[:4]] + ["..."] * (len(self.runs) > 4)
+        return f"<Campaign: {self.joint.name}, {len(self.runs)} {virtual}run(s): {', '.join(names)}>"
 
     @classmethod
     def from_arrays(cls, **signals: Any) -> Campaign:

@@ -83,29 +83,14 @@ def on_threads(start: Callable[[], Callable[[T], R]], tasks: Sequence[T]) -> lis
     tasks : sequence
         For compiled code that lets other threads run.
     """
-    waiting, lock = iter(enumerate(tasks)), threading.Lock()
-    results: dict[int, R] = {}
-
-    def take() -> None:
-        work = start()
-        while True:
-            with lock:
-                number, task = next(waiting, (-1, None))
-            if number < 0:
-                return
-            results[number] = work(task)  # type: ignore[arg-type]
-
     with single_threaded():
-        count = min(_threads.get() or 1, len(tasks))
+        count, own = min(_threads.get() or 1, len(tasks)), threading.local()
         if count < 2:
-            take()
-        else:
-            from concurrent.futures import ThreadPoolExecutor
+            return list(map(start(), tasks))
+        from concurrent.futures import ThreadPoolExecutor
 
-            with ThreadPoolExecutor(count) as pool:
-                for future in [pool.submit(take) for _ in range(count)]:
-                    future.result()
-    return [results[number] for number in range(len(tasks))]
+        with ThreadPoolExecutor(count, initializer=lambda: setattr(own, "work", start())) as pool:
+            return list(pool.map(lambda task: own.work(task), tasks))
 
 
 @contextmanager

@@ -12,19 +12,15 @@ PACKAGE = Path(__file__).resolve().parents[1] / "sindyjoint"
 BASE = {
     "errors",
     "inputs",
-    "source",
-    "quasi_static",
     "record",
     "text",
     "policy",
     "numeric",
     "documents",
-    "checksums",
     "hooks",
     "described",
     "shown",
     "trust",
-    "options",
     "accelerometer",
     "measured",
 }
@@ -39,20 +35,15 @@ ALLOWED = {
     "hooks": set(),
     "described": set(),
     "shown": {"described", "hooks"},  # what shows results is supplied at the package's root
-    "options": {"errors"},
     "policy": set(),
     "numeric": set(),
-    "source": {"errors"},
     "inputs": {"errors"},
-    "accelerometer": {"numeric", "source", "text"},
-    "quasi_static": {"errors"},
-    "record": {"errors", "hooks", "text", "source", "inputs", "quasi_static", "shown", "accelerometer"},
-    "measured": {"errors", "source", "inputs", "quasi_static", "accelerometer", "record"},
+    "accelerometer": {"numeric", "inputs", "text"},
+    "record": {"errors", "hooks", "text", "inputs", "shown", "accelerometer"},
+    "measured": {"errors", "numeric", "inputs", "accelerometer", "record"},
     "documents": {"errors", "text"},
-    "checksums": {"errors", "documents"},
     "threads": set(),
     "clock": set(),
-    "versions": set(),
     "parallel": {"errors", "threads", "clock"},
     "rig": {"errors", "record"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
@@ -70,10 +61,10 @@ ALLOWED = {
     "diagnosis": (DIAGNOSES | {"paper", "substructure"}) - {"diagnosis"},
     "planning": DIAGNOSES | {"paper"},
     "batch": EXPLAINS,
-    "judgement": DIAGNOSES | {"paper", "substructure", "versions"},
-    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "versions", "substructure"},
+    "judgement": DIAGNOSES | {"paper", "substructure"},
+    "workflows": DIAGNOSES | {"paper", "planning", "batch", "judgement", "substructure"},
 }
-BELOW_TOP = DIAGNOSES | {"substructure", "paper", "planning", "batch", "judgement", "workflows", "versions"}
+BELOW_TOP = DIAGNOSES | {"substructure", "paper", "planning", "batch", "judgement", "workflows"}
 ALLOWED |= {
     "reporting": BELOW_TOP,
     "export": BELOW_TOP - {"workflows", "judgement"},

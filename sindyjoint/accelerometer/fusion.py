@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from sindyjoint.accelerometer.fused import Fusion
 from sindyjoint.accelerometer.noise import moving_size, rough_noise, sensor_noise
 from sindyjoint.accelerometer.smoother import integrated_twice, slow_correction
+from sindyjoint.inputs import SensorNoise
 from sindyjoint.numeric import Array, scaled_least_squares
-from sindyjoint.source import SensorNoise
 from sindyjoint.text import Quantities, list_some
 
 # Noise below this share of a channel's RMS counts as so much: beyond, rounding decides.

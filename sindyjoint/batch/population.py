@@ -14,7 +14,7 @@ Long and Ervin, The American Statistician 54, 2000 (HC3); Holm, Scand. J. Statis
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -76,7 +76,16 @@ class Trend:
 
 
 @dataclass(frozen=True)
-class Scatter:
+class Outlier:
+    """A joint that stands out."""
+
+    id: str
+    score: Maybe
+    p: Maybe
+
+
+@dataclass(frozen=True)
+class CoefficientScatter:
     """How one coefficient scatters over the joints.
 
     Parameters
@@ -94,16 +103,36 @@ class Scatter:
         With which there is a significant trend, about which the scatter is meant.
     joints : int
         That were not rejected.
+    ids : tuple of str
+        What the joints are called.
     """
 
+    WRITTEN: ClassVar = {
+        "term": "coefficient",
+        **same("mean", "mean_error", "spread", "next_joint95"),
+        "about_trend_with": "covariate",
+        "outliers": "standing_out",
+    }
     coefficient: str
-    mean: float
-    mean_error: float
-    spread: float
+    mean: Maybe
+    mean_error: Maybe
+    spread: Maybe
     scores: tuple[float, ...]
     p_adjusted: tuple[float, ...]
     covariate: str | None = None
     joints: int = 0
+    ids: tuple[str, ...] = ()
+
+    @property
+    def standing_out(self) -> tuple[Outlier, ...]:
+        """Joints that stand out."""
+        return tuple(Outlier(self.ids[i], self.scores[i], self.p_adjusted[i]) for i in self.outliers)
+
+    @property
+    def next_joint95(self) -> tuple[float, float] | None:
+        """In which the coefficient of a further joint lies in 95 of 100 cases."""
+        ahead = next_joint(self)
+        return None if ahead is None else ahead.interval95
 
     @property
     def outliers(self) -> tuple[int, ...]:
@@ -134,7 +163,7 @@ class NextJoint:
         return self.mean - half, self.mean + half
 
 
-def next_joint(scatter: Scatter) -> NextJoint | None:
+def next_joint(scatter: CoefficientScatter) -> NextJoint | None:
     """Return what joints say of the next one, at the mean of a covariate with a trend; None of too few.
 
     The true coefficient of a further joint of the same kind is y = μ + u; with its error the mean of n joints knows μ,
@@ -152,11 +181,11 @@ class Population:
 
     Parameters
     ----------
-    scatters : tuple of Scatter
+    scatters : tuple of CoefficientScatter
     trends : tuple of Trend
     """
 
-    scatters: tuple[Scatter, ...]
+    scatters: tuple[CoefficientScatter, ...]
     trends: tuple[Trend, ...]
 
 
@@ -179,10 +208,17 @@ def population(
     InputError
         For shapes that differ, or standard errors that are negative.
     """
-    data = {name: _check_values(name, values[name], errors[name]) for name in values}
+    data = {}
+    for name in values:
+        y, s = np.array(values[name], dtype=float), np.array(errors[name], dtype=float)
+        if y.shape != s.shape or y.ndim != 1 or np.any(s < 0):
+            raise InputError(
+                f"{name}: values of shape {y.shape} given; expected as many errors, none negative"
+            )
+        data[name] = np.where(np.isfinite(s), y, np.nan), s
     known = {name: np.asarray(x, dtype=float) for name, x in (covariates or {}).items()}
     trends = _fit_trends(data, known)
-    scatters, p_values = [], []
+    scatters: list[CoefficientScatter] = []
     for name, (y, s) in data.items():
         found = [t for t in trends if t.coefficient == name and t.significant]
         # Of equally likely ones the first: rounding is no reason.
@@ -191,51 +227,39 @@ def population(
             x = known[best.covariate]
             # A joint whose covariate is not known cannot be judged about the trend.
             y = y - best.slope * (x - np.nanmean(x))
-        distribution = _estimate_robustly(y, s, POLICY.level / max(len(data), 1))
-        scatters.append((name, best, distribution))
-        p_values.append(distribution[4])
-    adjusted = holm(np.concatenate(p_values)) if p_values else np.empty(0)
-    parts = np.split(adjusted, np.cumsum([p.size for p in p_values])[:-1]) if p_values else []
+        judged = _estimate_robustly(name, y, s, POLICY.level / max(len(data), 1))
+        scatters.append(replace(judged, covariate=None if best is None else best.covariate))
+    adjusted = iter(holm([p for scatter in scatters for p in scatter.p_adjusted]).tolist())
     return Population(
-        tuple(
-            Scatter(name, mean, error, tau, tuple(map(float, scores)), tuple(map(float, p)),
-                    best.covariate if best is not None else None, kept)
-            for (name, best, (mean, error, tau, scores, _, kept)), p in zip(scatters, parts, strict=True)
-        ),
+        tuple(replace(each, p_adjusted=tuple(next(adjusted) for _ in each.p_adjusted)) for each in scatters),
         trends,
-    )  # fmt: skip
+    )
 
 
-def _check_values(name: str, values: ArrayLike, errors: ArrayLike) -> tuple[Array, Array]:
-    y, s = np.array(values, dtype=float), np.array(errors, dtype=float)
-    if y.shape != s.shape or y.ndim != 1 or np.any(s < 0):
-        raise InputError(f"{name}: values of shape {y.shape} given; expected as many errors, none negative")
-    y[~np.isfinite(s)] = np.nan
-    return y, s
-
-
-def _estimate_robustly(y: Array, s: Array, level: float) -> tuple[float, float, float, Array, Array, int]:
-    """Return mean, its error, τ, modified z-scores, p-values and how many joints were kept; ``level`` is for all."""
+def _estimate_robustly(name: str, y: Array, s: Array, level: float) -> CoefficientScatter:
+    """Return how a coefficient scatters, its p-values not yet adjusted; ``level`` is for all joints."""
     here = np.flatnonzero(np.isfinite(y))
     scores, p = np.full(y.size, np.nan), np.full(y.size, np.nan)
+    v, e, unknown = y[here], s[here], float("nan")
     if here.size < POLICY.fewest_joints:
-        mean = float(np.mean(y[here])) if here.size else float("nan")
-        return mean, float("nan"), float("nan"), scores, p, here.size
-    v, e = y[here], s[here]
-    centre = float(np.median(v))
-    first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)
-    # The median and its deviations know as much of a normal sample as 37 % of it would by mean and variance.
-    kept = _compute_two_sided(first, EFFICIENCY * (v.size - 1)) > POLICY.rejected
-    for _ in range(ROUNDS):
-        mean, error, tau = random_effects(v[kept], e[kept])
-        z, p_here = _judge_outliers(v, e, kept)
-        # Whoever the others' distribution does not rule out joins them: rejecting more would make it too narrow.
-        joined = p_here > level / v.size
-        if np.array_equal(joined, kept) or joined.sum() < POLICY.fewest_joints - 1:
-            break
-        kept = joined
-    scores[here], p[here] = z, p_here
-    return mean, error, tau, scores, p, int(kept.sum())
+        mean, error, tau = float(np.mean(v)) if here.size else unknown, unknown, unknown
+        kept = np.ones(here.size, dtype=bool)
+    else:
+        centre = float(np.median(v))
+        first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)
+        # The median and its deviations know as much of a normal sample as 37 % of it would by mean and variance.
+        kept = _compute_two_sided(first, EFFICIENCY * (v.size - 1)) > POLICY.rejected
+        for _ in range(ROUNDS):
+            mean, error, tau = random_effects(v[kept], e[kept])
+            scores[here], p[here] = _judge_outliers(v, e, kept)
+            # Whoever the others' distribution does not rule out joins them: rejecting more would make it too narrow.
+            joined = p[here] > level / v.size
+            if np.array_equal(joined, kept) or joined.sum() < POLICY.fewest_joints - 1:
+                break
+            kept = joined
+    return CoefficientScatter(
+        name, mean, error, tau, tuple(scores.tolist()), tuple(p.tolist()), None, int(kept.sum())
+    )
 
 
 def _judge_outliers(v: Array, e: Array, kept: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -247,8 +271,7 @@ def _judge_outliers(v: Array, e: Array, kept: NDArray[np.bool_]) -> tuple[Array,
     p = _compute_two_sided(z, max(kept.sum() - 2, 1))
     for i in np.flatnonzero(kept & (np.abs(z) > SUSPECT)):
         # Its influence on mean and τ would hide it.
-        others = kept.copy()
-        others[i] = False
+        others = kept & (np.arange(v.size) != i)
         m, m_error, m_tau = random_effects(v[others], e[others])
         z[i] = (v[i] - m) / max(float(np.sqrt(m_tau**2 + e[i] ** 2 + m_error**2)), least)
         p[i] = _compute_two_sided(z[i : i + 1], max(others.sum() - 2, 1))[0]
@@ -310,11 +333,8 @@ def _fit_trends(
             p = float(_compute_two_sided(np.array([slope / error]), degrees)[0]) if error > 0 else 1.0
             change = slope * float(np.ptp(x[use])) / level if level else float("nan")
             found.append(Trend(name, covariate, slope, error, p, p, change, int(use.sum())))
-    adjusted = holm(np.array([t.p_value for t in found]))
-    return tuple(
-        Trend(t.coefficient, t.covariate, t.slope, t.slope_error, t.p_value, float(p), t.change, t.joints)
-        for t, p in zip(found, adjusted, strict=True)
-    )
+    adjusted = holm([trend.p_value for trend in found])
+    return tuple(replace(trend, p_adjusted=float(p)) for trend, p in zip(found, adjusted, strict=True))
 
 
 def robust_line(x: Array, y: Array, s: Array) -> tuple[float, float, float, float]:

@@ -1,24 +1,35 @@
-"""What a batch keeps of one campaign: a small record with its model, and a hash that shows whether it still holds."""
+"""The campaigns of a batch: found below a folder or by a pattern, and what is kept of each.
+
+Each has a harmless name of its own, and a small record with its model and a hash that shows whether it still holds.
+"""
 
 from __future__ import annotations
 
+import glob
 import hashlib
 import json
-from collections.abc import Mapping
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from sindyjoint.checksums import hash_file
 from sindyjoint.described import Described, same
-from sindyjoint.documents import parse_json, read_regular
-from sindyjoint.equation.catalogue import Catalogue, as_catalogue
-from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.files.manifest import read_manifest
+from sindyjoint.documents import hash_file, list_changes, parse_json, read_regular
+from sindyjoint.equation.catalogue import as_catalogue
+from sindyjoint.errors import InputError, MissingInputError, SindyJointError
+from sindyjoint.files.manifest import MANIFEST_NAME, read_manifest
 
 RECORD_FILE = "record.json"
 MODEL_FILE = "model.json"
 FACTORS_FILE = "factors.npz"
+CAMPAIGNS = "campaigns"
+# Bytes of a campaign's name: with what stands before and behind it, file systems take 255.
+LONGEST_ID = 80
+# What puts further files of a discovery into a campaign's folder.
+Writer = Callable[[Any, Path], None]
 # Without these a campaign is not done, whatever its record says.
 REQUIRED = frozenset({MODEL_FILE, FACTORS_FILE})
 
@@ -111,14 +122,13 @@ def fingerprint(manifest: Path, options: Mapping[str, Any], library: Any, versio
         "manifest": hash_file(path),
         "files": files,
         "options": {name: repr(value) for name, value in sorted(options.items())},
-        "library": _list_catalogue_text(as_catalogue(library)),
+        "library": [
+            repr((t.id, t.symbol, t.formula, t.unit, t.name, t.family, t.parameters))
+            for t in as_catalogue(library)
+        ],
         "version": version,
     }
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
-
-
-def _list_catalogue_text(catalogue: Catalogue) -> list[str]:
-    return [repr((t.id, t.symbol, t.formula, t.unit, t.name, t.family, t.parameters)) for t in catalogue]
 
 
 def last_result(folder: Path) -> CampaignRecord | None:
@@ -163,12 +173,7 @@ def is_valid(record: CampaignRecord, folder: Path, inputs: str) -> bool:
 
 def changed_outputs(record: CampaignRecord, folder: Path) -> list[str]:
     """Return which files of a result are missing or changed, a sentence each."""
-    states = {name: hash_file(folder / name) for name in (*REQUIRED, *record.outputs)}
-    return [
-        f"{name} is missing" if state == "missing" else f"{name} was changed"
-        for name, state in sorted(states.items())
-        if state == "missing" or state != record.outputs.get(name)
-    ]
+    return sorted(list_changes(folder, dict.fromkeys(REQUIRED, "") | record.outputs))
 
 
 def broken(id: str, manifest: str, error: BaseException | str, inputs: str = "") -> CampaignRecord:
@@ -176,3 +181,123 @@ def broken(id: str, manifest: str, error: BaseException | str, inputs: str = "")
     known = isinstance(error, SindyJointError | str)
     text = str(error) if known else f"unexpected {type(error).__name__}: {error}"
     return CampaignRecord(id, manifest, "broken", " ".join(text.split()), inputs=inputs)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One campaign to do.
+
+    Parameters
+    ----------
+    id : str
+        Of its folder of results.
+    label : str
+        Its manifest as records name it.
+    manifest, folder : Path
+        What to read, and where to write.
+    library : as for :func:`~sindyjoint.workflows.discover.discover`
+    options : mapping
+        Further arguments of ``discover``.
+    write : callable
+        Fills a folder with a result.
+    """
+
+    id: str
+    label: str
+    manifest: Path
+    folder: Path
+    library: Any
+    options: Mapping[str, Any] = field(default_factory=dict)
+    write: Writer | None = None
+
+
+def extras_of(task: Task) -> list[str]:
+    """Return the names of what is requested beyond model and factors."""
+    write = task.write
+    if write is None:
+        return []
+    return list(getattr(write, "extras", None) or [getattr(write, "__qualname__", repr(write))])
+
+
+def find_tasks(
+    campaigns: str | Path | Sequence[str | Path],
+    out: Path,
+    library: Any,
+    options: Mapping[str, Any],
+    write: Writer | None = None,
+) -> list[Task]:
+    """Return the campaigns of a batch in the order of their names.
+
+    Raises
+    ------
+    MissingInputError
+        If nothing is there.
+    """
+    given = [campaigns] if isinstance(campaigns, str | Path) else list(campaigns)
+    found: dict[Path, str] = {}
+    for pattern in given:
+        for path, label in _manifests(str(pattern), out):
+            found.setdefault(path.resolve(), label)
+    if not found:
+        raise MissingInputError(
+            f"no {MANIFEST_NAME} in {', '.join(repr(str(g)) for g in given)}; expected a folder that holds "
+            "campaigns, or a pattern such as 'tests/*'"
+        )
+    ordered = sorted(found.items(), key=lambda item: item[1])
+    ids = _make_ids([label for _, label in ordered])
+    home = out / CAMPAIGNS
+    return [
+        Task(id, label, path, home / id, library, dict(options), write)
+        for id, (path, label) in zip(ids, ordered, strict=True)
+    ]
+
+
+def _manifests(pattern: str, out: Path) -> list[tuple[Path, str]]:
+    """Return manifests that a folder or pattern leads to, each with a label that does not depend on the others."""
+    if os.path.isdir(pattern):
+        base, starts = Path(pattern), [Path(pattern)]
+    else:
+        # What stands before the first wildcard is the same for all and no part of a name.
+        head = re.split(r"[*?\[]", pattern, maxsplit=1)[0]
+        base = Path(head if head.endswith(("/", os.sep)) else os.path.dirname(head))
+        starts = [Path(name) for name in sorted(glob.glob(pattern, recursive=True))]
+    results = out.resolve() if out.exists() else out
+    paths = []
+    for start in starts:
+        paths += sorted(start.rglob(MANIFEST_NAME)) if start.is_dir() else [start] * (start.suffix == ".toml")
+    labels = []
+    for path in paths:
+        if results in path.resolve().parents:
+            continue
+        inside = Path(os.path.relpath(path, base))
+        # The manifest of the searched folder itself goes by the folder's name.
+        labels.append(
+            (path, inside.as_posix() if inside.parent != Path() else f"{path.resolve().parent.name}/{inside}")
+        )
+    return labels
+
+
+def _make_ids(labels: Sequence[str]) -> list[str]:
+    """Return a harmless name of a folder for every manifest, no two alike even where case does not count.
+
+    A name that is cut, or that another campaign would have as well, ends in a hash of the manifest.
+    """
+    names = []
+    for label in labels:
+        path = Path(label)
+        stem = path.parent if path.name == MANIFEST_NAME else path.with_suffix("")
+        names.append(re.sub(r"[^\w.+=-]+", "-", stem.as_posix()).strip(".-") or "campaign")
+    marked = {i for i, name in enumerate(names) if len(name.encode()) > LONGEST_ID}
+    while True:
+        ids = [_hashed(n, labels[i]) if i in marked else n for i, n in enumerate(names)]
+        count = Counter(id.lower() for id in ids)
+        alike = {i for i, id in enumerate(ids) if count[id.lower()] > 1} - marked
+        if not alike:
+            return ids
+        marked |= alike
+
+
+def _hashed(name: str, label: str) -> str:
+    """Return a name, cut where it is too long, with a hash of a label behind it."""
+    digest = hashlib.sha256(label.encode(errors="surrogateescape")).hexdigest()[:12]
+    return f"{name.encode()[: LONGEST_ID - 1 - len(digest)].decode(errors='ignore')}-{digest}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sindyjoint.batch.policy import POLICY
-from sindyjoint.batch.population import Population, Scatter, next_joint, population
+from sindyjoint.batch.population import CoefficientScatter, Population, population
 from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.described import Maybe, same
 from sindyjoint.discovery.evidence import Evidence, fit_columns
@@ -82,28 +83,6 @@ class CommonTerm:
     unit: str
 
 
-@dataclass(frozen=True)
-class Outlier:
-    """A joint that stands out."""
-
-    id: str
-    score: Maybe
-    p: Maybe
-
-
-@dataclass(frozen=True)
-class CoefficientScatter:
-    """How a coefficient scatters over the joints."""
-
-    term: str
-    mean: Maybe
-    mean_error: Maybe
-    spread: Maybe
-    next_joint95: tuple[float, float] | None
-    about_trend_with: str | None
-    outliers: tuple[Outlier, ...]
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Batch(Shown):
     """The result of :func:`~sindyjoint.workflows.batch.batch`.
@@ -138,7 +117,8 @@ class Batch(Shown):
     WRITTEN: ClassVar = {
         **same("campaigns", "found", "none", "broken"),
         "calibration?": "calibration",
-        **same("common_terms", "scatter"),
+        "common_terms": "common_terms",
+        "scatter": "population.scatters",
         "trends": "population.trends",
         **same("differences", "notes"),
     }
@@ -155,10 +135,6 @@ class Batch(Shown):
     covariate_units: dict[str, str] = field(default_factory=dict)
     calibration: dict[str, dict[str, float]] = field(default_factory=dict)
 
-    def count(self, status: str) -> int:
-        """Return how many campaigns have a status."""
-        return sum(record.status == status for record in self.records)
-
     @property
     def motion(self) -> str:
         """Kind of motion of the joints that are compared."""
@@ -168,7 +144,7 @@ class Batch(Shown):
     @property
     def complete(self) -> bool:
         """Whether a model was found in every campaign."""
-        return self.count("found") == len(self.records)
+        return self.found == len(self.records)
 
     @property
     def campaigns(self) -> tuple[CampaignInBatch, ...]:
@@ -187,31 +163,19 @@ class Batch(Shown):
         return tuple(CommonTerm(term, self.units[term]) for term in self.common)
 
     @property
-    def scatter(self) -> tuple[CoefficientScatter, ...]:
-        """How each coefficient scatters over the joints."""
-        return tuple(
-            CoefficientScatter(
-                s.coefficient, s.mean, s.mean_error, s.spread,
-                None if (ahead := next_joint(s)) is None else ahead.interval95, s.covariate,
-                tuple(Outlier(self.records[i].id, s.scores[i], s.p_adjusted[i]) for i in s.outliers),
-            )
-            for s in self.population.scatters
-        )  # fmt: skip
-
-    @property
     def found(self) -> int:
         """Campaigns in which a model was found."""
-        return self.count("found")
+        return [record.status for record in self.records].count("found")
 
     @property
     def none(self) -> int:
         """Campaigns in which none was."""
-        return self.count("none")
+        return [record.status for record in self.records].count("none")
 
     @property
     def broken(self) -> int:
         """Campaigns that could not be read or used."""
-        return self.count("broken")
+        return [record.status for record in self.records].count("broken")
 
 
 def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0) -> Batch:
@@ -227,19 +191,23 @@ def summarised(records: tuple[CampaignRecord, ...], folder: Path, kept: int = 0)
     found = [record for record in records if record.status == "found"]
     motion = _find_majority([record.joint["motion"] for record in found])
     compared = [record for record in found if record.joint["motion"] == motion]
-    common = _find_common_terms(compared)
+    # The terms of more than half of the models, in the order of a model.
+    has = Counter(term for record in compared for term in record.terms)
+    leader = _find_majority([tuple(record.terms) for record in compared]) or ()
+    kept_terms = [term for term, count in has.items() if 2 * count > len(compared)]
+    common = tuple(sorted(kept_terms, key=lambda term: leader.index(term) if term in leader else len(leader)))
     units = {id: term["unit"] for record in compared for id, term in record.terms.items() if id in common}
     values = {term: np.full(len(records), np.nan) for term in common}
     errors = {term: np.full(len(records), np.nan) for term in common}
-    included = {record.id for record in compared}
-    for i, record in enumerate(records):
-        if record.id in included:
-            for term, (value, error) in _get_coefficients(record, common, folder).items():
-                values[term][i], errors[term][i] = value, error
+    for record in compared:
+        for term, (value, error) in _get_coefficients(record, common, folder).items():
+            values[term][records.index(record)], errors[term][records.index(record)] = value, error
     covariates = covariates_of(records)
     calibration = _calibration(compared, common)
     alone = population(values, errors, covariates)
-    result = replace(alone, scatters=tuple(_with_calibration(s, calibration) for s in alone.scatters))
+    ids = tuple(record.id for record in records)
+    scatters = tuple(_with_calibration(scatter, calibration, ids) for scatter in alone.scatters)
+    result = replace(alone, scatters=scatters)
     return Batch(
         records=records,
         kept=kept,
@@ -266,23 +234,17 @@ def _calibration(records: Sequence[CampaignRecord], common: Sequence[str]) -> di
     return {id: {name: float(np.mean(m)) for name, m in moves.items()} for id, moves in found.items()}
 
 
-def _with_calibration(scatter: Scatter, calibration: dict[str, dict[str, float]]) -> Scatter:
+def _with_calibration(
+    scatter: CoefficientScatter, calibration: dict[str, dict[str, float]], ids: tuple[str, ...]
+) -> CoefficientScatter:
     """Return a scatter whose mean has the errors of gains that all joints share."""
     moves = [scatter.mean * share for share in calibration.get(scatter.coefficient, {}).values()]
-    return replace(scatter, mean_error=float(np.hypot(scatter.mean_error, np.linalg.norm(moves))))
+    return replace(scatter, mean_error=float(np.hypot(scatter.mean_error, np.linalg.norm(moves))), ids=ids)
 
 
 def _find_majority(items: Sequence[Any]) -> Any:
     """Return the most frequent item, of equals the first."""
     return max(dict.fromkeys(items), key=items.count, default=None)
-
-
-def _find_common_terms(records: Sequence[CampaignRecord]) -> tuple[str, ...]:
-    """Return the terms of more than half of the models, in the order of a model."""
-    ids = list(dict.fromkeys(term for record in records for term in record.terms))
-    kept = [term for term in ids if 2 * sum(term in record.terms for record in records) > len(records)]
-    leader = _find_majority([tuple(record.terms) for record in records]) or ()
-    return tuple(sorted(kept, key=lambda term: leader.index(term) if term in leader else len(leader)))
 
 
 def _get_coefficients(
@@ -328,21 +290,15 @@ def _fit_terms(evidence: Evidence, terms: Sequence[str]) -> dict[str, tuple[floa
 
 def covariates_of(records: Sequence[CampaignRecord]) -> dict[str, Array]:
     """Return what the manifests declare as numbers, where at least three of them differ."""
-    columns = {
-        TEMPERATURE: [record.joint.get("temperature") for record in records],
-    }
-    inputs = list(dict.fromkeys(key for record in records for key in record.joint.get("inputs", {})))
-    for name in inputs:
-        columns[name.replace("_", " ")] = [record.joint.get("inputs", {}).get(name) for record in records]
-    labels = list(dict.fromkeys(key for record in records for key in record.joint.get("labels", {})))
-    for label in labels:
-        columns[label] = [_parse_number(record.joint.get("labels", {}).get(label)) for record in records]
+    joints = [record.joint for record in records]
+    columns: dict[str, list[Any]] = {TEMPERATURE: [joint.get("temperature") for joint in joints]}
+    for kind in ("inputs", "labels"):
+        for name in dict.fromkeys(key for joint in joints for key in joint.get(kind, {})):
+            label = name.replace("_", " ") if kind == "inputs" else name
+            columns[label] = [_parse_number(joint.get(kind, {}).get(name)) for joint in joints]
     # Of two that mean the same, what is declared is the reason, not the order of the joints.
-    columns[SERIAL] = _parse_serials([record.joint.get("serial") for record in records])
-    arrays = {
-        name: np.array([np.nan if value is None else value for value in column], dtype=float)
-        for name, column in columns.items()
-    }
+    columns[SERIAL] = _parse_serials([joint.get("serial") for joint in joints])
+    arrays = {name: np.array(column, dtype=float) for name, column in columns.items()}
     return {name: x for name, x in arrays.items() if np.unique(x[np.isfinite(x)]).size >= 3}
 
 
@@ -363,12 +319,12 @@ def _parse_serials(serials: Sequence[str | None]) -> list[float | None]:
     return [float(part[2]) if part else None for part in parts]
 
 
-def _parse_number(text: str | None) -> float | None:
+def _parse_number(given: str | float | None) -> float | None:
     try:
-        value = float(text) if text is not None else None
+        value = float("nan" if given is None else given)
     except ValueError:
         return None
-    return value if value is not None and np.isfinite(value) else None
+    return value if np.isfinite(value) else None
 
 
 def _list_differences(

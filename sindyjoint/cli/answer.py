@@ -80,7 +80,7 @@ def write(
 
 def check_place(out: Path, force: bool) -> None:
     """Check before any long work that a folder can be written, and that nothing of the user stands in the way."""
-    from sindyjoint.checksums import kind_of_results
+    from sindyjoint.documents import kind_of_results
     from sindyjoint.files.atomic import check_output, refuse_foreign
 
     check_output(out)

@@ -107,7 +107,7 @@ def _files(reports: bool, diagnose: bool) -> CampaignFiles | None:
 
 def _run(campaigns: list[str], out: Path, progress: Progress, options: dict[str, Any]) -> Batch:
     """Discover the joints of all campaigns; what is broken is reported at once."""
-    from sindyjoint.reporting.places import place_of
+    from sindyjoint.reporting.output import place_of
     from sindyjoint.workflows.batch import batch
 
     place_of("batch", out)

@@ -36,7 +36,7 @@ def default_of(function: str, name: str) -> Any:
 
 
 def constant_of(constant: str) -> Any:
-    """Return a constant from the source of its module, such as ``"export.registry:TARGETS"``.
+    """Return a constant from the source of its module, such as ``"export:TARGETS"``.
 
     Raises
     ------

@@ -12,9 +12,9 @@ from sindyjoint.cli.defaults import constant_of, given
 from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, split_inputs
 
 if TYPE_CHECKING:
-    from sindyjoint.export.base import Export
+    from sindyjoint.export import Export
 
-TARGETS = tuple(constant_of("export.registry:TARGETS"))
+TARGETS = tuple(constant_of("export:TARGETS"))
 
 
 def export(
@@ -96,7 +96,7 @@ def export(
 def _only_text(result: Export) -> str:
     """Return the text of an export that is one text; InputError where it needs a folder."""
     from sindyjoint.errors import InputError
-    from sindyjoint.export.lookup import TABLE
+    from sindyjoint.export import TABLE
 
     content, *others = result.files.values()
     if isinstance(content, str) and not others:

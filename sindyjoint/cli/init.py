@@ -12,7 +12,7 @@ import typer
 from sindyjoint.cli.options import AsJson
 
 if TYPE_CHECKING:
-    from sindyjoint.files.drafting.dialogue import Question
+    from sindyjoint.files.drafting.assignment import Question
     from sindyjoint.soundness.checked import Checked
 
 SHOWN = 8  # findings
@@ -72,9 +72,9 @@ def init(
 
 def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
     """Check what was written, and draw all runs beside it."""
-    from sindyjoint.checksums import refuse_foreign_file
+    from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
-    from sindyjoint.reporting.figures.check import TOGETHER
+    from sindyjoint.reporting.results.check import TOGETHER
     from sindyjoint.reporting.registry import draw
     from sindyjoint.reporting.style import figure_bytes
     from sindyjoint.workflows.check import check

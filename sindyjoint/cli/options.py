@@ -242,7 +242,7 @@ def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, fl
         For text that is no such value, or a name that is no input.
     """
     from sindyjoint.equation.held import input_values
-    from sindyjoint.files.inputs import value_in
+    from sindyjoint.files.campaign import value_in
 
     known = {each.name: each for each in model.inputs}
     values: dict[str, float] = {}

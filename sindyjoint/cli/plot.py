@@ -43,10 +43,10 @@ def plot(
 
     Example: sindyjoint plot results loops --out loops.pdf --width 3.5
     """
-    from sindyjoint.checksums import refuse_foreign_file
+    from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.errors import InputError
     from sindyjoint.files.atomic import write_bytes
-    from sindyjoint.reporting.saved import drawing, list_saved
+    from sindyjoint.reporting.registry import drawing, list_saved
 
     where, _, name = (kind or "").rpartition("/")
     target = out if out is not None else Path(f"{name or 'figure'}.svg")
@@ -74,8 +74,7 @@ def plot(
 
 def _find_figure(name: str, places: Mapping[str, Path]) -> tuple[Path, Any]:
     """Return the first result that can show a figure; where none can, the first."""
-    from sindyjoint.reporting.registry import drawable
-    from sindyjoint.reporting.saved import drawing, load_results
+    from sindyjoint.reporting.registry import drawable, drawing, load_results
 
     loaded = []
     for place in places.values():
@@ -88,8 +87,7 @@ def _find_figure(name: str, places: Mapping[str, Path]) -> tuple[Path, Any]:
 
 def _list_figures(place: Path, prefix: str) -> None:
     """Print the figures that a result can show."""
-    from sindyjoint.reporting.registry import drawable, kinds_of
-    from sindyjoint.reporting.saved import drawing, load_results
+    from sindyjoint.reporting.registry import drawable, drawing, kinds_of, load_results
 
     data = load_results(place)
     with drawing(place):

@@ -44,7 +44,7 @@ def refuse_order(X: Any) -> None:
     names = getattr(X, "columns", None)
     if names is None:
         return
-    from sindyjoint.files.drafting.roles import role_of
+    from sindyjoint.files.drafting.survey import role_of
 
     kinds = {
         "angle": 0,

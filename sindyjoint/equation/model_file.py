@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sindyjoint.checksums import read_json
+from sindyjoint.documents import read_json
 from sindyjoint.equation.formula import VARIABLES, compile_terms, variable_symbols
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import read_test

@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from sindyjoint.checksums import read_json
+from sindyjoint.documents import read_json
 from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.record_parts import (
     ElementRecord,

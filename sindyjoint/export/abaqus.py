@@ -10,62 +10,82 @@ from __future__ import annotations
 import numpy as np
 
 from sindyjoint.equation.model import JointModel, ModelTerm
-from sindyjoint.export import lumped
-from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
-from sindyjoint.export.elements import Gap, Maxwell, kind_of
+from sindyjoint.export import Export
+from sindyjoint.export import fidelity as lumped
+from sindyjoint.export.elements import Gap, Kind, Maxwell, Slider, written_as
+from sindyjoint.export.fidelity import Cycles, Represented, Rows, fidelity_table
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
-from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, number, preamble, words_of
 
 POINTS = 41
 # Numbers that a model rarely uses: of the first element, and of the first node inside a Maxwell branch.
 ELEMENT, BRANCH_NODE = 900001, 900001
+WAYS = {
+    Maxwell: "connector elasticity in series with damping",
+    Gap: "connector elasticity in series with friction",
+}
 
 
 def export(model: JointModel) -> Export:
     """Write ``joint.inp``, to be included into an input file."""
-    parts, cycles = Parts.of(model), Cycles.of(model)
-    sliding, remaining = _sliding_terms(parts)
-    words = words_of(model)
-    friction = _Friction(parts, sliding)
-    damping = tuple(term for term in parts.other_rate if term not in sliding)
+    parts, cycles, words = Parts.of(model), Cycles.of(model), words_of(model)
+    # Friction by position slides as Coulomb friction does.
+    by_position = tuple(t for t in parts.coupled if (power_law(t.expression) or (0, 0, ""))[2] == "sign")
+    friction = _Friction(parts, (*parts.coulomb, *by_position))
+    damping = tuple(term for term in parts.other_rate if term not in friction.terms)
     curve = lumped.elastic_curve(parts, POINTS)
     rates = lumped.rate_curve(parts, damping)
-    added = _Hysteresis(model, cycles)
+    pair = "connector friction with its stick stiffness"
+    added, rows_of_elements = written_as(model, cycles, lambda kind: WAYS.get(type(kind), ""), pair)
     rows = fidelity_table(
         model,
         cycles,
         {
-            **added.rows,
+            **rows_of_elements,
             **lumped.elastic_rows(parts, cycles, curve.x, f"connector elasticity, table of {POINTS} points"),
             **lumped.viscous_rows(parts, cycles, "connector damping, linear"),
             **lumped.rate_rows(parts, damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
             **friction.rows(cycles),
             **lumped.left_out(
-                remaining,
+                tuple(t for t in parts.coupled if t not in by_position),
                 f"a connector has no {words.moment} that depends on "
                 f"{words.angle} and {words.rate} together in this form",
             ),
             **lumped.inertial_rows(parts),
         },
     )  # fmt: skip
+    last = BRANCH_NODE + sum(not isinstance(kind, Slider) for _, kind in added) - 1
+    nodes = f"node {last}" if last == BRANCH_NODE else f"nodes {BRANCH_NODE} to {last}"
+    between = f"define {nodes} at the joint's place, between two connectors in series"
+    raised = " (STICK STIFFNESS); raise it where the stuck joint must be stiffer, at the price of smaller increments"
     notes = (
         "replace the two node numbers and the orientation; the connector's local 1-axis is the joint's axis",
         lumped.range_note(model, "elasticity and damping go on with the last slope"),
-        *friction.notes(),
-        *added.notes(),
+        *lumped.sliding_note(model, friction.stiffness, raised),
+        *((between,) if last >= BRANCH_NODE else ()),
         *lumped.inertia_note(model),
     )
-    text = comment(preamble(model, "Abaqus", rows, notes), "**")
-    text += _deck(model, parts, curve, rates if damping else None, friction)
-    text += "".join(f"{line}\n" for line in added.lines())
+    component, kind, free = (
+        (4, "HINGE", "CARDAN") if model.joint.motion == "rotation" else (1, "TRANSLATOR", "CARTESIAN")
+    )
+    lines = [
+        "*ELEMENT, TYPE=CONN3D2, ELSET=SINDYJOINT",
+        "** element number, node on the base's side, node on the far side",
+        f"{ELEMENT}, 1, 2",
+        "*ORIENTATION, NAME=SINDYJOINT_AXES, DEFINITION=COORDINATES",
+        "1., 0., 0., 0., 1., 0.",
+        "*CONNECTOR SECTION, ELSET=SINDYJOINT, BEHAVIOR=SINDYJOINT_LAW",
+        f"{kind},",
+        "SINDYJOINT_AXES,",
+        "*CONNECTOR BEHAVIOR, NAME=SINDYJOINT_LAW, EXTRAPOLATION=LINEAR",
+    ]
+    lines += _nonlinear("ELASTICITY", component, curve) if parts.elastic else []
+    lines += _linear("DAMPING", component, parts.damping) if parts.viscous else []
+    lines += _nonlinear("DAMPING", component, rates) if damping else []
+    lines += friction.lines(component)
+    lines += _hysteresis([kind for _, kind in added], component, kind, free, GIVE * model.fitted.angle)
+    text = comment(preamble(model, "Abaqus", rows, notes), "**") + "".join(f"{line}\n" for line in lines)
     return Export("abaqus", {"joint.inp": text}, rows, notes)
-
-
-def _sliding_terms(parts: Parts) -> tuple[tuple[ModelTerm, ...], tuple[ModelTerm, ...]]:
-    """Split what may slide: friction by position and Coulomb friction, and the remaining coupled terms."""
-    by_position = tuple(t for t in parts.coupled if (power_law(t.expression) or (0, 0, ""))[2] == "sign")
-    return (*parts.coulomb, *by_position), tuple(t for t in parts.coupled if t not in by_position)
 
 
 class _Friction:
@@ -76,113 +96,57 @@ class _Friction:
         self.nodes = parts.elastic_nodes(POINTS) if any(t in parts.coupled for t in terms) else np.zeros(1)
         # At an infinitely small positive rate the sign is 1 and nothing else remains.
         self.limit = total(terms, self.nodes, 1e-300)
-        self.possible = bool(terms) and bool(np.all(self.limit >= 0)) and bool(self.limit.max() > 0)
-        self.stiffness = float(self.limit.max()) / (GIVE * parts.model.fitted.angle)
+        possible = bool(terms) and bool(np.all(self.limit >= 0))
+        self.stiffness = float(self.limit.max()) / (GIVE * parts.model.fitted.angle) if possible else 0.0
 
-    def rows(self, cycles: Cycles) -> dict[str, Represented]:
-        if not self.possible:
+    def rows(self, cycles: Cycles) -> Rows:
+        if not self.stiffness:
             return lumped.left_out(self.terms, "friction must not be negative anywhere in the tested range")
-        share = self._interpolated(cycles)
+        share = {
+            t.id: np.interp(cycles.angle, self.nodes, contribution(t, self.nodes, 1e-300)) for t in self.terms
+        }
         whole = sum(share.values(), np.zeros(cycles.angle.shape))
         slider = cycles.slider(whole, self.stiffness)
         # Each term takes its share of the one slider.
         safe = np.where(whole > 0, whole, 1.0)
-        return {
-            term.id: Represented(
-                "connector friction; sticks as a spring that gives way by "
-                f"{GIVE:g} of the tested {words_of(self.parts.model).angle}",
-                slider * share[term.id] / safe,
-            )
-            for term in self.terms
-        }
-
-    def _interpolated(self, cycles: Cycles) -> dict[str, np.ndarray]:
-        if self.nodes.size == 1:
-            return {t.id: np.full(cycles.angle.shape, t.coefficient) for t in self.terms}
-        return {
-            t.id: np.interp(cycles.angle, self.nodes, contribution(t, self.nodes, 1e-300)) for t in self.terms
-        }
-
-    def notes(self) -> tuple[str, ...]:
-        if not self.possible:
-            return ()
-        unit = words_of(self.parts.model)
-        return (
-            f"while it sticks, friction is a spring of {self.stiffness:.6g} {unit.stiffness_unit} (STICK STIFFNESS); "
-            "raise it where the stuck joint must be stiffer, at the price of smaller increments",
-        )
+        angle = words_of(self.parts.model).angle
+        how = f"connector friction; sticks as a spring that gives way by {GIVE:g} of the tested {angle}"
+        return {term: Represented(how, slider * own / safe) for term, own in share.items()}
 
     def lines(self, component: int) -> list[str]:
-        if not self.possible:
+        if not self.stiffness:
             return []
-        head = f"*CONNECTOR FRICTION, COMPONENT={component}, STICK STIFFNESS={number(self.stiffness)}"
         if self.nodes.size == 1:
-            data = [head, f"{number(self.limit[0])},"]
-        else:
-            data = [f"{head}, INDEPENDENT COMPONENTS=POSITION", str(component)]
-            data += [f"{number(f)}, {number(x)}" for x, f in zip(self.nodes, self.limit, strict=True)]
-        return [*data, "*FRICTION", "1.0,"]
+            return _sliding(component, self.stiffness, float(self.limit[0]))
+        head, _, *tail = _sliding(component, self.stiffness, 0.0)
+        data = [f"{number(f)}, {number(x)}" for x, f in zip(self.nodes, self.limit, strict=True)]
+        return [f"{head}, INDEPENDENT COMPONENTS=POSITION", str(component), *data, *tail]
 
 
-class _Hysteresis:
-    """Elements with internal states: pairs of spring and slider, and two connectors with a node between."""
+def _hysteresis(kinds: list[Kind], component: int, held: str, free: str, stick: float) -> list[str]:
+    """Return pairs of spring and slider, then two connectors with a node between for what is more.
 
-    def __init__(self, model: JointModel, cycles: Cycles):
-        rotation = model.joint.motion == "rotation"
-        self.component = 4 if rotation else 1
-        # The first constrains as the joint does, and holds the node between two; the second constrains nothing.
-        self.held, self.free = ("HINGE", "CARDAN") if rotation else ("TRANSLATOR", "CARTESIAN")
-        self.stick = GIVE * model.fitted.angle
-        self.rows: dict[str, Represented] = {}
-        self.pairs: list[list[str]] = []
-        self.chains: list[tuple[list[str], list[str]]] = []
-        for element in model.elements:
-            kind = kind_of(element, cycles)
-            if isinstance(kind, Maxwell) and kind.stiffness > 0:
-                damping = self._one("DAMPING", kind.stiffness * kind.time)
-                self.chains.append((self._one("ELASTICITY", kind.stiffness), damping))
-                how = "connector elasticity in series with damping"
-            elif isinstance(kind, Gap) and kind.moment > 0:
-                spring = [
-                    f"*CONNECTOR ELASTICITY, COMPONENT={self.component}, NONLINEAR",
-                    *_pairs(Curve(*kind.curve())),
-                ]
-                self.chains.append((self._friction(kind.moment / self.stick, kind.moment), spring))
-                how = "connector elasticity in series with friction"
-            else:
-                pairs = pairs_of(element, kind, cycles)
-                for slider in pairs.sliders if pairs else ():
-                    limit = slider.stiffness * slider.deflection
-                    self.pairs.append(self._friction(slider.stiffness, limit))
-                self.rows[element.id] = represented(pairs, "connector friction with its stick stiffness")
-                continue
-            self.rows[element.id] = Represented(how, cycles.element(element))
-
-    def notes(self) -> tuple[str, ...]:
-        if not self.chains:
-            return ()
-        last = BRANCH_NODE + len(self.chains) - 1
-        nodes = f"node {last}" if last == BRANCH_NODE else f"nodes {BRANCH_NODE} to {last}"
-        return (f"define {nodes} at the joint's place, between two connectors in series",)
-
-    def lines(self) -> list[str]:
-        lines: list[str] = []
-        element = ELEMENT
-        for behaviour in self.pairs:
+    The first of two constrains as the joint does, and holds the node between; the second constrains nothing.
+    """
+    lines, element, node = [], ELEMENT, BRANCH_NODE
+    for kind in kinds:
+        if isinstance(kind, Slider):
             element += 1
-            lines += _connector(element, "1, 2", self.free, behaviour)
-        for node, (first, second) in enumerate(self.chains, BRANCH_NODE):
-            lines += _connector(element + 1, f"1, {node}", self.held, first)
-            lines += _connector(element + 2, f"{node}, 2", self.free, second)
-            element += 2
-        return lines
-
-    def _one(self, kind: str, value: float) -> list[str]:
-        return [f"*CONNECTOR {kind}, COMPONENT={self.component}", f"{number(value)},"]
-
-    def _friction(self, stiffness: float, limit: float) -> list[str]:
-        head = f"*CONNECTOR FRICTION, COMPONENT={self.component}, STICK STIFFNESS={number(stiffness)}"
-        return [head, f"{number(limit)},", "*FRICTION", "1.0,"]
+            sliding = _sliding(component, kind.stiffness, kind.stiffness * kind.deflection)
+            lines += _connector(element, "1, 2", free, sliding)
+    for kind in kinds:
+        if isinstance(kind, Maxwell):
+            first = _linear("ELASTICITY", component, kind.stiffness)
+            second = _linear("DAMPING", component, kind.stiffness * kind.time)
+        elif isinstance(kind, Gap):
+            first = _sliding(component, kind.moment / stick, kind.moment)
+            second = _nonlinear("ELASTICITY", component, Curve(*kind.curve()))
+        else:
+            continue
+        lines += _connector(element + 1, f"1, {node}", held, first)
+        lines += _connector(element + 2, f"{node}, 2", free, second)
+        element, node = element + 2, node + 1
+    return lines
 
 
 def _connector(element: int, nodes: str, kind: str, behaviour: list[str]) -> list[str]:
@@ -198,28 +162,15 @@ def _connector(element: int, nodes: str, kind: str, behaviour: list[str]) -> lis
     ]
 
 
-def _deck(model: JointModel, parts: Parts, curve: Curve, rates: Curve | None, friction: _Friction) -> str:
-    rotation = model.joint.motion == "rotation"
-    kind, component = ("HINGE", 4) if rotation else ("TRANSLATOR", 1)
-    lines = [
-        "*ELEMENT, TYPE=CONN3D2, ELSET=SINDYJOINT",
-        "** element number, node on the base's side, node on the far side",
-        f"{ELEMENT}, 1, 2",
-        "*ORIENTATION, NAME=SINDYJOINT_AXES, DEFINITION=COORDINATES",
-        "1., 0., 0., 0., 1., 0.",
-        "*CONNECTOR SECTION, ELSET=SINDYJOINT, BEHAVIOR=SINDYJOINT_LAW",
-        f"{kind},",
-        "SINDYJOINT_AXES,",
-        "*CONNECTOR BEHAVIOR, NAME=SINDYJOINT_LAW, EXTRAPOLATION=LINEAR",
-    ]
-    if parts.elastic:
-        lines += [f"*CONNECTOR ELASTICITY, COMPONENT={component}, NONLINEAR", *_pairs(curve)]
-    if parts.viscous:
-        lines += [f"*CONNECTOR DAMPING, COMPONENT={component}", f"{number(parts.damping)},"]
-    if rates is not None:
-        lines += [f"*CONNECTOR DAMPING, COMPONENT={component}, NONLINEAR", *_pairs(rates)]
-    return "\n".join([*lines, *friction.lines(component)]) + "\n"
+def _linear(kind: str, component: int, value: float) -> list[str]:
+    return [f"*CONNECTOR {kind}, COMPONENT={component}", f"{number(value)},"]
 
 
-def _pairs(curve: Curve) -> list[str]:
-    return [f"{number(y)}, {number(x)}" for x, y in zip(curve.x, curve.y, strict=True)]
+def _nonlinear(kind: str, component: int, curve: Curve) -> list[str]:
+    points = [f"{number(y)}, {number(x)}" for x, y in zip(curve.x, curve.y, strict=True)]
+    return [f"*CONNECTOR {kind}, COMPONENT={component}, NONLINEAR", *points]
+
+
+def _sliding(component: int, stiffness: float, limit: float) -> list[str]:
+    head = f"*CONNECTOR FRICTION, COMPONENT={component}, STICK STIFFNESS={number(stiffness)}"
+    return [head, f"{number(limit)},", "*FRICTION", "1.0,"]

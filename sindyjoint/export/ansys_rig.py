@@ -34,36 +34,6 @@ class _AtRest:
         return self.model.without_elements().moment(angle, 0.0)
 
 
-@dataclass(frozen=True)
-class _Section:
-    """A beam as the program wants it."""
-
-    area: float
-    inertia: float
-    shear: float
-    damping: float  # BETD
-
-    @classmethod
-    def of(cls, beam: Beam, frequency: float) -> _Section:
-        # A loss factor is twice the damping ratio: BETD * omega / 2 = loss / 2 at the first frequency.
-        return cls(
-            beam.mass_per_length / DENSITY, beam.bending_stiffness / YOUNGS_MODULUS,
-            1e6 * beam.bending_stiffness / beam.length**2, beam.loss_factor / (2 * np.pi * frequency),
-        )  # fmt: skip
-
-
-@dataclass(frozen=True)
-class _Part:
-    """A part of the chain: number of its section or real constant, new nodes with positions, last node."""
-
-    item: Beam | Hinge | LumpedMass
-    title: str
-    number: int
-    section: _Section | None
-    nodes: tuple[tuple[int, float], ...]
-    end: int
-
-
 def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
     """Return the name and the text of the deck.
 
@@ -106,8 +76,9 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
         ],
         "!",
     )  # fmt: skip
+    points = {part["item"].name: part["end"] for part in parts} | {"tip": parts[-1]["end"]}
     deck = _environment().get_template("rig.inp.j2").render(
-        name=name, rig=given, parts=parts, points={part.item.name: part.end for part in parts} | {"tip": parts[-1].end},
+        name=name, rig=given, parts=parts, points=points,
         clamp_stiffness=given.clamp_stiffness if np.isfinite(given.clamp_stiffness) else None,
         youngs_modulus=YOUNGS_MODULUS, density=DENSITY, pulse=pulse_table(given.excitation, given.duration),
         every=max(round(1 / (given.sample_rate * given.step)), 1),
@@ -122,14 +93,22 @@ def _environment() -> Environment:
     return found
 
 
-def _parts(items: Sequence[Beam | Hinge | LumpedMass], frequency: float) -> list[_Part]:
-    """Return the parts with their nodes, sections and masses numbered along the chain."""
-    parts: list[_Part] = []
+def _parts(items: Sequence[Beam | Hinge | LumpedMass], frequency: float) -> list[dict[str, Any]]:
+    """Return the parts, with number of section or real constant, new nodes with positions, and last node."""
+    parts: list[dict[str, Any]] = []
     node, x, count = 1, 0.0, 0
     for item in items:
-        section, lengths = None, [0.0] if isinstance(item, Hinge) else []
+        section: dict[str, float] | None = None
+        lengths = [0.0] if isinstance(item, Hinge) else []
         if isinstance(item, Beam):
-            section, lengths = _Section.of(item, frequency), [item.length / item.elements] * item.elements
+            lengths = [item.length / item.elements] * item.elements
+            section = {
+                "area": item.mass_per_length / DENSITY,
+                "inertia": item.bending_stiffness / YOUNGS_MODULUS,
+                "shear": 1e6 * item.bending_stiffness / item.length**2,
+                # BETD: a loss factor is twice the damping ratio, BETD * omega / 2 = loss / 2 at the first frequency.
+                "damping": item.loss_factor / (2 * np.pi * frequency),
+            }
         if section or item.mass or item.inertia:  # type: ignore[union-attr]
             count += 1
         nodes = []
@@ -137,7 +116,9 @@ def _parts(items: Sequence[Beam | Hinge | LumpedMass], frequency: float) -> list
             node, x = node + 1, x + length
             nodes.append((node, x))
         title = comment([item.name], "!").rstrip()
-        parts.append(_Part(item, title, count, section, tuple(nodes), node))
+        parts.append(
+            {"item": item, "title": title, "number": count, "section": section, "nodes": nodes, "end": node}
+        )
     return parts
 
 

@@ -1,4 +1,4 @@
-"""A model as source code: names, numbers and the law, printed from the one sympy expression of each term.
+"""A model as source code: names, numbers and the law, printed from the one sympy expression of each term; C itself.
 
 sympy's printers are imported here at the top; import this module only when code is to be written.
 """
@@ -22,10 +22,11 @@ from sympy.printing.pycode import PythonCodePrinter
 
 from sindyjoint.equation.formula import parameter_symbol, state_symbol, variable_symbols
 from sindyjoint.equation.model import INERTIA, JointModel
-from sindyjoint.export.base import Cycles, Fidelity, Represented, fidelity_table
+from sindyjoint.export import Export
 from sindyjoint.export.elements import speeds
+from sindyjoint.export.fidelity import Cycles, Represented, fidelity_table
 from sindyjoint.export.parts import Parts, corners, softening_limits, steepness
-from sindyjoint.export.text import ascii_line, number, one_line, words_of
+from sindyjoint.export.text import Fidelity, ascii_line, comment, number, one_line, preamble, words_of
 from sindyjoint.inputs import Input
 
 DIRECTION = sympy.Symbol("direction", real=True)
@@ -271,18 +272,12 @@ def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
             represented[term.id] = Represented("the number INERTIA, used in steps", cycles.term(term))
         else:
             represented[term.id] = Represented("not carried: a formula of the acceleration", None)
-    return (*_input_rows(model), *fidelity_table(model, cycles, represented))
-
-
-def _input_rows(model: JointModel) -> tuple[Fidelity, ...]:
-    """Return a row for each input that the code takes as a parameter."""
-    how = "parameter {}, {}; unless given, {}"
-    return tuple(
-        Fidelity(
-            each.name, each.name, how.format(name, each.unit, each.shown(each.reference)), True, 0.0, 0.0
-        )
+    inputs = [
+        (each.name, f"parameter {name}, {each.unit}; unless given, {each.shown(each.reference)}")
         for name, each in law_of(model).inputs
-    )
+    ]
+    parameters = (Fidelity(name, name, words, True, 0.0, 0.0) for name, words in inputs)
+    return (*parameters, *fidelity_table(model, cycles, represented))
 
 
 def code_notes(model: JointModel) -> tuple[str, ...]:
@@ -297,3 +292,71 @@ def code_notes(model: JointModel) -> tuple[str, ...]:
             "caller"
         )
     return tuple(notes)
+
+
+def export_c(model: JointModel) -> Export:
+    """Write ``joint.h``: a C99 header with the law and exact stick-slip steps."""
+    rows, notes = exact_rows(model, "C expression"), code_notes(model)
+    law, printer = law_of(model), CPrinter()
+    stateful = bool(law.states)
+    limits = ", ".join(written(limit, "HUGE_VAL") for limit in law.limits)
+    # What inputs the functions take, and their values of reference.
+    values = ", ".join(number(each.reference) for _, each in law.inputs)
+    head = f"static const double JOINT_REFERENCE[] = {{{values}}}; /* of the inputs, last arguments of functions */"
+    lines = [head, *(block_comment(input_line(*each)) for each in law.inputs), ""]
+    references = "\n".join(lines) if law.inputs else ""
+    text = filled(
+        "joint.h.txt",
+        model,
+        printer,
+        "HUGE_VAL",
+        law,
+        comment=block_comment(comment(preamble(model, "C", rows, notes), "")),
+        name=string_literal(one_line(model.joint.name)),
+        coefficients="\n".join(
+            f"static const double {name} = {number(value)}; {block_comment(what)}"
+            for name, value, what in law.numbers
+        ),
+        count=str(len(law.states)),
+        names=", ".join([*(string_literal(one_line(state)) for state in law.states), "0"]),
+        limits=", ".join([limits, "0"] if stateful else ["0"]),
+        rates="\n".join(f"    out[{j}] = {printer.doprint(rate)};" for j, rate in enumerate(law.rates)),
+        read=", const double *z" if stateful else "",
+        write=", double *z" if stateful else "",
+        give=", z" if stateful else "",
+        z="z" if stateful else "0",
+        declare="".join(f", double {name}" for name, _ in law.inputs),
+        inputs="".join(f", {name}" for name, _ in law.inputs),
+        unused="".join(f" (void){name};" for name, _ in law.inputs),
+        references=references,
+    )
+    return Export("c", {"joint.h": text}, rows, notes)
+
+
+def block_comment(text: str) -> str:
+    """Return text as a C comment that nothing inside can end.
+
+    Examples
+    --------
+    >>> block_comment("a */ b")
+    '/* a * / b */'
+    """
+    safe = text.replace("\\", "/").replace("*/", "* /").replace("/*", "/ *").rstrip()
+    return f"/* {safe.lstrip()} */" if "\n" not in safe else f"/*\n{safe}\n*/"
+
+
+def string_literal(text: str) -> str:
+    r"""Return text as a C string literal of UTF-8 bytes.
+
+    Examples
+    --------
+    >>> print(string_literal('a "b" ü'))
+    "a \042b\042 \303\274"
+    """
+
+    def byte(value: int) -> str:
+        # Question marks could form trigraphs.
+        plain = 32 <= value < 127 and chr(value) not in '"\\?'
+        return chr(value) if plain else f"\\{value:03o}"
+
+    return '"' + "".join(byte(value) for value in text.encode("utf-8")) + '"'

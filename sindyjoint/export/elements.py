@@ -2,21 +2,31 @@
 
 Elements come from catalogues that people edit, so they are known by what their formulas do, not by name: rates and
 moments are evaluated at a few states and compared with those of the kind.
+
+Springs in series with sliders, side by side, are the form in which most programs hold hysteresis. Where an element is
+nothing that a program knows, a set of such pairs is fitted to its moment over the test cycles (Iwan 1966); what they
+miss stands in the fidelity table.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import compile_terms
-from sindyjoint.export.base import Cycles, column_moments
+from sindyjoint.equation.model import JointModel
+from sindyjoint.export.fidelity import Cycles, Represented, Rows, column_moments
 from sindyjoint.numeric import Array
 
 # Two numbers are one where they differ by less.
 SAME = 1e-9
+# Deflections at which fitted sliders may yield, as shares of the tested angle; the last one never does.
+DEFLECTIONS = np.append(np.geomspace(0.01, 1.0, 19), 3.0)
+# Pairs that carry less than this share of all are left out; a fit that misses more of an element than that is none.
+LEAST_PAIR, WORST_FIT = 2e-3, 0.5
 
 
 @dataclass(frozen=True)
@@ -95,26 +105,83 @@ def kind_of(element: JointElement, cycles: Cycles) -> Kind | None:
         Of its model: they say how large angle and rate are.
     """
     form = element.form
-    if len(form.states) != 1 or len(form.columns) != 1:
-        return None
-    if not form.uses <= {form.states[0].name, *form.names}:
+    if len(form.states) != 1 or len(form.columns) != 1 or not form.uses <= {form.states[0].name, *form.names}:
         return None
     angle, rate = float(np.abs(cycles.angle).max()), float(np.abs(cycles.rate).max())
     limit = float(form.limits(element.values)[0])
+    found: list[Kind | None] = []
     if np.isfinite(limit):
-        return _neat(_slider(element, limit, rate)) if limit > 0 else None
-    stiffness = _proportion(element, angle)
-    if stiffness is None:
-        return None
-    found = (recognise(element, stiffness, angle, rate) for recognise in (_maxwell, _bouc_wen, _lugre))
-    return _neat(next((kind for kind in found if kind is not None), None))
+        found = [_slider(element, limit, rate)] if limit > 0 else []
+    else:
+        # The moment has to be in proportion to the state.
+        z = angle * np.array([-1.0, -0.1, 0.02, 0.3, 1.0])
+        slope = _moment(element, z) / z
+        if _same(slope, slope[0]):
+            found = [
+                recognise(element, float(slope[0]), angle, rate)
+                for recognise in (_maxwell, _bouc_wen, _lugre)
+            ]
+    kind = next((kind for kind in found if kind is not None), None)
+    # Its numbers free of the rounding of their recognition.
+    return kind and type(kind)(*(float(f"{number:.12g}") for number in vars(kind).values()))
 
 
-def _neat(kind: Kind | None) -> Kind | None:
-    """Return a kind with its numbers free of the rounding of their recognition."""
-    if kind is None:
-        return None
-    return type(kind)(*(float(f"{number:.12g}") for number in vars(kind).values()))
+def written_as(
+    model: JointModel, cycles: Cycles, way: Callable[[Kind | None], str], pair: str
+) -> tuple[list[tuple[str, Kind]], Rows]:
+    """Return what a program writes for each element, by id, and the rows of its table.
+
+    Parameters
+    ----------
+    model : JointModel
+    cycles : Cycles
+    way : callable
+        What the program calls a kind; empty for one that it has none of.
+    pair : str
+        What it calls a spring in series with a slider.
+    """
+    found: list[tuple[str, Kind]] = []
+    rows: Rows = {}
+    for element in model.elements:
+        kind = kind_of(element, cycles)
+        how = way(kind)
+        # The first number of each is a stiffness, or the limit of a slider.
+        if kind is not None and how and next(iter(vars(kind).values())) > 0:
+            found.append((element.id, kind))
+            rows[element.id] = Represented(how, cycles.element(element))
+        else:
+            sliders, rows[element.id] = _as_pairs(element, kind, cycles, pair)
+            found += [(element.id, slider) for slider in sliders]
+    return found, rows
+
+
+def _as_pairs(
+    element: JointElement, kind: Kind | None, cycles: Cycles, how: str
+) -> tuple[list[Slider], Represented]:
+    """Return an element as spring-slider pairs, and its row; none where they would miss too much of it."""
+    if isinstance(kind, Slider) and kind.stiffness > 0:
+        deflection = cycles.slider(np.full(cycles.angle.shape, kind.deflection), 1.0)
+        return [kind], Represented(how, kind.stiffness * deflection)
+    from scipy.optimize import nnls
+
+    wanted = cycles.element(element)
+    largest = float(np.abs(cycles.angle).max())
+    yields = np.array([float(f"{largest * share:.4g}") for share in DEFLECTIONS])
+    columns = cycles.slider(np.broadcast_to(yields[:, None, None], (yields.size, *wanted.shape)), 1.0)
+    stiffness, _ = nnls(columns.reshape(yields.size, -1).T, wanted.ravel())
+    forces = stiffness * np.minimum(yields, yields[-2])
+    kept = forces > LEAST_PAIR * forces.sum()
+    missed = np.inf
+    if kept.any():
+        columns = columns[kept]
+        stiffness, _ = nnls(columns.reshape(len(columns), -1).T, wanted.ravel())
+        missed = float(np.mean((np.tensordot(stiffness, columns, 1) - wanted) ** 2))
+    if not missed < WORST_FIT**2 * np.mean(wanted**2):
+        return [], Represented("not carried: it is too far from springs in series with sliders", None)
+    stiffness = np.array([float(f"{k:.6g}") for k in stiffness])
+    sliders = [Slider(float(k), float(y)) for k, y in zip(stiffness, yields[kept], strict=True) if k > 0]
+    words = f"{len(sliders)} x {how}, fitted over the tested range"
+    return sliders, Represented(words, np.tensordot(stiffness, columns, 1))
 
 
 def state_rates(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
@@ -165,13 +232,6 @@ def _same(a: Array, b: Array | float) -> bool:
     return bool(np.all(np.isfinite(a))) and bool(np.all(np.abs(a - b) <= SAME * scale))
 
 
-def _proportion(element: JointElement, angle: float) -> float | None:
-    """Stiffness where the moment is in proportion to the state."""
-    z = angle * np.array([-1.0, -0.1, 0.02, 0.3, 1.0])
-    slope = _moment(element, z) / z
-    return float(slope[0]) if _same(slope, slope[0]) else None
-
-
 def _slider(element: JointElement, limit: float, rate: float) -> Slider | Gap | None:
     z = limit * np.linspace(-1, 1, 4001)
     omega = rate * np.linspace(-1, 1, z.size)
@@ -205,9 +265,8 @@ def _bouc_wen(element: JointElement, stiffness: float, angle: float, rate: float
     z = angle * np.array([0.5, 1.0, 0.25, 0.8])
 
     def defect(sense: float) -> Array:
-        return 1 - _rate(element, sense * rate * np.array([1.0, 0.3, 0.1, 0.05]), z) / (
-            sense * rate * np.array([1.0, 0.3, 0.1, 0.05])
-        )
+        omega = sense * rate * np.array([1.0, 0.3, 0.1, 0.05])
+        return 1 - _rate(element, omega, z) / omega
 
     ahead, back = defect(1.0), defect(-1.0)
     beta, gamma = (ahead - back) / 2, (ahead + back) / 2

@@ -10,18 +10,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
-from sindyjoint.export import lumped
-from sindyjoint.export.base import Cycles, Export, Fidelity, Represented, fidelity_table
-from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, kind_of, speeds
+from sindyjoint.export import Export
+from sindyjoint.export import fidelity as lumped
+from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, Slider, speeds, written_as
+from sindyjoint.export.fidelity import Cycles, Represented, Rows, fidelity_table
 from sindyjoint.export.parts import Parts, steepness
-from sindyjoint.export.sliders import pairs_of, represented
-from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
+from sindyjoint.export.text import Fidelity, ascii_line, comment, number, preamble, words_of
 from sindyjoint.numeric import Array
 
 # Largest impedance of a constraint that MuJoCo allows (mjMAXIMP): the closer to one, the less friction creeps.
@@ -54,11 +54,10 @@ def export(model: JointModel) -> Export:
         ),
         **lumped.inertial_rows(parts),
     }
-    devices = _Devices()
-    for element in model.elements:
-        rows[element.id] = devices.element(element, kind_of(element, cycles), cycles)
-    table = fidelity_table(model, cycles, rows)
-    version = NEEDED["tendon" if devices.tendons else "joint"]
+    added, rows_of_elements = written_as(model, cycles, _way, "fixed tendon, springyield")
+    table = fidelity_table(model, cycles, rows | rows_of_elements)
+    tendons, actuators = _devices([kind for _, kind in added])
+    version = NEEDED["tendon" if tendons else "joint"]
     notes = [
         f"needs MuJoCo {version} or later; the {words.moment} on the joint is minus the one of the equation, as a "
         "passive force",
@@ -77,7 +76,7 @@ def export(model: JointModel) -> Export:
             "take joint, tendons and actuators alone"
         )
     notes.append("nothing bounds the angle: beyond the tested range the polynomials go on, and may turn over")
-    text = _document(model, table, notes, step, inertia, elastic, rates, devices)
+    text = _document(model, table, notes, step, inertia, elastic, rates, tendons, actuators)
     return Export("mujoco", {"joint.xml": text}, table, tuple(notes))
 
 
@@ -128,22 +127,16 @@ class _Polynomial:
         """Friction, or the constant moment."""
         return float(self.whole[0])
 
-    def rows(self, cycles: Cycles, where: str, variable: str, creep: float = 0.0) -> dict[str, Represented]:
+    def rows(self, cycles: Cycles, where: str, variable: str, creep: float = 0.0) -> Rows:
         basis = _basis(self.variable, getattr(cycles, self.variable))
         if creep:
             basis[0] = np.clip(cycles.rate / creep, -1.0, 1.0)
         rows = lumped.left_out(self.missing, f"no cubic polynomial of the {variable} is near it")
         for name, share in self.shares.items():
-            if np.count_nonzero(share) == 1 and share[0]:
-                how = (
-                    "joint, frictionloss; creeps instead of sticking"
-                    if self.variable == "rate"
-                    else "actuator, bias"
-                )
-            else:
-                how = f"{where} polynomial"
-            if name not in self.exact:
-                how += " fitted over the tested range"
+            alone = np.count_nonzero(share) == 1 and share[0]
+            constant = {"rate": "joint, frictionloss; creeps instead of sticking", "angle": "actuator, bias"}
+            how = constant[self.variable] if alone else f"{where} polynomial"
+            how += "" if name in self.exact else " fitted over the tested range"
             rows[name] = Represented(how, np.tensordot(share, basis, 1))
         return rows
 
@@ -167,55 +160,51 @@ def _power(term: ModelTerm, variable: str) -> tuple[int, float] | None:
     return (powers.index(rest), term.coefficient * float(factor)) if rest in powers else None
 
 
-class _Devices:
-    """Tendons and actuators that hold the elements."""
+def _way(kind: Kind | None) -> str:
+    """Return what MuJoCo has for a kind of element."""
+    if isinstance(kind, BoucWen):
+        return "dcmotor, lugre without its rise" if kind.n == 1 and not kind.gamma else ""
+    ways = {
+        Gap: "fixed tendon with a dead band, springyield",
+        Maxwell: "dcmotor, shorted: its inductance is the spring",
+        LuGre: "dcmotor, lugre",
+    }
+    return ways.get(type(kind), "")
 
-    def __init__(self) -> None:
-        self.tendons: list[str] = []
-        self.actuators: list[str] = []
 
-    def element(self, element: JointElement, kind: Kind | None, cycles: Cycles) -> Represented:
-        """Add an element, and say how it is represented."""
-        exact = cycles.element(element)
-        if isinstance(kind, Gap) and kind.moment > 0:
-            self._tendon(kind.moment / kind.ramp, f"{number(-kind.gap)} {number(kind.gap)}", kind.ramp)
-            return Represented("fixed tendon with a dead band, springyield", exact)
-        if isinstance(kind, Maxwell) and kind.stiffness > 0:
+def _devices(kinds: Sequence[Kind]) -> tuple[list[str], list[str]]:
+    """Return the tendons and actuators that hold the elements."""
+    tendons: list[str] = []
+    actuators: list[str] = []
+    for kind in kinds:
+        if isinstance(kind, Maxwell):
             constant = number(sqrt(kind.stiffness))
-            self._motor(
-                f'motorconst="{constant} {constant}" resistance="{number(1 / kind.time)}" inductance="1.0 0"'
+            motor = f'"{constant} {constant}" resistance="{number(1 / kind.time)}" inductance="1.0 0"'
+        elif isinstance(kind, LuGre | BoucWen):
+            rise, rate = (1 + kind.rise, kind.rate) if isinstance(kind, LuGre) else (1.0, 1.0)
+            slip = kind.stiffness * kind.deflection
+            numbers = " ".join(map(number, (kind.stiffness, 0.0, slip, slip * rise, rate)))
+            motor = f'"0" resistance="1" lugre="{numbers}"'
+        else:
+            stiffness, length = (
+                (kind.stiffness, "0.0")
+                if isinstance(kind, Slider)
+                else (kind.moment / kind.ramp, f"{number(-kind.gap)} {number(kind.gap)}")
             )
-            return Represented("dcmotor, shorted: its inductance is the spring", exact)
-        if isinstance(kind, LuGre) and kind.stiffness > 0:
-            self._lugre(kind.stiffness, kind.deflection, 1 + kind.rise, kind.rate)
-            return Represented("dcmotor, lugre", exact)
-        if isinstance(kind, BoucWen) and kind.stiffness > 0 and kind.n == 1 and not kind.gamma:
-            self._lugre(kind.stiffness, kind.deflection, 1.0, 1.0)
-            return Represented("dcmotor, lugre without its rise", exact)
-        pairs = pairs_of(element, kind, cycles)
-        for slider in pairs.sliders if pairs else ():
-            self._tendon(slider.stiffness, "0.0", slider.deflection)
-        return represented(pairs, "fixed tendon, springyield")
-
-    def _tendon(self, stiffness: float, length: str, deflection: float) -> None:
-        self.tendons += [
-            f'    <fixed stiffness="{number(stiffness)}" springlength="{length}" springyield="{number(deflection)}">',
-            '      <joint joint="joint" coef="1"/>',
-            "    </fixed>",
-        ]
-
-    def _motor(self, attributes: str) -> None:
-        self.actuators.append(f'    <dcmotor joint="joint" input="none" {attributes}/>')
-
-    def _lugre(self, stiffness: float, deflection: float, rise: float, rate: float) -> None:
-        slip = stiffness * deflection
-        numbers = " ".join(map(number, (stiffness, 0.0, slip, slip * rise, rate)))
-        self._motor(f'motorconst="0" resistance="1" lugre="{numbers}"')
+            bound = number(kind.deflection if isinstance(kind, Slider) else kind.ramp)
+            tendons += [
+                f'    <fixed stiffness="{number(stiffness)}" springlength="{length}" springyield="{bound}">',
+                '      <joint joint="joint" coef="1"/>',
+                "    </fixed>",
+            ]
+            continue
+        actuators.append(f'    <dcmotor joint="joint" input="none" motorconst={motor}/>')
+    return tendons, actuators
 
 
 def _document(
     model: JointModel, rows: Sequence[Fidelity], notes: Sequence[str], step: float, inertia: float,
-    elastic: _Polynomial, rates: _Polynomial, devices: _Devices,
+    elastic: _Polynomial, rates: _Polynomial, tendons: list[str], actuators: list[str],
 ) -> str:  # fmt: skip
     rotation = model.joint.motion == "rotation"
     kind, axis = ("hinge", "0 0 1") if rotation else ("slide", "1 0 0")
@@ -234,13 +223,12 @@ def _document(
             f' frictionloss="{number(rates.jump)}" solreffriction="{number(2 * step)} 1"'
             f' solimpfriction="{IMPEDANCE} {IMPEDANCE} 0.001"'
         )
-    actuators = list(devices.actuators)
     if elastic.jump:
         bias = number(-elastic.jump)
         actuators.append(f'    <general joint="joint" gainprm="0" biastype="affine" biasprm="{bias} 0 0"/>')
     head = _xml_comment(comment(preamble(model, "MuJoCo", rows, notes), ""))
     lines = [
-        f"<mujoco model={_attribute(model.joint.name)}>",
+        f"<mujoco model={quoteattr(ascii_line(model.joint.name))}>",
         head,
         '  <compiler angle="radian"/>',
         f'  <option timestep="{number(step)}" integrator="implicitfast" gravity="0 0 0"/>',
@@ -250,7 +238,7 @@ def _document(
         f'      <joint name="joint" type="{kind}" axis="{axis}" {" ".join(polynomials)}{friction}/>',
         "    </body>",
         "  </worldbody>",
-        *(["  <tendon>", *devices.tendons, "  </tendon>"] if devices.tendons else []),
+        *(["  <tendon>", *tendons, "  </tendon>"] if tendons else []),
         *(["  <actuator>", *actuators, "  </actuator>"] if actuators else []),
         "</mujoco>",
     ]
@@ -268,9 +256,3 @@ def _xml_comment(text: str) -> str:
     while "--" in text:
         text = text.replace("--", "- -")
     return f"<!--\n{text.strip()}\n-->"
-
-
-def _attribute(text: str) -> str:
-    from xml.sax.saxutils import quoteattr
-
-    return quoteattr(ascii_line(text))

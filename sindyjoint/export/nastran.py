@@ -8,21 +8,26 @@ with a scalar point between (CELAS2, CDAMP2).
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.export import lumped
-from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
-from sindyjoint.export.elements import Gap, Maxwell, Slider, kind_of
+from sindyjoint.export import Export
+from sindyjoint.export import fidelity as lumped
+from sindyjoint.export.elements import Gap, Kind, Maxwell, Slider, written_as
+from sindyjoint.export.fidelity import Cycles, fidelity_table
 from sindyjoint.export.parts import GIVE, Curve, Parts, total
-from sindyjoint.export.sliders import pairs_of, represented
 from sindyjoint.export.text import comment, preamble, words_of
-from sindyjoint.numeric import Array
 
 POINTS = 41
 # Numbers that a model rarely uses; the notes say to change them where they are taken.
 ELEMENT, DAMPER, TABLE_ELASTIC, TABLE_RATE, STILL, RELATIVE, SET, FAR, FIRST = range(900001, 900010)
 NODES = (1, 2)
+WAYS = {
+    Maxwell: "CELAS2 and CDAMP2, a scalar point between",
+    Gap: "CROD without hardening and CBUSH1D, a grid point between",
+}
 
 
 def export(model: JointModel) -> Export:
@@ -37,9 +42,11 @@ def export(model: JointModel) -> Export:
     words = words_of(model)
     spring = f"{'PBUSHT KN' if rotation else 'PBUSH1D SPRING'} table of {POINTS} points"
     damper = f"PBUSH1D DAMPER table of {rates.x.size} points"
-    added = _Hysteresis(model, cycles)
-    carried: dict[str, Represented] = {
-        **added.rows,
+    added, rows_of_elements = written_as(
+        model, cycles, lambda kind: WAYS.get(type(kind), ""), "CROD, MATS1 without hardening"
+    )
+    carried = {
+        **rows_of_elements,
         **lumped.elastic_rows(parts, cycles, curve.x, spring),
         **lumped.viscous_rows(parts, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
         **lumped.rate_rows(parts, tabulated, cycles, rates.x, damper),
@@ -49,10 +56,15 @@ def export(model: JointModel) -> Export:
         ),
         **lumped.inertial_rows(parts),
     }
-    total = _total(parts, cycles, curve, rates if tabulated else None)
-    total = total + sum(r.moment for r in added.rows.values() if r.moment is not None)
-    tied = rotation and bool(tabulated) or added.tied
-    rows = fidelity_table(model, cycles, carried, total)
+    # Of the deck as written, its numbers rounded to 16 characters.
+    whole = curve(cycles.angle)
+    if rotation or not tabulated:
+        whole = whole + float(field(parts.damping)) * cycles.rate
+    if tabulated:
+        whole = whole + rates(cycles.rate)
+    whole = whole + sum(row.moment for row in rows_of_elements.values() if row.moment is not None)
+    tied = rotation and bool(tabulated) or any(not isinstance(kind, Maxwell) for _, kind in added)
+    rows = fidelity_table(model, cycles, carried, whole)
     notes = (
         f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {ELEMENT} on; the joint's "
         f"axis is the basic {'z' if rotation else 'x'} axis (CID 0)",
@@ -70,17 +82,9 @@ def export(model: JointModel) -> Export:
         *lumped.inertia_note(model),
     )
     text = comment(preamble(model, "Nastran", rows, notes), "$", width=72)
-    text += _deck(rotation, parts, curve, rates if tabulated else None, tied)
-    text += "".join(f"{card}\n" for card in added.cards(rotation))
-    return Export("nastran", {"joint.bdf": text}, rows, notes)
-
-
-def _total(parts: Parts, cycles: Cycles, curve: Curve, rates: Curve | None) -> Array:
-    """Moment of the deck as written, its numbers rounded to 16 characters."""
-    total = curve(cycles.angle)
-    if rates is None or parts.model.joint.motion == "rotation":
-        total = total + float(field(parts.damping)) * cycles.rate
-    return total if rates is None else total + rates(cycles.rate)
+    cards = _deck(rotation, parts, curve, rates if tabulated else None, tied)
+    cards += _hysteresis([kind for _, kind in added], 6 if rotation else 1, GIVE * model.fitted.angle)
+    return Export("nastran", {"joint.bdf": text + "".join(f"{card}\n" for card in cards)}, rows, notes)
 
 
 def field(value: float) -> str:
@@ -92,24 +96,15 @@ def field(value: float) -> str:
     ('-2684000000.1235', '6066.', '1.23456789012-10')
     """
     for digits in range(17, 0, -1):
-        text = f"{float(value):.{digits}g}"
-        mantissa, _, exponent = text.partition("e")
-        if "." not in mantissa:
-            mantissa += "."
-        if exponent:
-            text = f"{mantissa}{int(exponent):+d}"
-        else:
-            text = mantissa
+        mantissa, _, exponent = f"{float(value):.{digits}g}".partition("e")
+        text = mantissa + "." * ("." not in mantissa) + (f"{int(exponent):+d}" if exponent else "")
         if len(text) <= 16:
             return text
     raise AssertionError("unreachable: one digit fits")
 
 
 def _read(text: str) -> float:
-    mantissa, sign, exponent = text[0] + text[1:].replace("-", "|-").replace("+", "|+"), "|", ""
-    if sign in mantissa:
-        mantissa, exponent = mantissa.split(sign, 1)
-    return float(f"{mantissa}e{exponent}" if exponent else mantissa)
+    return float(re.sub(r"(?<=[\d.])(?=[+-])", "e", text))
 
 
 def _rounded(curve: Curve) -> Curve:
@@ -137,58 +132,34 @@ def _table(number: int, curve: Curve) -> str:
     return _card("TABLED1", number, *[None] * 7, *pairs, "ENDT")
 
 
-class _Hysteresis:
-    """Elements with internal states: pairs of spring and slider, gaps in series with sliders, and Maxwell branches."""
-
-    def __init__(self, model: JointModel, cycles: Cycles):
-        self.stick = GIVE * model.fitted.angle
-        self.rows: dict[str, Represented] = {}
-        self.pairs: list[Slider] = []
-        self.gaps: list[Gap] = []
-        self.branches: list[Maxwell] = []
-        for element in model.elements:
-            kind = kind_of(element, cycles)
-            if isinstance(kind, Maxwell) and kind.stiffness > 0:
-                self.branches.append(kind)
-                how = "CELAS2 and CDAMP2, a scalar point between"
-            elif isinstance(kind, Gap) and kind.moment > 0:
-                self.gaps.append(kind)
-                how = "CROD without hardening and CBUSH1D, a grid point between"
-            else:
-                pairs = pairs_of(element, kind, cycles)
-                self.pairs += pairs.sliders if pairs else ()
-                self.rows[element.id] = represented(pairs, "CROD, MATS1 without hardening")
-                continue
-            self.rows[element.id] = Represented(how, cycles.element(element))
-
-    @property
-    def tied(self) -> bool:
-        """Whether they act on the relative motion, which grid point RELATIVE has."""
-        return bool(self.pairs or self.gaps)
-
-    def cards(self, rotation: bool) -> list[str]:
-        component = 6 if rotation else 1
-        count = iter(range(FIRST, 10**8))
-        cards = [_card("GRID", FAR, None, -1.0, 0.0, 0.0, None, 123456)] if self.tied else []
-        for slider in self.pairs:
-            cards += _rod(next(count), RELATIVE, slider.stiffness, slider.stiffness * slider.deflection)
-        for gap in self.gaps:
+def _hysteresis(kinds: list[Kind], component: int, stick: float) -> list[str]:
+    """Return pairs of spring and slider, gaps in series with sliders, and Maxwell branches."""
+    count = iter(range(FIRST, 10**8))
+    cards = []
+    if any(not isinstance(kind, Maxwell) for kind in kinds):
+        cards.append(_card("GRID", FAR, None, -1.0, 0.0, 0.0, None, 123456))
+    for kind in kinds:
+        if isinstance(kind, Slider):
+            cards += _rod(next(count), RELATIVE, kind.stiffness, kind.stiffness * kind.deflection)
+    for kind in kinds:
+        if isinstance(kind, Gap):
             point, spring = next(count), next(count)
             cards.append(_card("GRID", point, None, 0.0, 0.0, 0.0, None, 23456))
-            cards += _rod(next(count), point, gap.moment / self.stick, gap.moment)
+            cards += _rod(next(count), point, kind.moment / stick, kind.moment)
             cards += [
                 _card("CBUSH1D", spring, spring, point, RELATIVE, 0),
-                _card("PBUSH1D", spring, gap.moment / gap.ramp, *[None] * 6, "SPRING", "TABLE", spring),
-                _table(spring, _rounded(Curve(*gap.curve()))),
+                _card("PBUSH1D", spring, kind.moment / kind.ramp, *[None] * 6, "SPRING", "TABLE", spring),
+                _table(spring, _rounded(Curve(*kind.curve()))),
             ]
-        for branch in self.branches:
+    for kind in kinds:
+        if isinstance(kind, Maxwell):
             point, spring, damper = next(count), next(count), next(count)
             cards += [
                 _card("SPOINT", point),
-                _card("CELAS2", spring, branch.stiffness, NODES[0], component, point),
-                _card("CDAMP2", damper, branch.stiffness * branch.time, point, None, NODES[1], component),
+                _card("CELAS2", spring, kind.stiffness, NODES[0], component, point),
+                _card("CDAMP2", damper, kind.stiffness * kind.time, point, None, NODES[1], component),
             ]
-        return cards
+    return cards
 
 
 def _rod(number: int, point: int, stiffness: float, limit: float) -> list[str]:
@@ -201,37 +172,35 @@ def _rod(number: int, point: int, stiffness: float, limit: float) -> list[str]:
     ]
 
 
-def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None, tied: bool) -> str:
-    step = 1e-6 * parts.model.fitted.angle
+def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None, tied: bool) -> list[str]:
+    step, none = 1e-6 * parts.model.fitted.angle, [None] * 5
     low, high = total(parts.elastic, np.array([-step, step]), 0.0)
     stiffness = float(high - low) / (2 * step)
-    cards = []
+    damper = [] if rates is None else ["DAMPER", "TABLE", TABLE_RATE]
     if rotation:
-        cards.append(_card("CBUSH", ELEMENT, ELEMENT, *NODES, None, None, None, 0))
-        cards.append(
-            _card("PBUSH", ELEMENT, "K", *[None] * 5, stiffness, None, "B", *[None] * 5, parts.damping)
-        )
-        cards.append(_card("PBUSHT", ELEMENT, "KN", *[None] * 5, TABLE_ELASTIC))
+        cards = [
+            _card("CBUSH", ELEMENT, ELEMENT, *NODES, None, None, None, 0),
+            _card("PBUSH", ELEMENT, "K", *none, stiffness, None, "B", *none, parts.damping),
+            _card("PBUSHT", ELEMENT, "KN", *none, TABLE_ELASTIC),
+        ]
         if rates is not None:
-            cards.append(_card("GRID", STILL, None, 0.0, 0.0, 0.0, None, 123456))
-            cards.append(_card("CBUSH1D", DAMPER, DAMPER, STILL, RELATIVE, 0))
-            cards.append(_card("PBUSH1D", DAMPER, 0.0, *[None] * 6, "DAMPER", "TABLE", TABLE_RATE))
+            cards += [
+                _card("GRID", STILL, None, 0.0, 0.0, 0.0, None, 123456),
+                _card("CBUSH1D", DAMPER, DAMPER, STILL, RELATIVE, 0),
+                _card("PBUSH1D", DAMPER, 0.0, *none, None, *damper),
+            ]
     else:
-        cards.append(_card("CBUSH1D", ELEMENT, ELEMENT, *NODES, 0))
-        linear = parts.damping if rates is None else None
-        tail = ["DAMPER", "TABLE", TABLE_RATE] if rates is not None else []
-        cards.append(
-            _card(
-                "PBUSH1D", ELEMENT, stiffness, linear, *[None] * 5, "SPRING", "TABLE", TABLE_ELASTIC,
-                *[None] * 5, *tail,
-            )
-        )  # fmt: skip
+        linear, spring = parts.damping if rates is None else None, ["SPRING", "TABLE", TABLE_ELASTIC]
+        cards = [
+            _card("CBUSH1D", ELEMENT, ELEMENT, *NODES, 0),
+            _card("PBUSH1D", ELEMENT, stiffness, linear, *none, *spring, *none, *damper),
+        ]
     if tied:
         dof = 6 if rotation else 1
-        cards.append(_card("GRID", RELATIVE, None, 0.0, 0.0, 0.0, None, 23456))
         # Far side minus base's side: a force on it is a pair of moments on the two sides.
-        cards.append(_card("MPC", SET, RELATIVE, 1, 1.0, NODES[1], dof, -1.0, None, None, NODES[0], dof, 1.0))
-    cards.append(_table(TABLE_ELASTIC, curve))
-    if rates is not None:
-        cards.append(_table(TABLE_RATE, rates))
-    return "\n".join(cards) + "\n"
+        cards += [
+            _card("GRID", RELATIVE, None, 0.0, 0.0, 0.0, None, 23456),
+            _card("MPC", SET, RELATIVE, 1, 1.0, NODES[1], dof, -1.0, None, None, NODES[0], dof, 1.0),
+        ]
+    tables = [(TABLE_ELASTIC, curve), *([] if rates is None else [(TABLE_RATE, rates)])]
+    return cards + [_table(number, own) for number, own in tables]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sindyjoint.equation.formula import compile_terms, variable_symbols
 from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
@@ -39,14 +40,9 @@ class Curve:
 
     def __call__(self, x: ArrayLike) -> Array:
         """Return the tabulated moment."""
-        return piecewise(self.x, self.y, np.asarray(x, dtype=np.float64))
-
-
-def piecewise(nodes: Array, values: Array, x: Array) -> Array:
-    """Interpolate linearly, and go on beyond the ends with the slope of the last piece."""
-    piece = np.clip(np.searchsorted(nodes, x) - 1, 0, nodes.size - 2)
-    slope = np.diff(values) / np.diff(nodes)
-    return values[piece] + slope[piece] * (x - nodes[piece])
+        piece = np.clip(np.searchsorted(self.x, x) - 1, 0, self.x.size - 2)
+        slope = np.diff(self.y) / np.diff(self.x)
+        return self.y[piece] + slope[piece] * (np.asarray(x, dtype=np.float64) - self.x[piece])
 
 
 @dataclass(frozen=True)
@@ -75,8 +71,6 @@ class Parts:
     @classmethod
     def of(cls, model: JointModel) -> Parts:
         """Sort the terms of a model."""
-        from sindyjoint.equation.formula import variable_symbols
-
         theta, omega, alpha = variable_symbols()
         groups: dict[str, list[ModelTerm]] = {name: [] for name in ("elastic", "rate", "coupled", "inertial")}
         for term in model.terms:
@@ -92,16 +86,12 @@ class Parts:
     @cached_property
     def viscous(self) -> tuple[ModelTerm, ...]:
         """Terms in proportion to the rate."""
-        from sindyjoint.equation.formula import variable_symbols
-
         return tuple(term for term in self.rate if term.expression == variable_symbols()[1])
 
     @cached_property
     def coulomb(self) -> tuple[ModelTerm, ...]:
         """Terms in proportion to the sign of the rate."""
         import sympy
-
-        from sindyjoint.equation.formula import variable_symbols
 
         return tuple(term for term in self.rate if term.expression == sympy.sign(variable_symbols()[1]))
 
@@ -121,21 +111,19 @@ class Parts:
         return float(sum(term.coefficient for term in self.coulomb))
 
     @property
+    def stuck_stiffness(self) -> float:
+        """Of the spring that stands for sticking Coulomb friction, N·m/rad; zero without friction."""
+        return max(self.friction, 0.0) / (GIVE * self.model.fitted.angle)
+
+    @property
     def is_linear_spring(self) -> bool:
         """Whether the elastic part is one stiffness."""
-        from sindyjoint.equation.formula import variable_symbols
-
         return all(term.expression == variable_symbols()[0] for term in self.elastic)
 
     def elastic_nodes(self, count: int) -> Array:
         """Angles of a table over the tested range: an odd ``count``, zero in the middle."""
         half = np.linspace(0, 1, count // 2 + 1)[1:]
         return self.model.fitted.angle * np.concatenate([-half[::-1], [0.0], half])
-
-    def rate_nodes(self) -> Array:
-        """Rates of a table over the tested range, denser towards zero, where friction ramps up."""
-        positive = np.unique(np.concatenate([np.geomspace(RAMP, 1, 16), np.linspace(0.05, 1, 20)]))
-        return self.model.fitted.rate * np.concatenate([-positive[::-1], [0.0], positive])
 
 
 def corners(model: JointModel) -> tuple[JointModel, ...]:
@@ -149,8 +137,6 @@ def corners(model: JointModel) -> tuple[JointModel, ...]:
 
 def contribution(term: ModelTerm, angle: ArrayLike, rate: ArrayLike) -> Array:
     """Coefficient times formula at states, shape (n,); sign(0) is 0."""
-    from sindyjoint.equation.formula import compile_terms
-
     theta, omega = np.broadcast_arrays(np.asarray(angle, float), np.asarray(rate, float))
     column = compile_terms([term.expression])(theta.ravel(), omega.ravel(), np.nan)[:, 0]
     return term.coefficient * column.reshape(theta.shape)
@@ -225,29 +211,24 @@ def power_law(expression: sympy.Expr) -> tuple[float, float, str] | None:
     """
     import sympy
 
-    from sindyjoint.equation.formula import variable_symbols
-
     theta, omega, _ = variable_symbols()
+    names = {theta: "theta", sympy.Abs(theta): "theta", sympy.Abs(omega): "size", omega: "rate"}
     powers = {"theta": 0.0, "size": 0.0, "rate": 0.0, "sign": 0.0}
-    for factor in sympy.Mul.make_args(expression):
-        base, exponent = factor.as_base_exp()
-        if not (exponent.is_number and exponent > 0):
+    for base, exponent in expression.as_powers_dict().items():
+        name = "sign" if base == sympy.sign(omega) else names.get(base, "")
+        whole = bool(exponent.is_Integer)
+        fits = {
+            "theta": base != theta or (whole and int(exponent) % 2 == 0),
+            "size": True,
+            "rate": whole,
+            "sign": exponent == 1,
+        }
+        if not (exponent.is_number and exponent > 0 and fits.get(name)):
             return None
-        p, even = float(exponent), bool(exponent.is_Integer and int(exponent) % 2 == 0)
-        if base in (sympy.Abs(theta), theta) and (base != theta or even):
-            powers["theta"] += p
-        elif base == sympy.Abs(omega):
-            powers["size"] += p
-        elif base == omega and exponent.is_Integer:
-            powers["rate"] += p
-        elif base == sympy.sign(omega) and exponent == 1:
-            powers["sign"] += 1
-        else:
-            return None
-    p, q, rate, sign = (powers[name] for name in ("theta", "size", "rate", "sign"))
-    if rate % 2 == 1 and not sign:
-        return p, q + rate - 1, "rate"
-    if sign and rate % 2 == 0:
-        size = q + rate
-        return (p, size - 1, "rate") if size >= 1 else ((p, 0.0, "sign") if size == 0 else None)
-    return None
+        powers[name] += float(exponent)
+    p, size, odd, sign = powers["theta"], powers["size"] + powers["rate"], powers["rate"] % 2, powers["sign"]
+    if odd == bool(sign):
+        return None
+    if size == 0:
+        return p, 0.0, "sign"
+    return (p, size - 1, "rate") if odd or size >= 1 else None

@@ -18,7 +18,8 @@ from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.export.base import Export, Fidelity
+from sindyjoint.export import Export
+from sindyjoint.export.text import Fidelity
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.numeric import Array
 
@@ -68,7 +69,7 @@ def batch_samples(
         values, errors = (
             {
                 term: np.array(
-                    [_float(each["common_coefficients"][term][key]) for each in record["campaigns"]]
+                    [c["common_coefficients"][term][key] for c in record["campaigns"]], dtype=float
                 )
                 for term in units
             }
@@ -131,8 +132,8 @@ def _shared_moves(record: Any, terms: Sequence[str], means: Array) -> Array:
     """Return by how much an uncertain gain of each channel moves the means, a row each: all joints alike."""
     known = record.get("calibration", {})
     channels = sorted({channel for moves in known.values() for channel in moves})
-    shares = [[_float(known.get(term, {}).get(channel, 0.0)) for term in terms] for channel in channels]
-    return np.array(shares).reshape(-1, means.size) * means
+    shares = [[known.get(term, {}).get(channel, 0.0) for term in terms] for channel in channels]
+    return np.array(shares, dtype=float).reshape(-1, means.size) * means
 
 
 def _student(means: Array, covariance: Array, degrees: float, count: int, seed: int) -> Array:
@@ -145,10 +146,6 @@ def _student(means: Array, covariance: Array, degrees: float, count: int, seed: 
     normal = generator.standard_normal((count, means.size)) @ root.T
     wide = np.sqrt(generator.chisquare(degrees, count) / degrees)
     return means + scales * normal / wide[:, None]
-
-
-def _float(value: float | None) -> float:
-    return float("nan") if value is None else float(value)
 
 
 def _check(count: int) -> None:

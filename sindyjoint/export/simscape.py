@@ -5,17 +5,26 @@ Elements with internal states are a custom component beside them, in a file of i
 
 from __future__ import annotations
 
-import numpy as np
+import math
+from typing import Any
 
+import numpy as np
+import sympy
+from sympy.printing.str import StrPrinter
+
+from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel
-from sindyjoint.export import lumped
-from sindyjoint.export.base import Cycles, Export, Represented, fidelity_table
+from sindyjoint.export import Export
+from sindyjoint.export import fidelity as lumped
+from sindyjoint.export.code import DIRECTION, law_of_elements, template
+from sindyjoint.export.fidelity import Cycles, Represented, Rows, fidelity_table
 from sindyjoint.export.parts import RAMP, Curve, Parts
 from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
 from sindyjoint.numeric import Array
 
 POINTS = 41
 NAME = "sindyjoint_elements"
+VECTORS = {"deformation": "deformations", "velocity": "velocities"}
 
 
 def export(model: JointModel) -> Export:
@@ -68,15 +77,12 @@ def export(model: JointModel) -> Export:
     text += _script(model, parts, curve, rates if parts.other_rate else None, threshold)
     files: dict[str, str | bytes] = {"joint.m": text}
     if model.elements:
-        # sympy is imported for code alone.
-        from sindyjoint.export.simscape_component import component
-
-        files[f"{NAME}.ssc"] = component(model, NAME, comment(preamble(model, "Simscape", rows, notes), "%"))
+        files[f"{NAME}.ssc"] = _component(model, comment(preamble(model, "Simscape", rows, notes), "%"))
     return Export("simscape", files, rows, notes)
 
 
-def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) -> dict[str, Represented]:
-    rows: dict[str, Represented] = {}
+def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) -> Rows:
+    rows: Rows = {}
     if parts.damping >= 0:
         rows |= lumped.viscous_rows(parts, cycles, f"{kind} Friction, viscous coefficient")
     else:
@@ -96,32 +102,13 @@ def _script(model: JointModel, parts: Parts, curve: Curve, rates: Curve | None, 
     quantity = "torque" if model.joint.motion == "rotation" else "force"
     name = ascii_line(model.joint.name).replace("'", "''")
     lines = ["joint = struct();", f"joint.name = '{name}';"]
-    if parts.elastic:
-        lines += [
-            *_vector(
-                "joint.spring.deformation",
-                curve.x,
-                f"{unit.angle_unit}, block parameter: vector of deformations",
-            ),
-            *_vector(
-                f"joint.spring.{quantity}",
-                curve.y,
-                f"{unit.moment_unit}, block parameter: vector of {quantity}s",
-            ),
-        ]
-    if rates is not None:
-        lines += [
-            *_vector(
-                "joint.damper.velocity",
-                rates.x,
-                f"{unit.angle_unit}/s, block parameter: vector of velocities",
-            ),
-            *_vector(
-                f"joint.damper.{quantity}",
-                rates.y,
-                f"{unit.moment_unit}, block parameter: vector of {quantity}s",
-            ),
-        ]
+    rate = f"{unit.angle_unit}/s"
+    vectors = [("spring", "deformation", unit.angle_unit, curve)] if parts.elastic else []
+    vectors += [] if rates is None else [("damper", "velocity", rate, rates)]
+    for block, along, own, table in vectors:
+        meaning = "block parameter: vector of"
+        lines += _vector(f"joint.{block}.{along}", table.x, f"{own}, {meaning} {VECTORS[along]}")
+        lines += _vector(f"joint.{block}.{quantity}", table.y, f"{unit.moment_unit}, {meaning} {quantity}s")
     if parts.friction > 0 or parts.damping > 0:
         friction, damping = max(parts.friction, 0.0), max(parts.damping, 0.0)
         breakaway = 10 * threshold  # the block takes a tenth of it as the threshold of its Coulomb part
@@ -138,3 +125,74 @@ def _vector(name: str, values: Array, meaning: str) -> list[str]:
     texts = [number(value) for value in values]
     rows = [", ".join(texts[i : i + 5]) for i in range(0, len(texts), 5)]
     return [f"{name} = [ ...  % {meaning}", *(f"    {row}, ..." for row in rows[:-1]), f"    {rows[-1]}];"]
+
+
+class SimscapePrinter(StrPrinter):
+    """Formulas in the language of Simscape: powers by ^, max and min of two."""
+
+    def _print_Float(self, expr: Any) -> str:
+        return number(float(expr))
+
+    def _print_Abs(self, expr: Any) -> str:
+        return f"abs({self._print(expr.args[0])})"
+
+    def _two(self, name: str, args: Any) -> str:
+        first, *rest = args
+        return f"{name}({self._print(first)}, {self._two(name, rest)})" if rest else self._print(first)
+
+    def _print_Max(self, expr: Any) -> str:
+        return self._two("max", expr.args)
+
+    def _print_Min(self, expr: Any) -> str:
+        return self._two("min", expr.args)
+
+    def _print_Heaviside(self, expr: Any) -> str:
+        return f"(1 + sign({self._print(expr.args[0])}))/2"
+
+
+def _component(model: JointModel, head: str) -> str:
+    """Return the file of the component, headed by a comment."""
+    rotation = model.joint.motion == "rotation"
+    law = law_of_elements(model)
+    load, unit, angle, rate = ("t", "N*m", "rad", "w") if rotation else ("f", "N", "m", "v")
+    states = [f"z{index + 1}" for index in range(len(law.states))]
+    return template("elements.ssc.txt").substitute(
+        name=NAME,
+        head=head.rstrip("\n"),
+        domain="rotational.rotational" if rotation else "translational.translational",
+        load=load,
+        unit=unit,
+        angle=angle,
+        rate=rate,
+        parameters="\n".join(
+            f"    {constant} = {{{number(value)}, '1'}}; % {what}" for constant, value, what in law.numbers
+        ),
+        states="\n".join(
+            f"    {z} = {{value = {{0, '1'}}, priority = priority.high}}; % {ascii_line(what)}"
+            for z, what in zip(states, law.states, strict=True)
+        ),
+        rates="\n".join(
+            f"        {line}"
+            for z, formula, limit in zip(states, law.rates, law.limits, strict=True)
+            for line in _rate(z, _written(formula), limit)
+        ),
+        moment=_written(law.moment),
+    )
+
+
+def _rate(state: str, formula: str, limit: float) -> list[str]:
+    """Return the equation of a state, which stops at its limit."""
+    free = f"der({state}) == ({formula})*{{1, '1/s'}};"
+    if not math.isfinite(limit):
+        return [free]
+    full = f"if abs({state}) >= {number(limit)} && {state}*omega > 0"
+    return [full, f"    der({state}) == {{0, '1/s'}};", "else", f"    {free}", "end"]
+
+
+def _written(expression: Any) -> str:
+    """Return an expression of the law with z1 for z[0], and the sign of the rate for the direction of slip."""
+    renamed = {DIRECTION: sympy.sign(variable_symbols()[1])}
+    for symbol in expression.free_symbols:
+        if symbol.name.startswith("z["):
+            renamed[symbol] = sympy.Symbol(f"z{int(symbol.name[2:-1]) + 1}", real=True)
+    return SimscapePrinter().doprint(expression.xreplace(renamed)).replace("**", "^")

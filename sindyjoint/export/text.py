@@ -5,15 +5,41 @@ from __future__ import annotations
 import re
 import textwrap
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections import namedtuple
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sindyjoint.described import Maybe
 from sindyjoint.equation.formula import formula_text
-from sindyjoint.export.base import Fidelity, not_carried
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """A row of the fidelity table.
+
+    Parameters
+    ----------
+    term, symbol : str
+        Id of the term or element and symbol of its coefficient; the last row is :data:`ALL_TERMS`.
+    representation : str
+        How the target represents it; for what is left out, "not carried" and why.
+    carried : bool
+    error, largest_error : float
+        RMS and largest deviation from the term of the model over the tested range, as shares of the RMS moment of the
+        test; over moving states, as everywhere: at a reversal friction is set-valued, and the representation says in
+        words how the target sticks. For an omitted term this is the error of omitting it.
+    """
+
+    term: str
+    symbol: str
+    representation: str
+    carried: bool
+    error: Maybe
+    largest_error: Maybe
 
 
 def one_line(text: str) -> str:
@@ -56,36 +82,30 @@ def number(value: float) -> str:
     return repr(float(value))
 
 
-@dataclass(frozen=True)
-class Words:
-    """Words and units for a kind of motion."""
-
-    moment: str
-    angle: str
-    rate: str
-    angle_unit: str
-    moment_unit: str
-    stiffness_unit: str
-    damping_unit: str
-    inertia_unit: str
+ALL_TERMS = "all terms"
+Words = namedtuple(
+    "Words", "moment angle rate angle_unit moment_unit stiffness_unit damping_unit inertia_unit"
+)
+_ROTATION = Words("moment", "angle", "rate", "rad", "N*m", "N*m/rad", "N*m*s/rad", "kg*m^2")
+_TRANSLATION = Words("force", "displacement", "velocity", "m", "N", "N/m", "N*s/m", "kg")
 
 
 def words_of(model: JointModel) -> Words:
-    """Return the words for the motion of a model."""
-    if model.joint.motion == "rotation":
-        return Words("moment", "angle", "rate", "rad", "N*m", "N*m/rad", "N*m*s/rad", "kg*m^2")
-    return Words("force", "displacement", "velocity", "m", "N", "N/m", "N*s/m", "kg")
+    """Return words and units for the motion of a model."""
+    return _ROTATION if model.joint.motion == "rotation" else _TRANSLATION
 
 
 def heading(model: JointModel, target: str) -> list[str]:
     """Return what every file says first: joint, origin, equation, units."""
     words, fitted = words_of(model), model.fitted
+    # Of samples without time there is no rate.
+    rate = "without time" if fitted.quasi_static else f"{fitted.rate:.6g} {words.angle_unit}/s"
     return [
         f"Joint: {one_line(model.joint.name)}",
         f"Written by sindyjoint for {target}. Units: {words.angle_unit}, {words.moment_unit}, s, {words.inertia_unit} "
         "(SI)",
         f"Equation: {equation(model)}",
-        f"Tested up to {fitted.angle:.6g} {words.angle_unit} and {_rate(model)}; RMS "
+        f"Tested up to {fitted.angle:.6g} {words.angle_unit} and {rate}; RMS "
         f"{words.moment} {fitted.moment_rms:.6g} {words.moment_unit}"
         + ("; from simulated tests" if fitted.simulated else "")
         + (
@@ -94,12 +114,6 @@ def heading(model: JointModel, target: str) -> list[str]:
             else f"; the mean {words.angle} was not measured: zero is where the {words.moment} is"
         ),
     ]
-
-
-def _rate(model: JointModel) -> str:
-    """Return the largest tested rate; of samples without time there is none."""
-    fitted = model.fitted
-    return "without time" if fitted.quasi_static else f"{fitted.rate:.6g} {words_of(model).angle_unit}/s"
 
 
 def equation(model: JointModel) -> str:
@@ -127,19 +141,15 @@ def equation(model: JointModel) -> str:
 
 def fidelity_lines(rows: Sequence[Fidelity]) -> list[str]:
     """Return the fidelity table as aligned lines of text."""
-    head = ("term", "symbol", "RMS error", "largest", "represented as")
     cells = [
-        head,
+        ("term", "symbol", "RMS error", "largest", "represented as"),
         *((r.term, r.symbol, _percent(r.error), _percent(r.largest_error), r.representation) for r in rows),
     ]
-    lines = [tuple(one_line(cell) for cell in line) for line in cells]
-    widths = [max(len(line[i]) for line in lines) for i in range(4)]
+    lines = [tuple(map(one_line, line)) for line in cells]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)][:4]
     return [
         "Fidelity over the moving states of the tested range, errors in % of the RMS moment:",
-        *(
-            "  ".join([*(cell.ljust(w) for cell, w in zip(line[:4], widths, strict=True)), line[4]]).rstrip()
-            for line in lines
-        ),
+        *("  ".join([*map(str.ljust, line[:4], widths), line[4]]).rstrip() for line in lines),
     ]
 
 
@@ -154,28 +164,28 @@ def preamble(model: JointModel, target: str, rows: Sequence[Fidelity], notes: Se
         *(f"{each.label}: the law is that at {each.shown(each.reference)}" for each in held),
         *not_carried(rows),
     ]
-    lines = [*heading(model, target), "", *fidelity_lines(rows)]
-    lines += (
-        ["", "Not carried:", *(f"- {text}" for text in missing)]
-        if missing
-        else ["", "Everything is carried."]
+    lines = [*heading(model, target), "", *fidelity_lines(rows), ""]
+    lines += ["Not carried:", *(f"- {text}" for text in missing)] if missing else ["Everything is carried."]
+    return [*lines, *(["", "Notes:", *(f"- {text}" for text in notes)] if notes else [])]
+
+
+def not_carried(rows: Sequence[Fidelity]) -> tuple[str, ...]:
+    """Return a sentence for each term or element that a table does not carry."""
+    load = "force" if any(row.term == ALL_TERMS and row.symbol == "F" for row in rows) else "moment"
+    return tuple(
+        f"{row.term} ({row.symbol}): {row.representation.removeprefix('not carried: ')}; "
+        f"leaving it out costs {100 * row.error:.3g} % of the RMS {load}"
+        for row in rows
+        if not row.carried and row.term != ALL_TERMS
     )
-    if notes:
-        lines += ["", "Notes:", *(f"- {text}" for text in notes)]
-    return lines
 
 
 def comment(lines: Sequence[str], prefix: str, width: int = 110, ascii_only: bool = True) -> str:
     """Return lines as comments, wrapped, each after ``prefix``; ends with a line feed."""
-    clean = [_keep_columns(line, ascii_line if ascii_only else one_line) for line in lines]
-    wrapped = [part for line in clean for part in _wrap(line, width - len(prefix) - 1)]
+    cleaned = ascii_line if ascii_only else one_line
+    wrapped: list[str] = []
+    for line in lines:
+        # Columns of a table are aligned with spaces, which one_line would join.
+        clean = "".join(part if part.isspace() else cleaned(part) for part in re.split("( {2,})", line))
+        wrapped += textwrap.wrap(clean, width - len(prefix) - 1, subsequent_indent="    ") or [""]
     return "".join(f"{prefix} {part}".rstrip() + "\n" for part in wrapped)
-
-
-def _keep_columns(line: str, cleaned: Callable[[str], str]) -> str:
-    # Columns of a table are aligned with spaces, which one_line would join.
-    return "".join(part if part.isspace() else cleaned(part) for part in re.split("( {2,})", line))
-
-
-def _wrap(line: str, width: int) -> list[str]:
-    return textwrap.wrap(line, width, subsequent_indent="    ", break_long_words=True) or [""]

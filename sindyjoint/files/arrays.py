@@ -6,29 +6,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from sindyjoint.errors import InputError, UnitError
+from sindyjoint.errors import InputError, UnitError, refuse_unknown
+from sindyjoint.files.campaign import inputs_of_runs
 from sindyjoint.files.channels import KEYS
-from sindyjoint.files.drafting.assignment import assign_columns, find_motion
-from sindyjoint.files.drafting.bundles import Bundle, Column
-from sindyjoint.files.drafting.dialogue import Dialogue
-from sindyjoint.files.drafting.excitation import find_frequency, name_levels
-from sindyjoint.files.drafting.roles import role_of
-from sindyjoint.files.drafting.survey import DataFile
-from sindyjoint.files.inputs import inputs_of_runs
-from sindyjoint.files.stated_units import unit_in_name
+from sindyjoint.files.drafting.assignment import Dialogue, assign_columns, find_motion
+from sindyjoint.files.drafting.run import find_frequency, name_levels
+from sindyjoint.files.drafting.survey import Bundle, Column, role_of
 from sindyjoint.files.timeaxis import check_order, uniform_rate
-from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
 from sindyjoint.measured import measured_run, travelled_run
 from sindyjoint.numeric import Array
-from sindyjoint.options import refuse_unknown
 from sindyjoint.record import Campaign, Joint, Motion, Use
 
-# quantity -> what a person calls its array, for either kind of motion
-CHANNELS = {
-    key: quantity for keys in KEYS.values() for quantity, (key, _) in keys.items() if quantity != "inertia"
-}
 FOUND = "found"
 # Stands for the sampling rate of samples without time.
 PATH = 1.0
@@ -98,7 +88,8 @@ def campaign_from_arrays(
     }  # fmt: skip
     columns = {key: _as_runs(values) for key, values in given.items() if values is not None}
     motion = _motion_of(list(columns))
-    stated = {key: KEYS[motion][CHANNELS[key]][1] for key in columns} | {"time": "s"}
+    known = dict(KEYS[motion].values())
+    stated = {key: known[key] for key in columns} | {"time": "s"}
     refuse_unknown("units", units or {}, [*stated, *(inputs or {})])
     stated |= dict(units or {})
     if time is not None and not isinstance(time, str):
@@ -193,7 +184,8 @@ def campaign_from_frames(
     answers = dict(columns or {}) | ({} if motion is None else {"motion": motion})
     dialogue = Dialogue(answers)
     bundles = [_bundle(title, frame, dict(units or {})) for title, frame in frames.items()]
-    _refuse_strange_units(units or {}, bundles, inputs or {})
+    titles = {column.title for bundle in bundles for column in bundle.columns}
+    refuse_unknown("units", units or {}, sorted({*titles, "time", *(inputs or {})}))
     declared, values = inputs_of_runs(inputs or {}, units or {}, references or {}, frames)
     found: Motion = find_motion(bundles, dialogue)
     if time is None and rate is not None:
@@ -216,9 +208,14 @@ def campaign_from_frames(
             moment, angle = signals["moment"], signals["angle"]
             made.append(travelled_run(title, moment, angle, values[i], frequency=asked, **known))
             continue
-        known["frequency"] = _frequency(asked, signals, sample_rate, title)
+        if asked == FOUND:
+            motion_signal = signals["angle" if "angle" in signals else "acceleration"]
+            known["frequency"] = find_frequency(motion_signal, signals["moment"], sample_rate, title)
+        else:
+            known["frequency"] = parse_quantity(asked, "Hz", "frequency") if isinstance(asked, str) else asked
         made.append(measured_run(title, signals, sample_rate, inputs=values[i], **known))
-    joint = Joint(name, found, _inertia(inertia, found))
+    key, unit = KEYS[found]["inertia"]
+    joint = Joint(name, found, parse_quantity(inertia, unit, key) if isinstance(inertia, str) else inertia)
     return Campaign(joint, tuple(made), simulated=simulated, inputs=tuple(declared))
 
 
@@ -227,11 +224,8 @@ def _as_runs(values: Any) -> list[Array]:
     if isinstance(values, np.ndarray):
         return [values] if values.ndim == 1 else list(values)
     items = list(values)
-    return (
-        [np.asarray(items, dtype=float)]
-        if items and np.ndim(items[0]) == 0
-        else [np.asarray(v) for v in items]
-    )
+    one = bool(items) and np.ndim(items[0]) == 0
+    return [np.asarray(items, dtype=float)] if one else [np.asarray(each) for each in items]
 
 
 def _of(values: Any, index: int, count: int) -> Any:
@@ -255,20 +249,12 @@ def _bundle(title: str, frame: Any, units: dict[str, str]) -> Bundle:
             continue  # words and dates are no channel
         stated = unit_in_name(name)
         unit = units.get(name) or (stated[0] if stated else "")
-        columns.append(Column(None, name, name, unit, role_of(name, unit), values.astype(np.float64)))
+        columns.append(Column(name, name, unit, values.astype(np.float64), role_of(name, unit)))
     if not columns:
         raise InputError(
             f"run {title!r}: holds no column of numbers; columns there: {', '.join(names) or 'none'}"
         )
-    file = DataFile(title, tuple(names), (), {}, (), False)
-    return Bundle((file,), tuple(columns))
-
-
-def _refuse_strange_units(
-    units: Mapping[str, str], bundles: Sequence[Bundle], inputs: Mapping[str, Any]
-) -> None:
-    known = {column.title for bundle in bundles for column in bundle.columns} | {"time", *inputs}
-    refuse_unknown("units", units, sorted(known))
+    return Bundle(title, tuple(names), tuple(columns))
 
 
 def _signals(
@@ -296,15 +282,3 @@ def _signals(
     where = f"run {bundle.name!r}: time"
     check_order(stamps, where, lambda index: f"sample {index}")
     return signals, uniform_rate(stamps, where, lambda index: f"sample {index}")
-
-
-def _frequency(given: Any, signals: Mapping[str, ArrayLike], rate: float, title: str) -> float | None:
-    if given == FOUND:
-        motion = np.asarray(signals["angle"] if "angle" in signals else signals["acceleration"])
-        return find_frequency(motion, np.asarray(signals["moment"]), rate, title)
-    return parse_quantity(given, "Hz", "frequency") if isinstance(given, str) else given
-
-
-def _inertia(given: float | str | None, motion: Motion) -> float | None:
-    key, unit = KEYS[motion]["inertia"]
-    return parse_quantity(given, unit, key) if isinstance(given, str) else given

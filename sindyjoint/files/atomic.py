@@ -15,11 +15,11 @@ import shutil
 import signal
 import uuid
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from sindyjoint.checksums import SUMS, find_foreign, list_kinds, read_sums, sums_of, sums_text
-from sindyjoint.errors import InputError, OutputError
+from sindyjoint.documents import SUMS, find_foreign, read_list, sums_of, sums_text
+from sindyjoint.errors import OutputError
 
 try:
     import fcntl
@@ -29,10 +29,16 @@ except ImportError:  # Windows
 NEW, OLD = "new", "old"
 
 
-def _make_write_error(path: Path, error: OSError | ValueError) -> OutputError:
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
     """Say in one line why a path cannot be written."""
-    reason = getattr(error, "strerror", None) or error
-    return OutputError(f"cannot write {str(path)!r:.200}: {reason}; choose another path")
+    try:
+        yield
+    except OutputError:
+        raise
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(f"cannot write {str(path)!r:.200}: {reason}; choose another path") from error
 
 
 def _name_temporary(path: Path, kind: str = NEW) -> Path:
@@ -58,13 +64,11 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> Path:
         raise OutputError(f"cannot write {str(target)!r}: it is a folder; give the name of a file")
     if target.exists() and not target.is_file():
         raise OutputError(f"cannot write {str(target)!r}: it is a device or a pipe; give the name of a file")
-    try:
+    with _writing(target):
         settle(target)
-        with _hold_new(target, _touch) as temporary:
+        with _hold_new(target, Path.touch) as temporary:
             temporary.write_bytes(data)
             os.replace(temporary, target)
-    except OSError as error:
-        raise _make_write_error(target, error) from error
     return target
 
 
@@ -85,15 +89,11 @@ def check_output(path: str | os.PathLike[str]) -> Path:
     existing = folder
     while not os.path.exists(existing) and existing != existing.parent:
         existing = existing.parent
-    try:
+    with _writing(folder):
         # Of a name that is too long, or of a loop of links, the system says so at once.
-        for part in folder.parts[len(existing.parts) :]:
+        for path in (*(existing / part for part in folder.parts[len(existing.parts) :]), folder):
             with suppress(FileNotFoundError, NotADirectoryError):
-                os.lstat(existing / part)
-        with suppress(FileNotFoundError, NotADirectoryError):
-            os.lstat(folder)
-    except (OSError, ValueError) as error:
-        raise _make_write_error(folder, error) from error
+                os.lstat(path)
     if not existing.is_dir():
         what = "it" if existing == folder else repr(str(existing))
         raise OutputError(
@@ -101,22 +101,18 @@ def check_output(path: str | os.PathLike[str]) -> Path:
         )
     # Permission bits say nothing to root and nothing about read-only file systems: only writing shows.
     probe = existing / "probe"
-    try:
+    with _writing(folder):
         settle(probe)
-        with _hold_new(probe, _touch):
+        with _hold_new(probe, Path.touch):
             pass
-    except OSError as error:
-        raise _make_write_error(folder, error) from error
     return folder
 
 
 def prepare_output(path: str | os.PathLike[str]) -> Path:
     """Check a folder of results as :func:`check_output` does, and make it where it is missing."""
     folder = check_output(path)
-    try:
+    with _writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _make_write_error(folder, error) from error
     return folder
 
 
@@ -151,44 +147,19 @@ def output_folder(
         When ``path`` cannot be a folder of results, or holds other files of these names.
     """
     target = check_output(path)
-    created = _missing_parents(target)
-    done = False
+    created = [folder for folder in (target, *target.parents) if not folder.exists()]
     try:
         with _open_stage(target / "results" if target.exists() else target, target) as stage:
             yield stage
             sums = sums_of(stage)
-            kinds = dict.fromkeys(sums, kind)
-            write_bytes(stage / SUMS, sums_text(sums, kinds=kinds).encode())
+            write_bytes(stage / SUMS, sums_text(sums, kinds=dict.fromkeys(sums, kind)).encode())
             _move_in(stage, target, sums, kind, whole, force)
-        done = True
-    finally:
-        if not done:
-            _remove_empty(created)
-
-
-def _concerns_stage(error: OSError, stage: Path) -> bool:
-    """Whether an error of the system is about writing into the stage, not about reading something else."""
-    return error.filename is None or str(stage) in (str(error.filename) + str(error.filename2))
-
-
-def _missing_parents(folder: Path) -> list[Path]:
-    """Return the folders that making ``folder`` will create, innermost first."""
-    missing = []
-    while not folder.exists() and folder != folder.parent:
-        missing.append(folder)
-        folder = folder.parent
-    return missing
-
-
-def _remove_empty(folders: list[Path]) -> None:
-    """Remove folders that this call made, innermost first, as far as they are empty."""
-    for folder in folders:
-        try:
-            folder.rmdir()
-        except FileNotFoundError:
-            continue
-        except OSError:
-            return
+    except BaseException:
+        # What this call made, innermost first, as far as it is empty.
+        for folder in created:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
 
 
 def _move_in(stage: Path, target: Path, sums: dict[str, str], kind: str, whole: bool, force: bool) -> None:
@@ -204,8 +175,10 @@ def _move_in(stage: Path, target: Path, sums: dict[str, str], kind: str, whole: 
     with hold_folder(target, wait=True), _uninterrupted():
         if not force:
             refuse_foreign(target, sums, kind)
-        known = {name: digest for name, digest in _known_sums(target).items() if (target / name).is_file()}
-        kinds = {**list_kinds(target), **dict.fromkeys(sums, kind)}
+        # Whatever became of the list: what it says of files that are there.
+        listed = read_list(target, damaged=True)
+        known = {name: digest for name, digest in listed.sums.items() if (target / name).is_file()}
+        kinds = {**listed.kinds, **dict.fromkeys(sums, kind)}
         stale = [name for name in known if whole and kind and kinds[name] == kind and name not in sums]
         changed = find_foreign(target, stale, kind)
         write_text(target / SUMS, sums_text({**known, **sums}, finished=False, kinds=kinds))
@@ -228,15 +201,6 @@ def refuse_foreign(folder: Path, names: Iterable[str], kind: str = "") -> None:
             f"cannot write {str(folder / foreign[0])!r}{more}: it was not written by this command, or was changed "
             "since; choose another folder, or replace it with --force (force=True)"
         )
-
-
-def _known_sums(folder: Path) -> dict[str, str]:
-    """Return the hashes that a folder lists, whatever became of it."""
-    try:
-        known = read_sums(folder)
-    except InputError:
-        return {}
-    return known[0] if known else {}
 
 
 @contextmanager
@@ -304,9 +268,12 @@ def _open_stage(location: Path, target: Path) -> Iterator[Path]:
             stage.mkdir()
             yield stage
     except OSError as error:
-        if isinstance(error, OutputError) or not (stage == location or _concerns_stage(error, stage)):
+        # About writing into the stage, not about reading something else.
+        concerned = error.filename is None or str(stage) in (str(error.filename) + str(error.filename2))
+        if not (stage == location or concerned):
             raise
-        raise _make_write_error(target, error) from error
+        with _writing(target):
+            raise
 
 
 @contextmanager
@@ -315,26 +282,20 @@ def _hold_new(location: Path, make: Callable[[Path], None]) -> Iterator[Path]:
 
     Between its making and its holding another process may take it for a leftover: then it is made again.
     """
-    temporary, handle = _name_temporary(location), -1
+    temporary, handles = _name_temporary(location), ExitStack()
     try:
         with _uninterrupted():
-            while True:
+            make(temporary)
+            while handles.enter_context(hold_folder(temporary)) is False or not temporary.exists():
+                temporary = _name_temporary(location)
                 make(temporary)
-                handle = _open(temporary)
-                if _lock(handle) is not False and temporary.exists():
-                    break
-                if handle >= 0:
-                    os.close(handle)
-                temporary, handle = _name_temporary(location), -1
         yield temporary
     finally:
-        with _uninterrupted():
+        with _uninterrupted(), handles:
             if temporary.is_dir():
                 shutil.rmtree(temporary, ignore_errors=True)
             with suppress(OSError):
                 temporary.unlink()
-            if handle >= 0:
-                os.close(handle)
 
 
 @contextmanager
@@ -360,34 +321,18 @@ def hold_folder(folder: Path, wait: bool = False) -> Iterator[bool | None]:
 
     The lock ends with its process, however that ends. With ``wait`` the block begins when the other one has ended.
     """
-    handle = _open(folder)
+    handle, held = -1, None
+    if fcntl is not None:
+        try:
+            handle = os.open(folder, os.O_RDONLY)
+            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            held = True
+        except BlockingIOError:
+            held = False
+        except OSError:
+            held = None  # none to be had, or no such locks here
     try:
-        yield _lock(handle, wait)
+        yield held
     finally:
         if handle >= 0:
             os.close(handle)
-
-
-def _touch(path: Path) -> None:
-    path.touch(exist_ok=False)
-
-
-def _open(path: Path) -> int:
-    """Return a handle to lock a file or folder by; -1 where there is none to be had."""
-    try:
-        return os.open(path, os.O_RDONLY) if fcntl is not None else -1
-    except OSError:
-        return -1
-
-
-def _lock(handle: int, wait: bool = False) -> bool | None:
-    """Lock an open file; False where another one has, None where the system has no such locks."""
-    if fcntl is None or handle < 0:
-        return None
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-    except BlockingIOError:
-        return False
-    except OSError:
-        return None
-    return True

@@ -4,26 +4,34 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 
-from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.files.blocks import open_blocks
-from sindyjoint.files.channels import INPUT, KEYS, RunReader, check_keys
-from sindyjoint.files.declared import declared_gains, declared_noise
-from sindyjoint.files.inputs import DeclaredInputs
-from sindyjoint.files.manifest import Channels, JointTable, Manifest, RunTable, read_manifest
-from sindyjoint.files.readers import read_table, sha256_of
+from sindyjoint.errors import InputError, SindyJointError, UnitError, refuse
+from sindyjoint.files.channels import (
+    CHANNEL_KEYS,
+    INPUT,
+    KEYS,
+    RunReader,
+    check_keys,
+    declared_gains,
+    declared_noise,
+)
+from sindyjoint.files.manifest import Channels, InputTable, JointTable, Manifest, RunTable, read_manifest
+from sindyjoint.files.readers import open_blocks, read_table, sha256_of
 from sindyjoint.files.readers.table import Table
-from sindyjoint.files.spectrum import check_frequency
-from sindyjoint.files.units import parse_quantity
+from sindyjoint.files.timeaxis import check_frequency
+from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
+from sindyjoint.inputs import Input, LongRecord, Source, lagged
 from sindyjoint.measured import measured_run, travelled_run
+from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Joint, Motion, Run
-from sindyjoint.source import LongRecord, Source
 
-CHANNEL_KEYS = tuple(key for keys in KEYS.values() for name, (key, _) in keys.items() if name != "inertia")
 # Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
 # than the columns of all harmonics may take of memory; of any other motion, which has no such columns, more.
 SEGMENT, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
@@ -62,16 +70,19 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
     loader = _RunLoader(file, manifest, joint.motion, longest)
     runs = tuple(loader.run(index, table) for index, table in enumerate(manifest.run))
     notes = tuple(dict.fromkeys([*manifest.notes, *loader.notes]))
+    # The time delay between the channels, whether removed now or before.
+    channels = manifest.channels
+    skew = channels.skew if channels.skew is not None else channels.skew_removed
     try:
         simulated = manifest.simulated or loader.simulated
         return Campaign(
             joint,
             runs,
             simulated=simulated,
-            skew=loader.declared_skew(),
+            skew=None if skew is None else parse_quantity(skew, "s", f"{file}: [channels] skew"),
             notes=notes,
             inputs=tuple(loader.inputs.inputs.values()),
-            gain_uncertainty=declared_gains(manifest.channels, joint.motion, f"{file}: [channels]"),
+            gain_uncertainty=declared_gains(channels, joint.motion, f"{file}: [channels]"),
         )
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
@@ -104,11 +115,16 @@ def _make_joint(table: JointTable, file: str) -> Joint:
     """Return the joint in SI units."""
     where = f"{file}: [joint]"
     _, unit = KEYS[table.motion]["inertia"]
-    if table.mass is not None and table.motion == "rotation":
-        raise InputError(f"{where} mass: belongs to motion = 'translation'; give inertia, or set motion")
-    if table.mass is not None and table.inertia is not None:
-        raise InputError(f"{where} mass: inertia says the same; give one of the two")
-    key = "mass" if table.mass is not None else "inertia"
+    mass, key = table.mass is not None, "inertia" if table.mass is None else "mass"
+    refuse(
+        [
+            (
+                mass and table.motion == "rotation",
+                f"{where} mass: belongs to motion = 'translation'; give inertia, or set motion",
+            ),
+            (mass and table.inertia is not None, f"{where} mass: inertia says the same; give one of the two"),
+        ]
+    )
     text = getattr(table, key)
     inertia = None if text is None else parse_quantity(text, unit, f"{where} {key}")
     if inertia is not None and inertia < 0:
@@ -144,12 +160,6 @@ class _RunLoader:
     def __post_init__(self) -> None:
         self.inputs = DeclaredInputs(self.manifest, str(self.file))
 
-    def declared_skew(self) -> float | None:
-        """Return the time delay between the channels, s, whether removed now or before."""
-        channels = self.manifest.channels
-        text = channels.skew if channels.skew is not None else channels.skew_removed
-        return None if text is None else parse_quantity(text, "s", f"{self.file}: [channels] skew")
-
     def run(self, index: int, table: RunTable, rows: tuple[int, int] | None = None) -> Run:
         """Read one run, or some of its rows."""
         entry = f"{self.file}: [[run]] {index + 1}"
@@ -163,7 +173,12 @@ class _RunLoader:
         whole = self._cut_long_run(path, index, channels, frequency) if first else None
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
-        opened, sha256 = self._open(path, channels, rows)
+        blocks = None if rows is None else open_blocks(path, channels.skip)
+        if blocks is None or rows is None:
+            opened, sha256 = read_table(path, channels.skip)
+        else:
+            # A hash where the first rows are among them.
+            opened, sha256 = blocks.table(*rows), "" if rows[0] else sha256_of(path)
         opened, channels, sha256 = self._join_files(opened, channels, sha256)
         self.simulated |= opened.simulated
         reader = RunReader(
@@ -200,39 +215,29 @@ class _RunLoader:
             check_frequency(run.angle, moment, rate, run.frequency, str(path), self.motion)
         return run
 
-    def _open(self, path: Path, channels: Channels, rows: tuple[int, int] | None) -> tuple[Table, str]:
-        """Return all or some rows of a file; its hash where the first are among them."""
-        if rows is None:
-            return read_table(path, channels.skip)
-        blocks = open_blocks(path, channels.skip)
-        assert blocks is not None
-        return blocks.table(*rows), "" if rows[0] else sha256_of(path)
-
     def _join_files(self, opened: Table, channels: Channels, sha256: str) -> tuple[Table, Channels, str]:
         """Return the columns of all files of one run as one table, its channels, and a hash of all bytes."""
-        apart = {key: getattr(channels, key) for key in CHANNEL_KEYS}
-        apart = {key: channel for key, channel in apart.items() if channel is not None and channel.file}
-        if not apart:
-            return opened, channels, sha256
-        for key, channel in apart.items():
-            other, its_hash = read_table(self.file.parent / channel.file)
-            opened, name = opened.with_column(other, channel.column, f"{channel.file}: {channel.column}")
-            channels = channels.model_copy(update={key: channel.model_copy(update={"column": name})})
-            sha256 = hashlib.sha256(f"{sha256}{its_hash}".encode()).hexdigest()
+        for key in CHANNEL_KEYS:
+            channel = getattr(channels, key)
+            if channel is not None and channel.file:
+                other, its_hash = read_table(self.file.parent / channel.file)
+                name = f"{channel.file}: {channel.column}"
+                opened = opened.with_column(other, channel.column, name)
+                channels = channels.model_copy(update={key: channel.model_copy(update={"column": name})})
+                sha256 = hashlib.sha256(f"{sha256}{its_hash}".encode()).hexdigest()
         return opened, channels, sha256
 
     def _cut_long_run(
         self, path: Path, index: int, channels: Channels, frequency: float | None
     ) -> LongRecord | None:
         """Return how a file is cut that is too long to be read at once; None for one that is not."""
-        # A row is eight letters at least: most files need not be opened to know.
-        if self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest:
-            return None
-        if channels.time == "none":
-            return None
         # Channels of several files have to lie side by side in memory.
         apart = any(getattr(getattr(channels, key), "file", None) for key in CHANNEL_KEYS)
-        blocks = None if apart else open_blocks(path, channels.skip)
+        # A row is eight letters at least: most files need not be opened to know.
+        short = self.longest is None or not path.is_file() or path.stat().st_size < 8 * self.longest
+        if self.longest is None or short or apart or channels.time == "none":
+            return None
+        blocks = open_blocks(path, channels.skip)
         if blocks is None or blocks.rows <= self.longest:
             return None
         head = RunReader(
@@ -244,3 +249,153 @@ class _RunLoader:
         count = max(4 if frequency is None else FEWEST, int(blocks.rows // length))
         edges = tuple(int(edge) for edge in np.linspace(0, blocks.rows, count + 1))
         return LongRecord(str(self.file), index, edges)
+
+
+def value_in(each: Input, given: str | float, where: str) -> float:
+    """Return a declared value in SI: a number in the input's unit, or a text with a unit of its kind.
+
+    Raises
+    ------
+    UnitError
+        For a unit of another kind, or text that is no quantity.
+    """
+    with suppress(ValueError):
+        return each.zero + each.factor * float(given)
+    number, unit = split_quantity(str(given), where, each.shown_unit)
+    si, factor, zero = input_unit(unit, where)
+    if si != each.unit:
+        raise UnitError(
+            f"{where}: {given!r} is in {unit}; expected a value in {each.shown_unit}, or of its kind"
+        )
+    return zero + factor * number
+
+
+class DeclaredInputs:
+    """The inputs of a manifest.
+
+    Parameters
+    ----------
+    manifest : Manifest
+    file : str
+        For messages.
+    """
+
+    def __init__(self, manifest: Manifest, file: str):
+        self.file, self.tables = file, dict(manifest.inputs)
+        for number, run in enumerate(manifest.run, start=1):
+            unknown = sorted(set(run.inputs) - set(self.tables))
+            if unknown:
+                raise InputError(
+                    f"{file}: [[run]] {number} inputs: {unknown[0]!r} is not declared; add it to [inputs] (declared "
+                    f"there: {', '.join(self.tables) or 'none'})"
+                )
+        self.inputs: dict[str, Input] = {}
+        for name, table in self.tables.items():
+            values = [table.constant, *(run.inputs.get(name) for run in manifest.run), table.reference]
+            first = next((value for value in values if value is not None), None)
+            self.inputs[name] = self._declared(name, table, first)
+
+    def _declared(self, name: str, table: InputTable, value: Any) -> Input:
+        where = f"{self.file}: [inputs] {name}"
+        unit = table.unit
+        if unit is None and isinstance(value, str):
+            unit = (
+                value.split(maxsplit=1)[1] if " " in value.strip() else split_quantity(value, where, "K")[1]
+            )
+        lag = 0.0 if table.lag is None else parse_quantity(table.lag, "s", f"{where}.lag")
+        return made_input(name, unit or "1", where, table.reference, label=table.name or "", lag=lag)
+
+    def columns(self, run: RunTable) -> dict[str, InputTable]:
+        """Return the inputs that a run takes from columns of its file."""
+        return {
+            name: table
+            for name, table in self.tables.items()
+            if table.column is not None and name not in run.inputs
+        }
+
+    def values(self, run: RunTable, measured: Mapping[str, Array], rate: float, where: str) -> dict[str, Any]:
+        """Return the inputs of a run in SI: from its columns, its own values, or those of all runs."""
+        found: dict[str, Any] = {}
+        for name, table in self.tables.items():
+            each, place = self.inputs[name], f"{self.file}: [inputs] {name}"
+            given = run.inputs.get(name, table.constant)
+            if name in run.inputs or table.column is None:
+                if given is None:
+                    raise InputError(
+                        f"{where} inputs: {name!r} has no value; give inputs = {{ {name} = ... }} in the run, or a "
+                        "column or constant in [inputs]"
+                    )
+                found[name] = value_in(each, given, f"{where} inputs.{name}")
+                continue
+            values = each.zero + each.factor * measured[name]
+            if not rate and (table.delay is not None or each.lag):
+                raise InputError(
+                    f"{place}: samples without time have neither a delay nor a lag; leave it out"
+                )
+            if table.delay is not None:
+                # What is shown now happened earlier: the signal is moved ahead, its last value goes on.
+                samples = parse_quantity(table.delay, "s", f"{place}.delay") * rate
+                grid = np.arange(values.size, dtype=float)
+                values = np.interp(grid + samples, grid, values)
+            found[name] = lagged(values, each.lag * rate)
+        return found
+
+
+def made_input(name: str, unit: str, where: str, reference: str | float | None, **known: Any) -> Input:
+    """Return an input of the law whose values stand in a unit."""
+    try:
+        si, factor, zero = input_unit(unit, where)
+        each = Input(name, si, shown_unit=unit, factor=factor, zero=zero, **known)
+    except InputError as error:
+        raise type(error)(f"{where}: {error}") from None
+    if reference is None:
+        return each
+    return replace(each, reference=value_in(each, reference, f"{where}.reference"))
+
+
+def inputs_of_runs(
+    given: Mapping[str, Any],
+    units: Mapping[str, str],
+    references: Mapping[str, str | float],
+    frames: Mapping[str, Any],
+) -> tuple[list[Input], list[dict[str, Any]]]:
+    """Return the inputs of runs that are in memory, and their values in each run.
+
+    Parameters
+    ----------
+    given : mapping
+        By the name of the input: the name of a column of the frames, one value for all runs, or one for each run, each
+        a number, a quantity such as ``"-40 degC"``, or an array.
+    units : mapping of str to str
+        Of the inputs, by their names; default: that of the first quantity, or none.
+    references : mapping
+        Reference values.
+    frames : mapping
+        Of the runs.
+    """
+    unknown = sorted(set(references) - set(given))
+    if unknown:
+        raise InputError(f"references: {unknown[0]!r} is no input; inputs: {', '.join(given) or 'none'}")
+    declared, runs = [], [dict[str, Any]() for _ in frames]
+    for name, values in given.items():
+        column = isinstance(values, str) and all(values in frame for frame in frames.values())
+        if column:
+            own = [np.asarray(frame[values], dtype=np.float64) for frame in frames.values()]
+        else:
+            one_signal = isinstance(values, np.ndarray) and values.ndim == 1 and len(frames) == 1
+            single = isinstance(values, str) or np.ndim(values) == 0 or one_signal
+            own = [values] * len(frames) if single else list(values)
+        if len(own) != len(frames):
+            raise InputError(
+                f"inputs: {name!r} has {len(own)} value(s) for {len(frames)} run(s); expected one each"
+            )
+        texts = [value for value in (*own, references.get(name)) if isinstance(value, str)]
+        unit = units.get(name) or (split_quantity(texts[0], f"inputs {name}", "K")[1] if texts else "1")
+        each = made_input(name, unit, f"inputs {name}", references.get(name))
+        for run, value in zip(runs, own, strict=True):
+            if isinstance(value, str):
+                run[name] = value_in(each, value, f"inputs {name}")
+            else:
+                run[name] = each.zero + each.factor * np.asarray(value, dtype=np.float64)
+        declared.append(each)
+    return declared, runs

@@ -1,15 +1,16 @@
-"""From the columns of one run file to moment and what was measured of the motion, SI, on a uniform time axis."""
+"""From the columns of a run file to moment and motion, SI, on a uniform time axis, and their declared errors."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, UnitError, refuse
 from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
 from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import (
@@ -20,11 +21,11 @@ from sindyjoint.files.timeaxis import (
     uniform_rate,
     with_lost_samples,
 )
-from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files.units import conversion, parse_quantity, split_quantity
+from sindyjoint.inputs import ColumnUnit, FileUnit, SensorNoise
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
-from sindyjoint.source import ColumnUnit, FileUnit
 
 # quantity -> (key in [channels], SI unit), by motion
 KEYS: dict[Motion, dict[str, tuple[str, str]]] = {
@@ -47,10 +48,21 @@ KEYS: dict[Motion, dict[str, tuple[str, str]]] = {
 
 # What sensors measure, in the order of their messages.
 MEASURED = ("moment", "angle", "rate", "acceleration")
+CHANNEL_KEYS = tuple(dict.fromkeys(keys[quantity][0] for keys in KEYS.values() for quantity in MEASURED))
 # Among the channels that were read: False at samples that the recorder lost.
 VALID = "valid"
 # Begins the names of inputs of the law among them.
 INPUT = "input "
+
+
+def declared(channels: Channels, motion: Motion) -> list[tuple[str, str, str, Channel]]:
+    """Return quantity, key, SI unit and declaration of each channel of a manifest."""
+    known = [(quantity, *KEYS[motion][quantity]) for quantity in MEASURED]
+    return [
+        (quantity, key, unit, channel)
+        for quantity, key, unit in known
+        if (channel := getattr(channels, key)) is not None
+    ]
 
 
 def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifest: Path) -> None:
@@ -62,51 +74,55 @@ def check_keys(channels: Channels, rig: RigTable | None, motion: Motion, manifes
         Naming the key at fault.
     """
     where = f"{manifest}: [channels]"
-    if rig is not None and motion == "translation":
-        raise InputError(
-            f"{manifest}: [rig] is about rotation (strain and displacement to moment and angle); "
-            "motion is 'translation'"
-        )
     other: Motion = "translation" if motion == "rotation" else "rotation"
+    given = "neither" if channels.time is None else "both"
+    untimed, accelerated = channels.time == "none", channels.acceleration is not None
+    faults: list[tuple[object, str]] = [
+        (
+            rig is not None and motion == "translation",
+            f"{manifest}: [rig] is about rotation (strain and displacement to moment and angle); motion is "
+            "'translation'",
+        )
+    ]
     for quantity in ("moment", "angle", "rate"):
         wrong, right = KEYS[other][quantity][0], KEYS[motion][quantity][0]
-        if getattr(channels, wrong) is not None:
-            raise InputError(f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion")
-    if (channels.time is None) == (channels.rate is None):
-        given = "neither" if channels.time is None else "both"
-        raise InputError(
+        text = f"{where} {wrong}: motion is {motion!r}; give {right!r}, or set [joint] motion"
+        faults.append((getattr(channels, wrong) is not None, text))
+    faults.append(
+        (
+            (channels.time is None) == (channels.rate is None),
             f"{where}: expected time (a column, or 'none' for quasi-static samples) or rate (such as '1 kHz'), not "
-            f"{given}"
+            f"{given}",
         )
-    if channels.time == "none":
-        _refuse_timed(channels, motion, where)
-    if channels.skew is not None and channels.skew_removed is not None:
-        raise InputError(f"{where} skew: skew_removed states that it is removed already; give one of the two")
+    )
+    for key in (KEYS[motion]["rate"][0], "skew", "skew_removed", "resample"):
+        text = f"{where} {key}: time = 'none' says that the samples have no time; leave it out"
+        faults.append((untimed and getattr(channels, key), text))
+    both = channels.skew is not None and channels.skew_removed is not None
+    faults.append(
+        (both, f"{where} skew: skew_removed states that it is removed already; give one of the two")
+    )
     for quantity, raw in (("moment", "strain"), ("angle", "displacement")):
         key = KEYS[motion][quantity][0]
         channel: Channel | None = getattr(channels, key)
-        if channel is not None and channel.column is None and channel.constant is None:
-            channel = None  # only its noise is declared
+        # Of one without column and constant only the noise is declared.
+        here = channel is not None and (channel.column is not None or channel.constant is not None)
         in_rig = rig is not None and getattr(rig, raw) is not None
-        if in_rig and channel is not None:
-            raise InputError(f"{where} {key}: [rig] {raw} gives it already; give one of the two")
-        if not in_rig and channel is None and (quantity == "moment" or channels.acceleration is None):
-            instead = ", or acceleration in its place" if quantity == "angle" else ""
-            in_rig_instead = f" (or [rig] {raw})" if rig else ""
-            raise InputError(f"{where}: key {key!r} is missing{in_rig_instead}{instead}")
-        if quantity == "angle" and channel is not None and channel.constant is not None:
-            raise InputError(f"{where} {key}: cannot be a constant; expected a joint that moves")
-    if channels.acceleration is not None and channels.time == "none":
-        raise InputError(f"{where} acceleration: samples without time have none; leave it out")
-    if channels.acceleration is not None and channels.acceleration.column is None:
-        raise InputError(f"{where} acceleration: expected a column with its unit")
-
-
-def _refuse_timed(channels: Channels, motion: Motion, where: str) -> None:
-    """Refuse keys that have no meaning for samples without time."""
-    for key in (KEYS[motion]["rate"][0], "skew", "skew_removed", "resample"):
-        if getattr(channels, key):
-            raise InputError(f"{where} {key}: time = 'none' says that the samples have no time; leave it out")
+        needed = quantity == "moment" or not accelerated
+        instead = f" (or [rig] {raw})" if rig else ""
+        instead += ", or acceleration in its place" if quantity == "angle" else ""
+        still = quantity == "angle" and channel is not None and channel.constant is not None
+        faults += [
+            (in_rig and here, f"{where} {key}: [rig] {raw} gives it already; give one of the two"),
+            (needed and not in_rig and not here, f"{where}: key {key!r} is missing{instead}"),
+            (still, f"{where} {key}: cannot be a constant; expected a joint that moves"),
+        ]
+    column = channels.acceleration is not None and channels.acceleration.column is not None
+    faults += [
+        (accelerated and untimed, f"{where} acceleration: samples without time have none; leave it out"),
+        (accelerated and not column, f"{where} acceleration: expected a column with its unit"),
+    ]
+    refuse(faults)
 
 
 @dataclass(frozen=True)
@@ -150,14 +166,18 @@ class RunReader:
         columns = self._columns()
         signals: dict[str, Array] = {}
         constants: dict[str, float] = {}
-        for quantity in MEASURED:
-            key, unit = KEYS[self.motion][quantity]
-            channel: Channel | None = getattr(self.channels, key)
+        for quantity, key, unit, channel in declared(self.channels, self.motion):
             where = f"{self.manifest}: [channels] {key}"
-            if channel is not None and channel.constant is not None:
+            if channel.constant is not None:
                 constants[quantity] = parse_quantity(channel.constant, unit, f"{where}.constant")
-            elif channel is not None and channel.column is not None:
-                signals[quantity] = _measured(channel, columns, unit, where)
+            elif channel.column is not None:
+                factor = conversion(channel.unit or "", unit, where, channel.gain)
+                offset = (
+                    parse_quantity(channel.offset, unit, f"{where}.offset")
+                    if channel.offset is not None
+                    else 0.0
+                )
+                signals[quantity] = _scaled(columns[channel.column], factor, offset, where)
         if self.rig is not None:
             self._add_gauges(self.rig, columns, signals)
         # As they stand in the file; files/inputs.py knows their units.
@@ -172,29 +192,28 @@ class RunReader:
 
     def stated_units(self) -> tuple[ColumnUnit, ...]:
         """Return the units that the file states for its columns otherwise than they are declared."""
-        wanted: list[tuple[str, Column, str]] = []
+        wanted: list[tuple[str, Column | None, str | None]] = [
+            (quantity, channel.column, channel.unit)
+            for quantity, _, _, channel in declared(self.channels, self.motion)
+        ]
         if isinstance(self.channels.time, TimeChannel):
-            wanted.append(("time", self.channels.time.column, self.channels.time.unit))
-        for quantity in MEASURED:
-            channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
-            if channel is not None and channel.column is not None and channel.unit is not None:
-                wanted.append((quantity, channel.column, channel.unit))
+            wanted.insert(0, ("time", self.channels.time.column, self.channels.time.unit))
         known = [
-            (quantity, declared, self.table.stated_unit(column)) for quantity, column, declared in wanted
+            (quantity, unit, self.table.stated_unit(column))
+            for quantity, column, unit in wanted
+            if column is not None and unit is not None
         ]
         return tuple(
-            ColumnUnit(quantity, found[0], declared, found[1], found[2])
-            for quantity, declared, found in known
-            if found is not None and found[1] != declared
+            ColumnUnit(quantity, found[0], unit, found[1], found[2])
+            for quantity, unit, found in known
+            if found is not None and found[1] != unit
         )
 
     def file_units(self) -> tuple[FileUnit, ...]:
         """Return the units in which the channels stand in the file."""
         found = []
-        for quantity in MEASURED:
-            key, unit = KEYS[self.motion][quantity]
-            channel: Channel | None = getattr(self.channels, key)
-            if channel is not None and channel.unit is not None:
+        for quantity, key, unit, channel in declared(self.channels, self.motion):
+            if channel.unit is not None:
                 factor = conversion(channel.unit, unit, f"{self.manifest}: [channels] {key}", channel.gain)
                 column = channel.column if isinstance(channel.column, str) else ""
                 stated = channel.column is not None and self.table.stated_unit(channel.column) is not None
@@ -204,15 +223,13 @@ class RunReader:
     def _columns(self) -> dict[Column, Array]:
         """Return all columns that this run needs, read in one go."""
         axis = self.channels.time
-        wanted: list[Column] = [axis.column] if isinstance(axis, TimeChannel) else []
-        for quantity in MEASURED:
-            channel: Channel | None = getattr(self.channels, KEYS[self.motion][quantity][0])
-            if channel is not None and channel.column is not None:
-                wanted.append(channel.column)
-        wanted += [each.column for each in self.inputs.values() if each.column is not None]
+        wanted = [axis.column if isinstance(axis, TimeChannel) else None]
+        wanted += [channel.column for _, _, _, channel in declared(self.channels, self.motion)]
+        wanted += [each.column for each in self.inputs.values()]
         if self.rig is not None:
-            wanted += (self.rig.strain or []) + (self.rig.displacement or [])
-        return dict(zip(wanted, self.table.columns(wanted), strict=True))
+            wanted += [*(self.rig.strain or []), *(self.rig.displacement or [])]
+        columns = [column for column in wanted if column is not None]
+        return dict(zip(columns, self.table.columns(columns), strict=True))
 
     def _add_gauges(self, rig: RigTable, columns: dict[Column, Array], signals: dict[str, Array]) -> None:
         """Turn strains and displacements into moment and angle by Eqs. 1–3."""
@@ -220,10 +237,7 @@ class RunReader:
         def constant(name: str, unit: str) -> float:
             text, where = getattr(rig, name), f"{self.manifest}: [rig]"
             value = text if isinstance(text, float) else parse_quantity(text, unit, f"{where} {name}")
-            try:
-                return check_positive(name, value)
-            except InputError as error:
-                raise InputError(f"{where} {error}") from error
+            return check_positive(f"{where} {name}", value)
 
         if rig.strain is not None:
             factor = conversion(
@@ -287,26 +301,22 @@ class RunReader:
     def _refuse_dead(self, signals: dict[str, Array]) -> None:
         """Refuse a measured channel that never changes."""
         for quantity, values in signals.items():
-            if (
-                quantity in KEYS[self.motion]
-                and values.size
-                and np.ptp(values) <= 1e-13 * np.abs(values).max()
-            ):
+            known = quantity in KEYS[self.motion] and values.size
+            if known and np.ptp(values) <= 1e-13 * np.abs(values).max():
                 key, unit = KEYS[self.motion][quantity]
+                moment = "declare it as constant if it is meant"
                 raise InputError(
                     f"{self.table.path}: {key} is constant ({values[0]:g} {unit}); a dead channel? "
-                    + (
-                        "declare it as constant if it is meant"
-                        if quantity == "moment"
-                        else "expected a moving joint"
-                    )
+                    + (moment if quantity == "moment" else "expected a moving joint")
                 )
 
     def _remove_delays(self, signals: dict[str, Array], rate: float) -> dict[str, Array]:
         """Move moment and acceleration ahead by their declared lags; all channels lose the edges that filters need."""
         own = self.channels.acceleration
-        lags = {"moment": ("skew", self.channels.skew)}
-        lags["acceleration"] = ("acceleration.delay", None if own is None else own.delay)
+        lags = {
+            "moment": ("skew", self.channels.skew),
+            "acceleration": ("acceleration.delay", None if own is None else own.delay),
+        }
         for late, (key, given) in lags.items():
             if given is None or late not in signals:
                 continue
@@ -326,14 +336,6 @@ class RunReader:
         return signals
 
 
-def _measured(channel: Channel, columns: dict[Column, Array], unit: str, where: str) -> Array:
-    """Return one measured channel in SI units."""
-    assert channel.column is not None and channel.unit is not None
-    factor = conversion(channel.unit, unit, where, channel.gain)
-    offset = 0.0 if channel.offset is None else parse_quantity(channel.offset, unit, f"{where}.offset")
-    return _scaled(columns[channel.column], factor, offset, where)
-
-
 def _scaled(values: Array, factor: float, offset: float, where: str) -> Array:
     """Return values in SI units, or refuse those that grow beyond what a float64 holds."""
     with np.errstate(over="ignore"):
@@ -343,3 +345,52 @@ def _scaled(values: Array, factor: float, offset: float, where: str) -> Array:
             f"{where}: values up to {np.max(np.abs(values)):g} are too large in SI; check the unit"
         )
     return scaled
+
+
+def declared_noise(channels: Channels, motion: Motion, where: str) -> SensorNoise:
+    """Return the noise that the channels declare, in SI units.
+
+    Raises
+    ------
+    UnitError
+        For text that is no quantity of the channel's kind, or of its file's unit.
+    InputError
+        For noise that is not above zero.
+    """
+    values = {}
+    for quantity, key, unit, channel in declared(channels, motion):
+        if channel.noise is not None:
+            # Of the quantity itself or, multiplied by the gain, of what the file holds.
+            place = f"{where} {key}.noise"
+            number, own = split_quantity(channel.noise, place, unit)
+            factor = 0.0
+            with suppress(UnitError):  # not in volts, then in the quantity's own unit
+                factor = abs(conversion(own, unit, place, channel.gain)) if channel.gain else 0.0
+            values[quantity] = number * (factor or conversion(own, unit, place))
+    try:
+        return SensorNoise(**values)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def declared_gains(channels: Channels, motion: Motion, where: str) -> dict[str, float]:
+    """Return the relative uncertainty of the gains of moment, angle and rate that channels declare.
+
+    Raises
+    ------
+    InputError, UnitError
+        For what is no share between 0 and 1.
+    """
+    values = {}
+    for quantity, key, _, channel in declared(channels, motion):
+        given = channel.gain_uncertainty
+        if given is not None:
+            place = f"{where} {key}.gain_uncertainty"
+            share = parse_quantity(given, "m/m", place) if isinstance(given, str) else float(given)
+            if not 0 < share < 1:
+                raise InputError(f"{place}: {given!r}; expected a share such as '1 %'")
+            values[quantity] = share
+    if "acceleration" in values:
+        # The angle is that of the accelerometer, or of both: no more wrong than the worse of them.
+        values["angle"] = max(values.pop("acceleration"), values.get("angle", 0.0))
+    return values

@@ -5,21 +5,22 @@ The models hold what the person wrote; units become SI in ``campaign.py``.
 
 from __future__ import annotations
 
-import difflib
 import os
 import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic_core import ErrorDetails
 
-from sindyjoint.checksums import check_finished
-from sindyjoint.documents import read_toml
-from sindyjoint.errors import InputError, MissingInputError
-from sindyjoint.files.complaints import first_complaint
+from sindyjoint.documents import check_finished, read_toml
+from sindyjoint.errors import InputError, MissingInputError, nearest, refuse
+from sindyjoint.text import expectation
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"
+# What pydantic calls the two things that [channels] time may be.
+WITHOUT_TIME, TIME_CHANNEL = "literal['none']", "TimeChannel"
 
 
 class StrictTable(BaseModel):
@@ -35,9 +36,7 @@ class StrictTable(BaseModel):
         known = sorted(field.alias or name for name, field in cls.model_fields.items())
         for key in given:
             if key not in known:
-                near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-                hint = f"did you mean {near[0]!r}?" if near else f"known keys: {', '.join(known)}"
-                raise ValueError(f"unknown key {key!r}; {hint}")
+                raise ValueError(f"unknown key {key!r}; {nearest(key, known, 'known keys:')}")
         return given
 
 
@@ -76,14 +75,18 @@ class Channel(StrictTable):
     def _column_or_constant(self) -> Channel:
         if self.model_fields_set <= {"noise", "gain_uncertainty"} and self.model_fields_set:
             return self
-        if (self.column is None) == (self.constant is None):
-            raise ValueError("expected either column (with unit) or constant")
-        if self.constant is not None and (self.unit or self.gain or self.offset or self.noise or self.file):
-            raise ValueError(
-                "a constant carries its unit; file, unit, gain, offset and noise belong to a column"
-            )
-        if self.column is not None and self.unit is None:
-            raise ValueError("key 'unit' is missing")
+        stray = self.unit or self.gain or self.offset or self.noise or self.file
+        carried = "a constant carries its unit; file, unit, gain, offset and noise belong to a column"
+        refuse(
+            [
+                (
+                    (self.column is None) == (self.constant is None),
+                    "expected either column (with unit) or constant",
+                ),
+                (self.constant is not None and stray, carried),
+                (self.column is not None and self.unit is None, "key 'unit' is missing"),
+            ]
+        )
         return self
 
 
@@ -152,15 +155,8 @@ class Channels(StrictTable):
         if other is None:
             return self
         changes = {name: getattr(other, name) for name in other.model_fields_set}
-        for name, rival in (
-            ("time", "rate"),
-            ("rate", "time"),
-            ("skew", "skew_removed"),
-            ("skew_removed", "skew"),
-        ):
-            if name in changes:
-                changes.setdefault(rival, None)
-        return self.model_copy(update=changes)
+        rivals = {"time": "rate", "rate": "time", "skew": "skew_removed", "skew_removed": "skew"}
+        return self.model_copy(update={rivals[name]: None for name in changes if name in rivals} | changes)
 
 
 class RigTable(StrictTable):
@@ -183,13 +179,18 @@ class RigTable(StrictTable):
 
     @model_validator(mode="after")
     def _constants_go_with_gauges(self) -> RigTable:
-        if self.strain is None and self.displacement is None:
-            raise ValueError("expected strain (four columns) or displacement (three columns)")
-        wanted = ["bending_stiffness", "section_height"] if self.strain is not None else []
-        wanted += ["joint_length"] if self.displacement is not None else []
-        for name in wanted:
-            if getattr(self, name) is None:
-                raise ValueError(f"key {name!r} is missing")
+        strain, displacement = self.strain is not None, self.displacement is not None
+        needs = {"bending_stiffness": strain, "section_height": strain, "joint_length": displacement}
+        none = not (strain or displacement)
+        refuse(
+            [
+                (none, "expected strain (four columns) or displacement (three columns)"),
+                *(
+                    (needed and getattr(self, name) is None, f"key {name!r} is missing")
+                    for name, needed in needs.items()
+                ),
+            ]
+        )
         return self
 
 
@@ -219,17 +220,15 @@ class InputTable(StrictTable):
 
     @model_validator(mode="after")
     def _one_source(self) -> InputTable:
-        if self.column is not None and self.constant is not None:
-            raise ValueError("expected column or constant, not both")
-        if self.column is not None and self.unit is None:
-            raise ValueError("key 'unit' is missing")
-        if self.delay is not None and self.column is None:
-            raise ValueError("delay belongs to a column")
+        column = self.column is not None
+        refuse(
+            [
+                (column and self.constant is not None, "expected column or constant, not both"),
+                (column and self.unit is None, "key 'unit' is missing"),
+                (self.delay is not None and not column, "delay belongs to a column"),
+            ]
+        )
         return self
-
-
-def _as_input(value: Any) -> Any:
-    return value if isinstance(value, dict | InputTable) else {"constant": value}
 
 
 class JointTable(StrictTable):
@@ -274,7 +273,15 @@ class Manifest(StrictTable):
     notes: list[str] = Field(default_factory=list, description="Remarks that reports repeat.")
     joint: JointTable = Field(default=JointTable(), description="The joint under test.")
     channels: Channels = Field(description="Which column holds which quantity.")
-    inputs: dict[str, Annotated[InputTable, BeforeValidator(_as_input)]] = Field(
+    inputs: dict[
+        str,
+        Annotated[
+            InputTable,
+            BeforeValidator(
+                lambda given: given if isinstance(given, dict | InputTable) else {"constant": given}
+            ),
+        ],
+    ] = Field(
         default_factory=dict,
         description="What the law may depend on beside angle and rate, by its name in formulas.",
     )
@@ -365,3 +372,28 @@ def natural_order(name: str) -> list[tuple[float, str]]:
     """
     parts = re.split(r"(\d+(?:\.\d+)?)", name)
     return [(float(part), "") if number % 2 else (-1.0, part) for number, part in enumerate(parts)]
+
+
+def first_complaint(error: ValidationError) -> str:
+    """Turn pydantic's list into one sentence: the field, what was expected, what was given."""
+    # Of a key that may be a number or text, pydantic complains once per type: one per key is enough.
+    complaints: dict[tuple[int | str, ...], ErrorDetails] = {}
+    for complaint in error.errors(include_url=False):
+        place = tuple(part for part in complaint["loc"] if part != TIME_CHANNEL)
+        if WITHOUT_TIME not in place:  # what is said of the column that it is not says more
+            typed = place and place[-1] in ("float", "str", "int", "bool")
+            complaints.setdefault(place[:-1] if typed else place, complaint)
+    # A misspelt key also makes the right one missing: say the cause first.
+    place, first = min(complaints.items(), key=lambda item: "unknown key" not in item[1]["msg"])
+    if first["type"] == "missing":
+        place, message = place[:-1], f"key {place[-1]!r} is missing"
+    else:
+        told = first["type"] in ("value_error", "too_short", "too_long")
+        message = expectation(first) + ("" if told else f", not {first['input']!r:.60}")
+    # As a user writes it: [channels] angle.unit.
+    table, rest = (f"[{place[0]}]" if place else ""), place[1:]
+    if place[:1] == ("run",) and rest and isinstance(rest[0], int):
+        table, rest = f"[[run]] {rest[0] + 1}", rest[1:]
+    field = f"{table} {'.'.join(map(str, rest))}".strip()
+    more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
+    return f"{field}: {message}{more}" if field else f"{message}{more}"

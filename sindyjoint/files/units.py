@@ -1,4 +1,4 @@
-"""Units at the door: everything past ``files/`` is SI.
+"""Units at the door: everything past ``files/`` is SI; which a file states, and what one is in another.
 
 pint knows the units; it counts the radian as no dimension at all, so the comparison here is made on its
 *root* units, where ``rad`` is kept: ``N*m`` and ``N*m/rad`` then differ.
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -77,6 +78,20 @@ _GRAVITY = re.compile(r"(?<![\w.])g(?!\w)")
 ACCELERATIONS = ("rad/s**2", "m/s**2")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*(.*?)\s*", re.DOTALL)
 
+# Units in the names of columns: ``force [kN]``, ``angle (mrad)``, ``angle_mrad``.
+_BRACKETS = re.compile(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$")
+_ENDING = re.compile(r"^(?P<base>.*?)(?:\s*/\s*|_|\s+)(?P<unit>[^\W\d_][\w*·^]*|°|µ\w+)$")
+# What an ending must be to count as a unit; single letters only after a word.
+KNOWN = {
+    "rad", "mrad", "urad", "µrad", "deg", "°", "Nm", "mNm", "Nmm", "kNm", "kN", "mN", "kip", "lbf", "mm", "um", "µm",
+    "cm", "nm", "in", "inch", "ms", "us", "µs", "mV", "kHz", "Hz",
+}  # fmt: skip
+LETTERS = {"N", "V", "m", "s"}
+OTHERS = {
+    "g", "kg", "C", "degC", "K", "A", "mA", "Pa", "MPa", "bar", "min", "h", "sec", "Sec", "volt", "Volt", "V",
+}  # fmt: skip
+SPELLINGS = {"Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "mNm": "mN*m", "°": "deg", "·": "*"}
+
 
 @lru_cache(maxsize=1)
 def registry() -> pint.UnitRegistry:
@@ -107,30 +122,36 @@ def _try_parse(unit: str) -> pint.Unit | None:
         return None
 
 
+@contextmanager
+def _with_factor(unit: pint.Unit | str, where: str) -> Iterator[None]:
+    """Refuse what pint refuses, each in another way: logarithms, scales with another zero in products, huge powers."""
+    try:
+        yield
+    except Exception:
+        raise UnitError(
+            f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ..."
+        ) from None
+
+
 def _root(unit: pint.Unit, where: str) -> tuple[float, dict[str, object]]:
     """Return factor and powers of a unit in pint's root units, the radian among them; or refuse it."""
     from pint.util import to_units_container
 
-    try:
+    with _with_factor(unit, where):
         if registry().Quantity(0.0, unit).to_root_units().magnitude != 0:
             raise UnitError("nothing of it is something: a logarithm, or a scale with another zero")
         factor, root = registry().get_root_units(unit)
         return float(factor), dict(to_units_container(root))  # type: ignore[arg-type]
-    # pint refuses logarithmic units and scales with another zero in products, and powers that overflow, each in another
-    # way.
-    except Exception:
-        raise _make_factorless(unit, where) from None
+    raise AssertionError("unreachable: a fault is raised as another")
 
 
-def _times(one: pint.Unit, other: pint.Unit, where: str) -> pint.Unit:
+def _kelvin(value: float, unit: pint.Unit) -> float | None:
+    """Return a temperature in kelvin, of a scale such as °C with its own zero; None of another kind of unit."""
     try:
-        return one * other
+        kelvin = float(registry().Quantity(value, unit).to("kelvin").magnitude)
     except Exception:
-        raise _make_factorless(one, where) from None
-
-
-def _make_factorless(unit: pint.Unit, where: str) -> UnitError:
-    return UnitError(f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ...")
+        return None
+    return kelvin if math.isfinite(kelvin) else None
 
 
 def conversion(unit: str, expected: str, where: str, gain: str | None = None) -> float:
@@ -160,7 +181,9 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
     number, total = 1.0, _parse_unit(unit, where)
     if gain is not None:
         number, gain_unit = split_quantity(gain, f"{where} gain", expected)
-        total = _times(total, _parse_unit(gain_unit, f"{where} gain"), where)
+        factored = _parse_unit(gain_unit, f"{where} gain")
+        with _with_factor(total, where):
+            total = total * factored
     factor, powers = _root(total, where)
     expected_factor, expected_powers = _root(registry().parse_units(expected), where)
     # A slope such as mm/m is an angle as it stands.
@@ -196,16 +219,11 @@ def input_unit(unit: str, where: str) -> tuple[str, float, float]:
     >>> input_unit("mV", "signal")
     ('V', 0.001, 0.0)
     """
-    if unit.strip() in ("", "1"):
-        return "1", 1.0, 0.0
-    for si in INPUT_UNITS:
-        if unit == si:
-            return si, 1.0, 0.0
-    parsed = _parse_unit(unit, where)
-    with suppress(Exception):
-        if dict(parsed.dimensionality) == {"[temperature]": 1}:
-            zero, one = (float(registry().Quantity(v, parsed).to("kelvin").magnitude) for v in (0.0, 1.0))
-            return "K", round(one - zero, 12), zero
+    if unit.strip() in ("", "1", *INPUT_UNITS):
+        return unit.strip() or "1", 1.0, 0.0
+    zero, one = (_kelvin(value, _parse_unit(unit, where)) for value in (0.0, 1.0))
+    if zero is not None and one is not None:
+        return "K", round(one - zero, 12), zero
     for si in INPUT_UNITS:
         ratio = unit_ratio(unit, si)
         if ratio:
@@ -224,13 +242,9 @@ def parse_quantity(text: str, expected: str, where: str) -> float:
         For text that is not a number with a unit, an unknown unit, or one of another dimension.
     """
     number, unit = split_quantity(text, where, expected)
-    if expected == "K":
-        parsed = _parse_unit(unit, where)
-        # Scales such as °C, however they are spelled, have another zero.
-        with suppress(Exception):
-            kelvin = float(registry().Quantity(number, parsed).to("kelvin").magnitude)
-            if math.isfinite(kelvin):
-                return kelvin
+    kelvin = _kelvin(number, _parse_unit(unit, where)) if expected == "K" else None
+    if kelvin is not None:
+        return kelvin
     value = number * conversion(unit, expected, where)
     if not math.isfinite(value):
         raise UnitError(f"{where}: {text!r:.60} is beyond what a computer counts with; check number and unit")
@@ -249,11 +263,8 @@ def unit_ratio(stated: str, declared: str) -> float | None:
     if stated in usual and declared in usual:
         (one, factor), (other, per) = usual[stated], usual[declared]
         return factor / per if one == other else 0.0
-    units = _try_parse(stated), _try_parse(declared)
-    if units[0] is None or units[1] is None:
-        return None
     try:
-        (factor, powers), (per, others) = _root(units[0], stated), _root(units[1], declared)
+        (factor, powers), (per, others) = (_root(_parse_unit(u, u), u) for u in (stated, declared))
     except UnitError:
         return None
     return factor / per if powers == others else 0.0
@@ -291,3 +302,43 @@ def _parse_unit(unit: str, where: str) -> pint.Unit:
     if parsed is None:
         raise UnitError(f"{where}: unit {unit!r} is unknown; write it as 'N*m', 'mrad', 'kg*m^2', 'um/m' ...")
     return parsed
+
+
+def unit_in_name(name: str) -> tuple[str, bool] | None:
+    """Return the unit in the name of a column, and whether its ending alone states it; None where there is none.
+
+    Examples
+    --------
+    >>> unit_in_name("Force [kN]"), unit_in_name("angle_mrad"), unit_in_name("angle_rad_from_upright")
+    (('kN', False), ('mrad', True), None)
+    """
+    bracketed = _BRACKETS.search(name)
+    if bracketed:
+        return _spelled(bracketed[1]), False
+    ending = _ENDING.match(name.strip())
+    if ending is None:
+        return None
+    base, unit = ending["base"], ending["unit"]
+    if unit in KNOWN or (unit in LETTERS and len(base) > 3 and base.isalpha()):
+        return _spelled(unit), True
+    return None
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a field below a header is a unit: in brackets, or one that laboratories write.
+
+    Examples
+    --------
+    >>> is_unit("[s]"), is_unit("kN"), is_unit("m/s^2"), is_unit("force"), is_unit("-")
+    (True, True, True, False, True)
+    """
+    text = text.strip()
+    bare = text.strip("[](){}").strip()
+    if text != bare or bare in ("-", "1", "%"):
+        return True
+    parts = re.split(r"[*·/^ ]+\d*", bare)
+    return all(part in KNOWN | LETTERS | OTHERS or part.isdigit() or not part for part in parts)
+
+
+def _spelled(unit: str) -> str:
+    return SPELLINGS.get(unit, unit.replace("·", "*"))

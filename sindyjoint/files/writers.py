@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.errors import refuse
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.manifest import MANIFEST_NAME
-from sindyjoint.files.readers.table import SIMULATED
+from sindyjoint.files.readers.table import SIMULATED, library
 from sindyjoint.inputs import Input
-from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.record import Campaign, Joint, Motion, Run
 from sindyjoint.rig import SensorRig
 
 Columns = Mapping[str, NDArray[np.float64]]
@@ -71,27 +71,32 @@ def write_campaign(
     MissingExtraError
         When the format needs a library that is not installed.
     """
-    if format not in ENCODERS:
-        raise InputError(f"format is {format!r}; expected one of {', '.join(ENCODERS)}")
-    if rig is not None and campaign.joint.motion != "rotation":
-        raise InputError(
-            "a rig of strain gauges and lasers was given for a translational joint; leave it out"
-        )
-    if rig is not None and any(np.ptp(run.moment) == 0 for run in campaign.runs):
-        raise InputError(
-            "a rig was given and a run has a constant moment, which no strain gauge shows; leave it out"
-        )
+    constant = any(np.ptp(run.moment) == 0 for run in campaign.runs)
+    sets = 0 if raw is None else len(raw)
+    refuse(
+        [
+            (format not in ENCODERS, f"format is {format!r}; expected one of {', '.join(ENCODERS)}"),
+            (
+                rig is not None and campaign.joint.motion != "rotation",
+                "a rig of strain gauges and lasers was given for a translational joint; leave it out",
+            ),
+            (
+                rig is not None and constant,
+                "a rig was given and a run has a constant moment, which no strain gauge shows; leave it out",
+            ),
+            (
+                raw is not None and (rig is None or sets != len(campaign.runs)),
+                f"raw channels of {sets} run(s) were given; expected a rig and one set per run",
+            ),
+        ]
+    )
     encode = ENCODERS[format]
-    if raw is not None and (rig is None or len(raw) != len(campaign.runs)):
-        raise InputError(f"raw channels of {len(raw)} run(s) were given; expected a rig and one set per run")
     files = _file_names([run.name for run in campaign.runs], format)
     with output_folder(folder, "campaign", force=force) as stage:
         for number, (run, file) in enumerate(zip(campaign.runs, files, strict=True)):
             columns = _columns(run, campaign.joint, rig) | dict(raw[number] if raw is not None else {})
             (stage / file).write_bytes(encode(columns, REMARK if campaign.simulated else ""))
-        (stage / MANIFEST_NAME).write_text(
-            manifest_text(campaign, files, rig), encoding="utf-8", newline="\n"
-        )
+        (stage / MANIFEST_NAME).write_text(_manifest(campaign, files, rig), encoding="utf-8", newline="\n")
     return Path(folder) / MANIFEST_NAME
 
 
@@ -130,51 +135,93 @@ def _file_names(names: list[str], format: str) -> list[str]:
     return files
 
 
-def manifest_text(campaign: Campaign, files: list[str], rig: SensorRig | None = None) -> str:
+def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> str:
     """Return the text of ``campaign.toml`` for runs written in SI units under the given file names."""
-    joint = campaign.joint
-    units = UNITS[joint.motion]
-    inertia = list(units)[3]
-    lines = ["simulated = true"] if campaign.simulated else []
+    joint, units, q = campaign.joint, UNITS[campaign.joint.motion], toml_string
+    head = ["simulated = true"] if campaign.simulated else []
     if campaign.notes:
-        lines.append("notes = [" + ", ".join(map(_string, campaign.notes)) + "]")
-    lines += ["", "[joint]", f"name = {_string(joint.name)}", f"motion = {_string(joint.motion)}"]
-    if joint.inertia is not None:
-        lines.append(f"{inertia} = {_quantity(joint.inertia, units[inertia])}")
-    if joint.temperature is not None:
-        lines.append(f"temperature = {_quantity(joint.temperature, 'K')}")
-    if joint.serial is not None:
-        lines.append(f"serial = {_string(joint.serial)}")
-    if joint.labels:
-        pairs = (f"{_string(key)} = {_string(value)}" for key, value in joint.labels.items())
-        lines.append("labels = { " + ", ".join(pairs) + " }")
-
-    declared = [_channels_of(run, units, rig, campaign.gain_uncertainty) for run in campaign.runs]
-    # What all runs share stands once in [channels]; all else stands with each run.
-    shared = {
-        key: value for key, value in declared[0].items() if all(run.get(key) == value for run in declared)
+        head.append(f"notes = [{', '.join(map(q, campaign.notes))}]")
+    inertia = list(units)[3]
+    labels = ", ".join(f"{q(key)} = {q(value)}" for key, value in joint.labels.items())
+    stated = {
+        "name": q(joint.name),
+        "motion": q(joint.motion),
+        inertia: None if joint.inertia is None else _quantity(joint.inertia, units[inertia]),
+        "temperature": None if joint.temperature is None else _quantity(joint.temperature, "K"),
+        "serial": None if joint.serial is None else q(joint.serial),
+        "labels": f"{{ {labels} }}" if labels else None,
     }
-    lines += ["", "[channels]", *(f"{key} = {value}" for key, value in shared.items())]
-    if campaign.skew is not None:
-        lines.append(f"skew_removed = {_quantity(campaign.skew, 's')}")
-    lines += _input_lines(campaign)
-    if rig is not None:
-        lines += ["", "[rig]", *_rig_lines(rig)]
-    for run, file, channels in zip(campaign.runs, files, declared, strict=True):
-        lines += ["", "[[run]]", f"file = {_string(file)}", f"name = {_string(run.name)}"]
-        if run.frequency is not None:
-            lines.append(f"frequency = {float(run.frequency)!r}")
-        if run.level is not None:
-            lines.append(f"level = {_string(run.level)}")
-        lines.append(f"use = {_string(run.use)}")
+    skew = [] if campaign.skew is None else [f"skew_removed = {_quantity(campaign.skew, 's')}"]
+    channels = [_channels_of(run, joint.motion, rig, campaign.gain_uncertainty) for run in campaign.runs]
+    runs = []
+    for run, file in zip(campaign.runs, files, strict=True):
         held = [(each, run.inputs[each.name]) for each in campaign.inputs]
-        values = [f"{each.name} = {_number(each, v[0])}" for each, v in held if np.ptp(v) == 0]
-        if values:
-            lines.append("inputs = { " + ", ".join(values) + " }")
-        particular = [f"{key} = {value}" for key, value in channels.items() if key not in shared]
-        if particular:
-            lines += ["[run.channels]", *particular]
-    return "\n".join(lines).lstrip("\n") + "\n"
+        values = ", ".join(f"{each.name} = {_number(each, v[0])}" for each, v in held if np.ptp(v) == 0)
+        entry = {
+            "file": q(file),
+            "name": q(run.name),
+            "frequency": None if run.frequency is None else repr(float(run.frequency)),
+            "level": None if run.level is None else q(run.level),
+            "use": q(run.use),
+            "inputs": f"{{ {values} }}" if values else None,
+        }
+        runs.append(_pairs(entry))
+    raw = rig and {
+        "strain": '["e1", "e2", "e3", "e4"]',
+        "strain_unit": '"m/m"',
+        "displacement": '["d1", "d2", "d3"]',
+        "displacement_unit": '"m"',
+        "bending_stiffness": _quantity(rig.bending_stiffness, "N*m^2"),
+        "section_height": _quantity(rig.section_height, "m"),
+        "strain_position_factor": repr(float(rig.strain_position_factor)),
+        "joint_length": _quantity(rig.joint_length, "m"),
+    }
+    tables = [*skew, *_input_lines(campaign), *(["", "[rig]", *_pairs(raw)] if raw else [])]
+    return manifest_text(head, _pairs(stated), channels, runs, tables)
+
+
+def manifest_text(
+    head: Sequence[str],
+    joint: Sequence[str],
+    channels: Sequence[Mapping[str, str]],
+    runs: Sequence[Sequence[str]],
+    tables: Sequence[str] = (),
+    tail: Sequence[str] = (),
+) -> str:
+    """Return the text of ``campaign.toml``: what the channels of all runs share stands once, all else with each run.
+
+    Parameters
+    ----------
+    head, joint : sequence of str
+        Lines above the first table, and of ``[joint]``.
+    channels : sequence of mapping of str to str
+        Of each run, by key, as TOML.
+    runs : sequence of sequence of str
+        Lines of each ``[[run]]``.
+    tables, tail : sequence of str
+        Lines between ``[channels]`` and the runs, and at the end.
+    """
+    shared = {key: text for key, text in channels[0].items() if all(own.get(key) == text for own in channels)}
+    lines = [*head, "", "[joint]", *joint, "", "[channels]", *_pairs(shared), *tables]
+    for run, own in zip(runs, channels, strict=True):
+        particular = _pairs({key: text for key, text in own.items() if key not in shared})
+        lines += ["", "[[run]]", *run, *(["[run.channels]", *particular] if particular else [])]
+    return "\n".join([*lines, *tail]).lstrip("\n") + "\n"
+
+
+def toml_string(value: str | int | None) -> str:
+    """Return a TOML basic string, or a number.
+
+    JSON's escapes are TOML's but for DEL; an unpaired surrogate is no text.
+    """
+    clean = str(value).encode("utf-8", errors="replace").decode("utf-8")
+    return (
+        clean if isinstance(value, int) else json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
+    )
+
+
+def _pairs(entry: Mapping[str, str | None]) -> list[str]:
+    return [f"{key} = {text}" for key, text in entry.items() if text is not None]
 
 
 def _input_lines(campaign: Campaign) -> list[str]:
@@ -183,9 +230,9 @@ def _input_lines(campaign: Campaign) -> list[str]:
     for each in campaign.inputs:
         column = any(np.ptp(run.inputs[each.name]) > 0 for run in campaign.runs)
         unit = each.unit if column else each.shown_unit
-        parts = [f"column = {_string(each.name)}"] * column + [f"unit = {_string(unit)}"]
+        parts = [f"column = {toml_string(each.name)}"] * column + [f"unit = {toml_string(unit)}"]
         parts.append(f"reference = {_number(each, each.reference)}")
-        parts.append(f"name = {_string(each.label)}")
+        parts.append(f"name = {toml_string(each.label)}")
         lines.append(f"{each.name} = {{ {', '.join(parts)} }}")
     return ["", "[inputs]", *lines] if lines else []
 
@@ -195,67 +242,34 @@ def _number(each: Input, value: float) -> str:
 
 
 def _channels_of(
-    run: Run, units: Mapping[str, str], rig: SensorRig | None, gains: Mapping[str, float]
+    run: Run, motion: Motion, rig: SensorRig | None, gains: Mapping[str, float]
 ) -> dict[str, str]:
     """Return the ``[channels]`` entries of one run as TOML text."""
-    moment, angle, rate, *_ = units
     channels = {"rate": _quantity(run.sample_rate, "Hz")}
-    if rig is None:
+    fusion = run.fusion if rig is None else None
+    wanted = ["moment"] if fusion is not None and fusion.angle is None else ["moment", "angle"]
+    wanted += [] if fusion is None else ["acceleration"]
+    wanted += ["rate"] if run.rate is not None or (run.fusion and run.fusion.rate is not None) else []
+    for quantity in wanted:
+        key, unit = KEYS[motion][quantity]
+        # An accelerometer alone has the gain of the angle.
+        alone = quantity == "acceleration" and "angle" not in wanted
+        noise, gain = getattr(run.noise, quantity), gains.get("angle" if alone else quantity)
+        columned, unit = rig is None or quantity == "rate", unit.replace("**", "^")
+        parts = [f"column = {toml_string(key)}", f"unit = {toml_string(unit)}"] if columned else []
+        parts += [] if noise is None else [f"noise = {_quantity(noise, unit)}"]
+        parts += [] if gain is None else [f"gain_uncertainty = {float(gain)!r}"]
         # A moment that never changes, as in a free decay, is declared: a constant column is a dead channel.
-        constant = np.ptp(run.moment) == 0
-        value = _quantity(run.moment[0], units[moment])
-        written = _channel(moment, units[moment], run.noise.moment, gains.get("moment"))
-        channels[moment] = f"{{ constant = {value} }}" if constant else written
-        if run.fusion is None or run.fusion.angle is not None:
-            channels[angle] = _channel(angle, units[angle], run.noise.angle, gains.get("angle"))
-    else:
-        known = ((moment, run.noise.moment, "moment"), (angle, run.noise.angle, "angle"))
-        for key, noise, quantity in known:
-            declared = _declared(units[key], noise, gains.get(quantity))
-            if declared:
-                channels[key] = f"{{ {', '.join(declared)} }}"
-    if run.fusion is not None and rig is None:
-        gain = None if angle in channels else gains.get("angle")
-        noise = run.noise.acceleration
-        channels["acceleration"] = _channel("acceleration", units["acceleration"], noise, gain)
-    if run.rate is not None or (run.fusion is not None and run.fusion.rate is not None):
-        channels[rate] = _channel(rate, units[rate], run.noise.rate, gains.get("rate"))
+        if quantity == "moment" and columned and np.ptp(run.moment) == 0:
+            parts = [f"constant = {_quantity(run.moment[0], unit)}"]
+        if parts:
+            channels[key] = f"{{ {', '.join(parts)} }}"
     return channels
-
-
-def _rig_lines(rig: SensorRig) -> list[str]:
-    return [
-        'strain = ["e1", "e2", "e3", "e4"]',
-        'strain_unit = "m/m"',
-        'displacement = ["d1", "d2", "d3"]',
-        'displacement_unit = "m"',
-        f"bending_stiffness = {_quantity(rig.bending_stiffness, 'N*m^2')}",
-        f"section_height = {_quantity(rig.section_height, 'm')}",
-        f"strain_position_factor = {float(rig.strain_position_factor)!r}",
-        f"joint_length = {_quantity(rig.joint_length, 'm')}",
-    ]
-
-
-def _channel(column: str, unit: str, noise: float | None = None, gain: float | None = None) -> str:
-    parts = (f"column = {_string(column)}", f"unit = {_string(unit)}", *_declared(unit, noise, gain))
-    return f"{{ {', '.join(parts)} }}"
-
-
-def _declared(unit: str, noise: float | None, gain: float | None) -> list[str]:
-    """Return what is declared of a channel's errors."""
-    parts = [] if noise is None else [f"noise = {_quantity(noise, unit)}"]
-    return parts if gain is None else [*parts, f"gain_uncertainty = {float(gain)!r}"]
 
 
 def _quantity(value: float, unit: str) -> str:
     """Return a quantity with every digit that its float64 holds."""
-    return _string(f"{float(value)!r} {unit}")
-
-
-def _string(text: str) -> str:
-    """Return a TOML basic string: JSON's escapes are TOML's but for DEL; an unpaired surrogate is no text."""
-    clean = str(text).encode("utf-8", errors="replace").decode("utf-8")
-    return json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return toml_string(f"{float(value)!r} {unit}")
 
 
 def _text(columns: Columns, remark: str, delimiter: str) -> bytes:
@@ -285,33 +299,21 @@ def _mat(columns: Columns, remark: str) -> bytes:
 
 
 def _parquet(columns: Columns, remark: str) -> bytes:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-    except ImportError as error:
-        raise _missing("pyarrow") from error
+    arrow, parquet = library("writing", "pyarrow"), library("writing", "pyarrow.parquet", "pyarrow")
     buffer = io.BytesIO()
-    table = pa.table(dict(columns))
-    pq.write_table(table.replace_schema_metadata({"remark": remark}) if remark else table, buffer)
+    table = arrow.table(dict(columns))
+    parquet.write_table(table.replace_schema_metadata({"remark": remark}) if remark else table, buffer)
     return buffer.getvalue()
 
 
 def _hdf5(columns: Columns, remark: str) -> bytes:
-    try:
-        import h5py
-    except ImportError as error:
-        raise _missing("h5py") from error
     buffer = io.BytesIO()
-    with h5py.File(buffer, "w") as file:
+    with library("writing", "h5py").File(buffer, "w") as file:
         if remark:
             file.attrs["remark"] = remark
         for name, values in columns.items():
             file[name] = values
     return buffer.getvalue()
-
-
-def _missing(package: str) -> MissingExtraError:
-    return MissingExtraError(f'writing this format needs {package}; run: pip install "sindyjoint[formats]"')
 
 
 ENCODERS: dict[str, Callable[[Columns, str], bytes]] = {

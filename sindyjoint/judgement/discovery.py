@@ -18,6 +18,7 @@ from sindyjoint.judgement.headline import Excitations, is_of_the_paper, of_disco
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
 from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
+from sindyjoint.judgement.versions import versions
 from sindyjoint.record import Campaign
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check
@@ -26,7 +27,6 @@ from sindyjoint.states import ForceStates
 from sindyjoint.states.campaigns import content_hash, run_hash
 from sindyjoint.text import in_words_of
 from sindyjoint.trust import Light, Trust
-from sindyjoint.versions import versions
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+import sindyjoint.mechanics.transient_kernel as kernel
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics import transient_kernel as kernel
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import as_compiled
 from sindyjoint.mechanics.structure import Structure

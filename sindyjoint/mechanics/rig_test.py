@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from sindyjoint.errors import InputError
+from sindyjoint.inputs import Source
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.structure import Item, Structure, assemble
 from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES, Motion
-from sindyjoint.source import Source
 
 Quantity = Literal["acceleration", "velocity", "displacement"]
 RigUse = Literal["identify", "validate", "update"]

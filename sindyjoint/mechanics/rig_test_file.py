@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
-from sindyjoint.files.complaints import first_complaint
+from sindyjoint.files.manifest import first_complaint
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.laws import Law, PaperLaw

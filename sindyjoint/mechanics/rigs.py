@@ -15,8 +15,9 @@ from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
-from sindyjoint.files.complaints import first_complaint
+from sindyjoint.files.manifest import first_complaint
 from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.inputs import ColumnUnit, Source
 from sindyjoint.mechanics.beam import Beam, rectangular_section
 from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
 from sindyjoint.mechanics.laws import Law
@@ -41,7 +42,6 @@ from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, a
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.record import MINIMUM_SAMPLES
-from sindyjoint.source import ColumnUnit, Source
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -62,7 +62,7 @@ class Motion:
 
 
 def _describe_failure(status: int, time: float, limits: Array, where: str) -> SimulationError:
-    from sindyjoint.mechanics import stickslip_kernel as kernel
+    import sindyjoint.mechanics.stickslip_kernel as kernel
 
     if status == kernel.LIMIT:
         text = (
@@ -239,7 +239,7 @@ class _Batch:
         return taken
 
     def _integrate(self, r: int, e: Excitation) -> tuple[int, float, int]:
-        from sindyjoint.mechanics import stickslip_kernel as kernel
+        import sindyjoint.mechanics.stickslip_kernel as kernel
 
         # What the drive could do within a millionth of a piece: below it, no relative accuracy is asked for.
         sizes = np.full(2 + self.n_states, 1e-300)

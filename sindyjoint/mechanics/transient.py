@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import sindyjoint.mechanics.transient_kernel as kernel
 from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics import transient_kernel as kernel
 from sindyjoint.mechanics.crossing import Crossing, Stepper, not_converged, side_of
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import softening_limit

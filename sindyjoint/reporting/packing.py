@@ -1,4 +1,4 @@
-"""Frozen records as plain JSON data, and back: one reader and one writer for all of them."""
+"""Records as plain JSON data, and back; and the JSON Schema of campaign.toml and of every result file."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import math
 import types
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
+from importlib import import_module
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from pydantic import BaseModel
 
-from sindyjoint.errors import InputError
+from sindyjoint.described import json_schema
+from sindyjoint.errors import InputError, UnknownNameError
 
 DIGITS = 6
 
@@ -134,3 +137,53 @@ def _restore_tuple(hints: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
     if len(value) != len(hints):
         raise ValueError(f"expected {len(hints)} values, got {len(value)}")
     return tuple(_restore(hint, item) for hint, item in zip(hints, value, strict=True))
+
+
+# Where the record of each stands; what reads a file is checked by pydantic, what is written describes itself.
+_RECORDS = {
+    "campaign": "files.manifest:Manifest",
+    "model": "equation.model_record:ModelRecord",
+    "test": "equation.test_record:TestRecord",
+    "plan": "planning.plan:Plan",
+    "check": "soundness.check:Check",
+    "discovery": "judgement.discovery:Discovery",
+    "comparison": "judgement.comparison:Comparison",
+    "verification": "workflows.refine:RefinedModel",
+    "diagnosis": "diagnosis.result:Diagnosis",
+    "rig": "workflows.rig:RigMotion",
+    "joint-curves": "substructure.joint_curves:JointCurves",
+    "structure-curves": "substructure.structure_curves:StructureCurves",
+    "export": "export:Export",
+    "simulation": "workflows.simulate:WrittenTest",
+    "batch": "batch.summary:Batch",
+    "joint": "batch.record:CampaignRecord",
+    "changed": "judgement.changed:Change",
+    "structure": "judgement.rig_discovery:RigDiscovery",
+    "reproduction": "workflows.reproduce:Reproduction",
+    "tables": "judgement.paper_tables:PrintedTables",
+}
+
+
+def record_schema(name: str) -> dict[str, Any]:
+    """Return the JSON Schema of a result file.
+
+    Parameters
+    ----------
+    name : str
+        One of :func:`record_names`.
+
+    Raises
+    ------
+    UnknownNameError
+        For another name.
+    """
+    if name not in _RECORDS:
+        raise UnknownNameError(f"schema of {name!r}; expected one of {', '.join(_RECORDS)}")
+    module, _, kind = _RECORDS[name].partition(":")
+    record = getattr(import_module(f"sindyjoint.{module}"), kind)
+    return record.model_json_schema(by_alias=True) if issubclass(record, BaseModel) else json_schema(record)
+
+
+def record_names() -> tuple[str, ...]:
+    """Return the names of what has a schema."""
+    return tuple(_RECORDS)

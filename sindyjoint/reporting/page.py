@@ -1,23 +1,126 @@
-"""The bones of every report page: one HTML file that opens offline and asks nothing of the net."""
+"""The bones of every report page, one HTML file that opens offline, and where a result came from."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
 import math
+import os
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cache
 from html import escape
 from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from sindyjoint.documents import hash_file, read_toml
+from sindyjoint.judgement.versions import versions
+from sindyjoint.record import Campaign
+from sindyjoint.reporting.equation import symbol_html
 from sindyjoint.reporting.style import INK, MUTED, RULE
-from sindyjoint.text import spelled
 
 if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
+
+    from sindyjoint.reporting.figure import Kind
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What one needs to make a result again.
+
+    Parameters
+    ----------
+    command_line : str
+        Empty where the result was made from Python.
+    seed : str
+    made : str
+        Date and time, UTC.
+    versions : tuple of (str, str)
+    inputs : tuple of (str, str, str)
+        Run, file, SHA-256; the latter two empty for runs that come from no file.
+    notes : tuple of str
+    """
+
+    command_line: str
+    seed: str
+    made: str
+    versions: tuple[tuple[str, str], ...]
+    inputs: tuple[tuple[str, str, str], ...]
+    notes: tuple[str, ...] = ()
+
+
+def provenance(
+    campaign: Campaign | None = None,
+    seed: object = None,
+    command_line: str | Sequence[str] | None = None,
+    files: Sequence[str | os.PathLike[str]] = (),
+) -> Provenance:
+    """Return the provenance of a result that is made now.
+
+    Parameters
+    ----------
+    campaign : Campaign, optional
+        Its runs name the files that they come from.
+    seed : object
+    command_line : str or sequence of str, optional
+    files : sequence of path
+        Further files that were read, such as a model or a rig; folders stand for the manifest or model in them.
+    """
+    return Provenance(
+        command_line=_line(command_line),
+        seed=_seed(seed),
+        made=f"{str(np.datetime64('now', 's')).replace('T', ' ')} UTC",
+        versions=versions(),
+        inputs=(
+            *(
+                (run.name, run.source.path if run.source else "", run.source.sha256 if run.source else "")
+                for run in (campaign.runs if campaign else ())
+            ),
+            *(entry for file in files for entry in _hashed(Path(file))),
+        ),
+        notes=campaign.notes if campaign else (),
+    )
+
+
+def _hashed(path: Path) -> list[tuple[str, str, str]]:
+    """Return stem, name and SHA-256 of a file; of a campaign's manifest, of its run files too."""
+    if path.is_dir():
+        path = next(
+            (path / name for name in ("campaign.toml", "rig.toml", "model.json") if (path / name).is_file()),
+            path,
+        )
+    if not path.is_file():
+        return []
+    listed = [path]
+    if path.suffix == ".toml":
+        for run in read_toml(path).get("run", []):
+            if isinstance(run, dict) and "file" in run:
+                exact = path.parent / run["file"]
+                listed += [exact] if exact.is_file() else sorted(path.parent.glob(run["file"]))
+    return [(one.stem, one.name, hash_file(one)) for one in listed if one.is_file()]
+
+
+def _line(command_line: str | Sequence[str] | None) -> str:
+    if command_line is None:
+        return ""
+    if isinstance(command_line, str):
+        return command_line
+    import shlex
+
+    return shlex.join(command_line)
+
+
+def _seed(seed: object) -> str:
+    if seed is None:
+        return "none given"
+    return str(seed) if isinstance(seed, int | np.integer) else "a generator of the caller's"
+
 
 # In the order in which they run; each is a separate file next to the templates.
 SCRIPTS = ("page.js", "map3d.js", "loops.js")
@@ -25,15 +128,116 @@ SCRIPTS = ("page.js", "map3d.js", "loops.js")
 _REPAINTED = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)"}
 
 
-def render(template: str, **content: Any) -> str:
-    """Return a page from a template with the style sheet and scripts put into it."""
+@dataclass(frozen=True)
+class Section:
+    """A part of a page: its name in links, its heading, what the bar on top calls it, and its blocks."""
+
+    id: str
+    heading: str
+    link: str
+    blocks: Sequence[str]
+
+
+def section(id: str, heading: str, link: str, *blocks: str) -> Section:
+    """Return a part of a page of blocks that :class:`Blocks` makes; empty ones are left out."""
+    return Section(id, heading, link, [block for block in blocks if block and block.strip()])
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a page says: of what kind, of whom, first of all, and part by part.
+
+    Parameters
+    ----------
+    title, kicker, name : str
+        Of the window, above the heading, and the heading.
+    lead : sequence of str
+        Blocks of the first screen.
+    sections : sequence of Section
+    payload : dict
+        What its drawings need.
+    """
+
+    title: str
+    kicker: str
+    name: str
+    lead: Sequence[str]
+    sections: Sequence[Section]
+    payload: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Blocks:
+    """What a page is made of, each block as HTML: the macros of ``blocks.html.j2``, and pictures by their names.
+
+    Parameters
+    ----------
+    kinds : mapping of str to Kind
+    pictures : mapping of str to bytes
+        SVG of what is drawn, by kind.
+    """
+
+    def __init__(self, kinds: Mapping[str, Kind], pictures: Mapping[str, bytes]):
+        self._kinds, self._pictures = kinds, dict(pictures)
+
+    def __getattr__(self, name: str) -> Callable[..., str]:
+        macro: Callable[..., str] = getattr(_environment().get_template("blocks.html.j2").module, name)
+        return macro
+
+    def pictures(self, *names: str) -> str:
+        """Return the figures of these names, or all, that are drawn and do not yet stand on the page."""
+        here = [name for name in names or tuple(self._pictures) if name in self._pictures]
+        return join(self._figure(name, name, self._pictures[name]) for name in here)
+
+    def hero(self, name: str, drawn: bytes, caption: str = "", whole: bool = True) -> str:
+        """Return a figure for the first screen; where it is the ``whole`` of one, that does not stand below again."""
+        if name not in self._pictures:
+            return ""
+        if whole:
+            del self._pictures[name]
+        return self._figure("lead", name, drawn, caption)
+
+    def _figure(self, id: str, name: str, svg: bytes, caption: str = "") -> str:
+        kind = self._kinds[name]
+        return self.picture(markup(inline_svg(svg, id, kind.title)), id, caption or kind.caption)
+
+    def warnings(self, texts: Sequence[str]) -> str:
+        """Return sentences to be aware of."""
+        return self.items(list(map(sentence, texts)), "To be aware of", "warnings")
+
+
+def sentence(text: str) -> str:
+    """Return words as a sentence: with a capital and a full stop."""
+    return f"{capital(text)}." if text else ""
+
+
+def capital(text: str) -> str:
+    """Return words with a capital."""
+    return text[:1].upper() + text[1:]
+
+
+def join(blocks: Iterable[str]) -> str:
+    """Return blocks as one."""
+    return markup("\n").join(blocks)
+
+
+def render(page: Page, origin: Provenance, simulated: bool) -> str:
+    """Return a page as one HTML text, with the style sheet and scripts put into it."""
     script = "\n".join(_text(name) for name in SCRIPTS)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return (
+    text: str = (
         _environment()
-        .get_template(template)
-        .render(css=markup(_text("style.css")), script=markup(script), script_hash=digest, **content)
+        .get_template("page.html.j2")
+        .render(
+            page=page,
+            sections=[part for part in page.sections if part.blocks],
+            origin=origin,
+            simulated=simulated,
+            css=markup(_text("style.css")),
+            script=markup(script),
+            script_hash=digest,
+        )
     )
+    return text
 
 
 def markup(text: str) -> Markup:
@@ -72,9 +276,7 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = number
-    environment.filters["spelled"] = spelled
-    environment.filters["joined"] = _joined
+    environment.filters["symbol"] = lambda text: markup(symbol_html(text))
     return environment
 
 
@@ -88,8 +290,3 @@ def number(value: float | None, digits: int = 3) -> str:
 @cache
 def _text(name: str) -> str:
     return resources.files("sindyjoint.reporting").joinpath("templates", name).read_text(encoding="utf-8")
-
-
-def _joined(identifiers: Iterable[str], motion: str = "rotation") -> str:
-    """Return ids in words, separated by commas."""
-    return ", ".join(spelled(identifier, motion) for identifier in identifiers)

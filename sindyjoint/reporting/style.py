@@ -28,7 +28,6 @@ DASHES = (
     (0, (2.5, 1)),
     (0, (7, 1, 1, 1, 1, 1)),
 )
-MARKERS = ("o", "s", "^", "D", "v", "P")
 INK, MUTED, RULE, ACCENT = "#1b1f24", "#5b6570", "#d5dae0", "#D55E00"
 # One shade per step, dark to light, ordered in grey too.
 SEQUENTIAL, DIVERGING = "cividis", "RdBu_r"
@@ -120,7 +119,7 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     return 1e9, "n" + pretty_unit(unit)
 
 
-def amount(value: float, unit: str) -> str:
+def amount(value: float, unit: str, digits: int = 3) -> str:
     """Return a number with its unit, prefixed to its size.
 
     Examples
@@ -129,7 +128,7 @@ def amount(value: float, unit: str) -> str:
     '0.5 mJ'
     """
     factor, shown = prefixed(value, unit)
-    return f"{value * factor:.3g} {shown}"
+    return f"{value * factor:.{digits}g} {shown}".rstrip()
 
 
 def plain(text: object) -> str:

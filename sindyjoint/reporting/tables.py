@@ -1,192 +1,273 @@
-"""Tables: the terms of a model as rows, as CSV text, and as a table for a terminal."""
+"""A table of text, every form it takes, and the tables that several results have: terms, findings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+import csv
+import io
+import json
+import math
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from sindyjoint.equation.element import JointElement
-from sindyjoint.equation.formula import formula_pretty
-from sindyjoint.equation.model import JointModel
-from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
+import numpy as np
+
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.text import in_words_of, rounded, superscript
 
 if TYPE_CHECKING:
+    import rich.console
     from rich.table import Table
 
-TERM_COLUMNS = (
-    "id",
-    "symbol",
-    "name",
-    "formula",
-    "coefficient",
-    "standard_error",
-    "interval95_low",
-    "interval95_high",
-    "unit",
-    "unique_share",
-)
+Console: TypeAlias = "rich.console.Console"
+DASH = "–"
+# What begins with a digit, a sign or an estimate's "about": 5910 ± 40, −2 %, < 0.1.
+FIGURE = re.compile(r"[-−+±<>≤≥~≈(\[]?\s*[-−+]?\s*[.\d∞]")
+LEAST_WORDS = 12  # characters of a column of words that is broken into lines
+WIDTH = 100  # characters, where no terminal says how wide it is
+LATEX = {
+    "&": r"\&",
+    "%": r"\%",
+    "_": r"\_",
+    "#": r"\#",
+    "$": r"\$",
+    "{": r"\{",
+    "}": r"\}",
+    "\\": r"\textbackslash{}",
+    "–": "--",
+    "−": r"$-$",
+    "±": r"$\pm$",
+    "·": r"$\cdot$",
+    "τ": r"$\tau$",
+    "…": r"\ldots{}",
+}
+SUPERSCRIPT = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 @dataclass(frozen=True)
-class TermRow:
-    """A term as people read it.
+class TextTable:
+    """A table of text that every format is made of.
 
     Parameters
     ----------
-    id, symbol, name, formula, unit : str
-        Formula and unit in plain text: ``θ²``, ``N·m/rad²``.
-    value : str
-        Coefficient and uncertainty, rounded: ``5910 ± 40``.
-    interval : str
-        95 % interval, each end to the place that the uncertainty allows.
-    coefficient, standard_error : float
-    share : float
-        Moment that no other term can take over, of the RMS moment.
+    name, title : str
+        The name stands in files and links, the title is what people read.
+    columns : tuple of str
+    rows : tuple of tuple of str
+    text : tuple of str
+        Columns that hold words even where these begin with a digit, as names of runs do.
+    marked : int, optional
+        The row that a page lays stress on.
     """
 
-    id: str
-    symbol: str
     name: str
-    formula: str
-    unit: str
-    value: str
-    interval: str
-    coefficient: float
-    standard_error: float
-    share: float
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    text: tuple[str, ...] = ()
+    marked: int | None = None
 
-
-def term_rows(model: JointModel) -> list[TermRow]:
-    """Return the terms of a model as rows to read, then the numbers of its elements; these have no share."""
-    return [*_own_rows(model), *(row for element in model.elements for row in _element_rows(element, model))]
-
-
-def _element_rows(element: JointElement, model: JointModel) -> list[TermRow]:
-    motion = model.joint.motion
-    formulas = [formula_pretty(column.expression, motion) for column in element.form.columns]
-    formulas += [""] * len(element.parameters)
-    return [
-        TermRow(
-            id=f"{element.id}.{number.name}",
-            symbol=number.name,
-            name=in_words_of(motion, element.name),
-            formula=formula,
-            unit=pretty_unit(number.unit),
-            value=superscripted(rounded(number.value, number.standard_error)),
-            interval=interval_text(*number.interval95, number.standard_error),
-            coefficient=number.value,
-            standard_error=number.standard_error,
-            share=float("nan"),
+    @property
+    def is_text(self) -> tuple[bool, ...]:
+        """Whether a column holds words and not figures: such a one begins at the left."""
+        if not self.rows:
+            return (True,) * len(self.columns)
+        return tuple(
+            name in self.text or any(cell not in ("", DASH) and not FIGURE.match(cell) for cell in column)
+            for name, column in zip(self.columns, zip(*self.rows, strict=True), strict=True)
         )
-        for number, formula in zip(element.numbers, formulas, strict=True)
-    ]
 
+    def take(self, *columns: str) -> TextTable:
+        """Return the table with some of its columns, in their order there."""
+        places = [self.columns.index(column) for column in columns]
+        return replace(self, columns=columns, rows=tuple(tuple(row[i] for i in places) for row in self.rows))
 
-def _own_rows(model: JointModel) -> list[TermRow]:
-    return [
-        TermRow(
-            id=term.id,
-            symbol=term.symbol,
-            name=in_words_of(model.joint.motion, term.name),
-            formula=formula_pretty(term.expression, model.joint.motion),
-            unit=pretty_unit(term.unit),
-            value=superscripted(rounded(term.coefficient, term.standard_error)),
-            interval=interval_text(*term.interval95, term.standard_error),
-            coefficient=term.coefficient,
-            standard_error=term.standard_error,
-            share=term.unique_share,
+    def headed(self, *columns: str) -> TextTable:
+        """Return the table under other headings; none: its own in small letters, as on a terminal."""
+        return replace(self, columns=columns or tuple(c if c.isupper() else c.lower() for c in self.columns))
+
+    def markdown(self) -> str:
+        """Return the table as Markdown."""
+        lines = [self.columns, ("---",) * len(self.columns), *self.rows]
+        return "\n".join(
+            "| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines
         )
-        for term in model.terms
+
+    def latex(self) -> str:
+        """Return the table as LaTeX for the package booktabs."""
+        lines = [" & ".join(_tex(cell) for cell in line) + r" \\" for line in (self.columns, *self.rows)]
+        head, body = lines[0], "\n".join(lines[1:])
+        align = "l" + "r" * (len(self.columns) - 1)
+        return (
+            f"\\begin{{table}}\n\\caption{{{_tex(self.title)}}}\n\\begin{{tabular}}{{{align}}}\n\\toprule\n{head}\n\\midrule\n"
+            f"{body}\n\\bottomrule\n\\end{{tabular}}\n\\end{{table}}\n"
+        )
+
+
+def tabulate(
+    name: str, title: str, items: Iterable[Any], columns: Mapping[str, Callable[[Any], str]], **more: Any
+) -> TextTable:
+    """Return a table with a row for each item, described by what each column shows of it."""
+    rows = tuple(tuple(cell(item) for cell in columns.values()) for item in items)
+    return TextTable(name, title, tuple(columns), rows, **more)
+
+
+def csv_records(rows: Sequence[Mapping[str, object]]) -> str:
+    """Return records of the same entries as CSV text; numbers in full, nothing where none is known."""
+    return csv_text(list(rows[0]), [[_in_full(value) for value in row.values()] for row in rows])
+
+
+def _in_full(value: object) -> object:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return ""
+    return repr(float(value)) if isinstance(value, float) else value
+
+
+def short_number(value: float | None) -> str:
+    """Return a number to four digits; a dash where there is none."""
+    return DASH if value is None or not math.isfinite(value) else f"{value:.4g}"
+
+
+def milliseconds(value: float | None) -> str:
+    """Return a time in ms; a dash where there is none."""
+    return DASH if value is None or not math.isfinite(value) else f"{1e3 * value:.3g} ms"
+
+
+def aligned(table: TextTable) -> Iterator[str]:
+    """Yield headings and rows with columns under each other: the first to the left, others to the right."""
+    rows = (table.columns, *table.rows)
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for row in rows:
+        cells = [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        yield "  ".join([row[0].ljust(widths[0]), *cells])
+
+
+def json_text(record: Any) -> str:
+    """Return a record as the text of a file."""
+    return json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def csv_text(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table as CSV text."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerows([_harmless(cell) for cell in row] for row in (columns, *rows))
+    return buffer.getvalue()
+
+
+def csv_columns(columns: Mapping[str, Any], digits: int = 7) -> str:
+    """Return columns of numbers as CSV text, by their headings; whole numbers as such."""
+    cells = [
+        [str(x) if isinstance(x, int) else f"{x:.{digits}g}" for x in np.asarray(column).tolist()]
+        for column in columns.values()
     ]
+    return csv_text(list(columns), list(zip(*cells, strict=True)))
 
 
-def model_table(model: JointModel) -> TextTable:
-    """Return the terms of a model as a table of a page."""
-    return TextTable(
-        "terms",
-        "Coefficients with one standard error.",
-        ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval"),
-        tuple(
-            (row.name, row.symbol, row.formula or DASH, row.value, row.unit, row.interval)
-            for row in term_rows(model)
-        ),
+def _harmless(cell: object) -> object:
+    """Return a cell that no spreadsheet takes for a formula: text that begins like one gets an apostrophe in front."""
+    if not isinstance(cell, str) or not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell
+
+
+def terminal(width: int = WIDTH, markup: bool = True) -> Console:
+    """Return the console that results are printed on: as wide as its window, or ``width`` where output is piped."""
+    from rich.console import Console
+
+    # In a notebook, too, text is text: what a result shows there is its own matter.
+    return Console(
+        width=None if sys.stdout.isatty() else width, highlight=False, markup=markup, force_jupyter=False
     )
 
 
-def interval_text(low: float, high: float, error: float) -> str:
-    """Return an interval with its ends rounded to the place of the error.
+def terminal_table(
+    table: TextTable,
+    align: str = "lr",
+    ruled: bool = False,
+    wraps: bool = False,
+    console: Console | None = None,
+) -> Table:
+    """Return a table for a terminal.
 
-    Examples
-    --------
-    >>> interval_text(5830.71, 5993.9, 41.7)
-    '5830 … 5990'
+    Parameters
+    ----------
+    table : TextTable
+    align : str
+        A letter for each column, l or r; the last one holds for all that follow.
+    ruled : bool
+        Whether a line stands below the headings.
+    wraps : bool
+        Whether cells may be broken into lines.
+    console : Console, optional
+        Where it is to stand; its last column, of words, may be broken where the others leave that enough room.
     """
-    ends = [superscripted(rounded(end, error)).partition(" ±")[0].lstrip("(") for end in (low, high)]
-    powers = {rounded(end, error).rpartition(")")[2] for end in (low, high)}
-    if len(powers) == 1 and (power := powers.pop()):
-        return f"({ends[0]} … {ends[1]}){_power(power)}"
-    if any(")" in rounded(end, error) for end in (low, high)):
-        return f"{low:.4g} … {high:.4g}"
-    return f"{ends[0]} … {ends[1]}"
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    look: Any = {"box": None, "padding": (0, 2, 0, 0)}
+    made = Table(pad_edge=False, **({"box": box.SIMPLE_HEAD, "show_edge": False} if ruled else look))
+    for column, side in zip(table.columns, align.ljust(len(table.columns), align[-1]), strict=False):
+        made.add_column(column, justify="left" if side == "l" else "right", no_wrap=not wraps)
+    for row in table.rows:
+        # Names are chosen by a person: Text keeps square brackets from being markup.
+        made.add_row(*map(Text, row))
+    if console is not None:
+        made.columns[-1].no_wrap = False
+        widest = max((len(row[-1]) for row in table.rows), default=0)
+        made.columns[-1].no_wrap = natural_width(made, console) - widest + LEAST_WORDS > console.width
+    return made
 
 
-def superscripted(text: str) -> str:
-    """Return ``(1.2 ± 0.1)e9`` as ``(1.2 ± 0.1)·10⁹``; a minus sign where a hyphen stood.
+def natural_width(table: Table, console: Console) -> int:
+    """Return how many characters a table takes where nothing limits it."""
+    from rich.measure import Measurement
 
-    Examples
-    --------
-    >>> superscripted("(-2.684 ± 0.012)e9")
-    '(−2.684 ± 0.012)·10⁹'
+    return Measurement.get(console, console.options.update(max_width=10_000), table).maximum
+
+
+def print_table(
+    table: TextTable, console: Console, align: str = "lr", ruled: bool = False, wraps: bool = False
+) -> None:
+    """Print a table as wide as it is: a number that is cut off is a wrong number.
+
+    Where it ``wraps``, its last column, of words, is broken into lines on a narrow screen.
     """
-    head, bracket, power = text.rpartition(")e")
-    shown = f"{head}){_power('e' + power)}" if bracket else text
-    return shown.replace("-", "−")
+    from rich.console import Console
+
+    made = terminal_table(table, align, ruled, console=console if wraps else None)
+    broken = wraps and not made.columns[-1].no_wrap
+    width = console.width if broken else max(console.width, natural_width(made, console))
+    Console(width=width, highlight=False, force_jupyter=False).print(made)
 
 
-def _power(power: str) -> str:
-    return f"·10{superscript(power.lstrip('e'))}"
+def fitting_blocks(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], width: int
+) -> Iterator[tuple[Sequence[str], list[Sequence[str]]]]:
+    """Yield a table in blocks of columns that fit a width; the first column, of names, begins each of them."""
+    widths = [max(len(cell) for cell in column) + 3 for column in zip(columns, *rows, strict=True)]
+    start = 1
+    while start < len(columns):
+        end, used = start + 1, widths[0] + widths[start]
+        while end < len(columns) and used + widths[end] <= width:
+            used += widths[end]
+            end += 1
+        kept = [0, *range(start, end)]
+        yield [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]
+        start = end
 
 
-def terms_csv(model: JointModel) -> str:
-    """Return the terms as CSV text, numbers in full, SI."""
-    rows = []
-    for term in model.terms:
-        numbers = map(repr, (term.coefficient, term.standard_error, *term.interval95))
-        name = in_words_of(model.joint.motion, term.name)
-        text = (term.id, term.symbol, name, term.formula)
-        rows.append((*text, *numbers, term.unit, repr(term.unique_share)))
-    for element in model.elements:
-        for number in element.numbers:
-            values = map(repr, (number.value, number.standard_error, *number.interval95))
-            name = in_words_of(model.joint.motion, element.name)
-            text = (f"{element.id}.{number.name}", number.name, name, number.formula)
-            rows.append((*text, *values, number.unit, ""))
-    return csv_text(TERM_COLUMNS, rows)
-
-
-def terms_table(model: JointModel) -> Table:
-    """Return the terms as a rich table for a terminal."""
-    columns = ("term", "", "of", "value", "unit", "unique share")
-    rows = [
-        (row.name, row.symbol, row.formula, row.value, row.unit, share_text(row.share))
-        for row in term_rows(model)
-    ]
-    return terminal_table(columns, rows, "lllrlr", ruled=True, wraps=True)
-
-
-def share_text(share: float) -> str:
-    """Return a share in per cent; a dash where there is none.
-
-    Examples
-    --------
-    >>> share_text(0.272)
-    '27.2 %'
-    """
-    return f"{100 * share:.1f} %" if share == share else DASH
+def _tex(text: str) -> str:
+    text = re.sub(r"·10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda found: f"\0{found[1].translate(SUPERSCRIPT)}\1", text)
+    text = "".join(LATEX.get(char, char) for char in text)
+    text = re.sub(r"([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda found: f"$^{{{found[1].translate(SUPERSCRIPT)}}}$", text)
+    return text.replace("\0", r"$\cdot 10^{").replace("\1", "}$")
 
 
 def findings_table(findings: Sequence[Finding]) -> TextTable:

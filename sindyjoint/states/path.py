@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sindyjoint.quasi_static import white_noise
+from sindyjoint.measured import white_noise
 from sindyjoint.record import Run
 from sindyjoint.states.broadband import BLOCKS
 from sindyjoint.states.noise import WIDEST

@@ -11,23 +11,27 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.batch.record import (
+    CAMPAIGNS,
     FACTORS_FILE,
     MODEL_FILE,
     RECORD_FILE,
     REQUIRED,
     CampaignRecord,
+    Task,
+    Writer,
     broken,
     changed_outputs,
+    extras_of,
+    find_tasks,
     fingerprint,
     is_valid,
     last_result,
     read_record,
 )
 from sindyjoint.batch.summary import Batch, summarised
-from sindyjoint.batch.tasks import CAMPAIGNS, Task, Writer, extras_of, find_tasks
-from sindyjoint.checksums import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.evidence_file import evidence_bytes
+from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.errors import InputError, OutputError, SindyJointError
 from sindyjoint.files.atomic import (
@@ -107,7 +111,7 @@ def batch(
         workers_here = stack.enter_context(executor(jobs, workers, cluster))
         folder = prepare_output(Path(out) / CAMPAIGNS)
         stack.enter_context(_only_batch(folder))
-        for number, answer in workers_here.completed(run_task, tasks):
+        for number, answer in workers_here(run_task, tasks):
             if isinstance(answer, Lost):
                 record, fresh = _recorded_lost(tasks[number], answer), True
             else:

@@ -12,11 +12,10 @@ from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.equation.model_file import read_model
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.changed import Change, check_margin, compare_models
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.policy import POLICY
-from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.discover import discover, the_campaign
 

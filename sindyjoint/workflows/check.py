@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.discovery.large.segments import LONGEST
+from sindyjoint.errors import checks_options
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import is_rig_test, load_rig_test
-from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, check_accepted, check_campaign
 from sindyjoint.soundness.structure.check import RigCheck, check_rig_test

@@ -17,7 +17,7 @@ from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import inclusion
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model
-from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.errors import InputError, UnknownNameError, checks_options
 from sindyjoint.judgement.against_paper import against_paper
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.judgement.discovery import Discovery, undetermined
@@ -34,7 +34,6 @@ from sindyjoint.judgement.question import (
     parts_of,
 )
 from sindyjoint.measurement.floor import moment_floor
-from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested

@@ -10,14 +10,13 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_models
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
 from sindyjoint.mechanics.laws import softening_limit
 from sindyjoint.mechanics.rig_test import BASE, RigTest
 from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure, rig_path
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
-from sindyjoint.options import checks_options
 from sindyjoint.record import Motion
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.models_by_kind import place_by_kind

@@ -18,10 +18,9 @@ from sindyjoint.discovery.delay import delay_to_remove, without_delay
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.tested import Tested, followed, no_surer_than, stopped
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.options import checks_options
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound

@@ -19,7 +19,7 @@ from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.equation.without_rate import NO_DELAY, rate_free
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.second_search import (
@@ -37,7 +37,6 @@ from sindyjoint.judgement.verdict import (
     undecided_without_time,
     unresolved_delay,
 )
-from sindyjoint.options import checks_options
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound

@@ -12,12 +12,11 @@ from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
-from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.errors import InputError, UnknownNameError, checks_options
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.mechanics.actuator import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
-from sindyjoint.options import checks_options
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.joints import like_law, like_model
 from sindyjoint.planning.plan import Plan

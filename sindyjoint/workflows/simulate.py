@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from sindyjoint.described import Described
-from sindyjoint.errors import InputError
-from sindyjoint.options import checks_options
+from sindyjoint.errors import InputError, checks_options
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law

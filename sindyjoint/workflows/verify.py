@@ -15,7 +15,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model, read_models
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
-from sindyjoint.errors import InputError, MissingInputError
+from sindyjoint.errors import InputError, MissingInputError, checks_options
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.headlines import judge_verification
@@ -24,7 +24,6 @@ from sindyjoint.judgement.trust import assess
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import has_measured_runs, load_rig_test
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
-from sindyjoint.options import checks_options
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import put_right
 from sindyjoint.response.run import WINDOW

@@ -149,7 +149,7 @@ def test_a_table_is_sorted_by_value(open_page):
 
     def column(index):
         return [float(v) for v in page.locator(f"#terms-table tbody tr td:nth-child({index})").evaluate_all(
-            "cells => cells.map(cell => cell.dataset.value)")]  # fmt: skip
+            "cells => cells.map(cell => shownNumber(cell.textContent))")]  # fmt: skip
 
     heading = page.locator("#terms-table th", has_text="Unique share")
     heading.locator("button").click()

@@ -19,9 +19,9 @@ def test_the_page_reads_turns_narrow_and_prints(open_page, reproduction, screens
     box = page.locator(".verdict").bounding_box()
     assert box["y"] + box["height"] < 800 and "within" in page.locator(".verdict").inner_text().lower()
     assert page.locator("figure svg").count() == 7
-    assert page.locator("#table-1 tbody tr").count() == 8
-    page.locator("#table-1 thead th").nth(1).locator("button").click()
-    assert page.locator("#table-1 thead th").nth(1).get_attribute("aria-sort") == "ascending"
+    assert page.locator("#table-1-table tbody tr").count() == 8
+    page.locator("#table-1-table thead th").nth(1).locator("button").click()
+    assert page.locator("#table-1-table thead th").nth(1).get_attribute("aria-sort") == "ascending"
     canvas = page.locator("#loops2d canvas")
     canvas.scroll_into_view_if_needed()
     page.locator("#loops2d canvas[data-shown='2']").wait_for()

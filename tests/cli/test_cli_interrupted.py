@@ -6,7 +6,7 @@ import signal
 import pytest
 from made_models import paper_model
 
-from sindyjoint.checksums import changed_files
+from sindyjoint.documents import changed_files
 
 # Where it comes: before anything is written, while a file or folder aside is made or held, while files move in.
 EARLY, ASIDE, MOVING = (f"files.atomic.{name}" for name in ("check_output", "settle", "sums_text"))
@@ -23,7 +23,7 @@ COMMANDS = {
     "simulate": (("simulate", "--model", "model.json", "--out", FOLDER), (MODEL, MOVING)),
     "init": (("init", "campaign", "--force", "--yes"), ("files.drafting.init.survey_folder", ASIDE)),
     "copy": (("libraries", "copy", "paper", FILE), (ASIDE,)),
-    "schema": (("schema",), ("reporting.schemas.record_schema",)),
+    "schema": (("schema",), ("reporting.packing.record_schema",)),
 }
 
 
@@ -79,7 +79,7 @@ def test_ctrl_c_while_a_figure_is_drawn_anew(folder, sindyjoint, monkeypatch):
     assert sindyjoint("check", "campaign", "--out", FOLDER).status == 0
     kind = sindyjoint("plot", FOLDER).stdout.split()[0]
     before = {path: path.read_bytes() for path in home.rglob("*") if path.is_file()}
-    for at in ("reporting.saved.read_checked", ASIDE):
+    for at in ("reporting.registry.read_checked", ASIDE):
         answer = interrupted(sindyjoint, monkeypatch, ("plot", FOLDER, kind, "--out", "figure.svg"), at)
         held_against_what_ctrl_c_promises(answer, home, before)
         assert not (home / "figure.svg").exists()

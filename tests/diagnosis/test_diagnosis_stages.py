@@ -16,7 +16,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import harmonic
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.reporting.front import figures_of
+from sindyjoint.reporting.output import figures_of
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.handmade_problem import Based, Effect
 from tests.diagnosis.hidden_effects import hide

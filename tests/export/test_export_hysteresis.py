@@ -11,8 +11,8 @@ from sindyjoint.equation.element import ElementState, JointElement, Value
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.errors import InputError
 from sindyjoint.export import TARGETS, export_model
-from sindyjoint.export.base import Cycles
 from sindyjoint.export.elements import BoucWen, Gap, LuGre, Maxwell, Slider, kind_of
+from sindyjoint.export.fidelity import Cycles
 from tests.export.made import ELEMENTS
 
 ANGLE, RMS = 7.7e-4, 3.55

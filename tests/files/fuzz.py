@@ -55,8 +55,7 @@ def read_unit(text: str) -> None:
 def read_columns(path: Path) -> None:
     """Read a data file as a whole, and in segments."""
     from sindyjoint.errors import SindyJointError
-    from sindyjoint.files.blocks import open_blocks
-    from sindyjoint.files.readers import read_table
+    from sindyjoint.files.readers import open_blocks, read_table
 
     refusals = []
     try:
@@ -139,7 +138,7 @@ def read_record(path: Path) -> None:
 
 def read_saved(path: Path) -> None:
     from sindyjoint.reporting import draw, drawable, load_results
-    from sindyjoint.reporting.saved import drawing
+    from sindyjoint.reporting.registry import drawing
 
     data = load_results(path.parent.parent)
     with drawing(path.parent.parent):
@@ -150,7 +149,7 @@ def read_saved(path: Path) -> None:
 
 
 def read_list(path: Path) -> None:
-    from sindyjoint.checksums import changed_files, read_checked
+    from sindyjoint.documents import changed_files, read_checked
 
     changed_files(path.parent)
     read_checked(path.parent / "other")
@@ -212,7 +211,7 @@ def _documents(folder: Path) -> dict[str, Target]:
     from made_models import paper_model
 
     from sindyjoint.batch.record import CampaignRecord
-    from sindyjoint.checksums import sums_of, sums_text
+    from sindyjoint.documents import sums_of, sums_text
     from tests.equation.test_element import JENKINS, MAXWELL, with_elements
 
     (folder / "run.csv").write_text(_table(), encoding="utf-8")

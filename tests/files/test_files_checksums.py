@@ -12,7 +12,7 @@ import time
 import pytest
 from made_models import paper_model
 
-from sindyjoint.checksums import SUMS, changed_files, list_kinds, read_checked, refuse_foreign_file
+from sindyjoint.documents import SUMS, changed_files, read_checked, read_list, refuse_foreign_file
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.export import read_model
 from sindyjoint.files import load_campaign
@@ -60,7 +60,7 @@ def test_results_of_one_kind_are_replaced_whole_and_others_stay(tmp_path):
     write(tmp_path, number=1, count=1, kind="discovery")
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"SHA256SUMS", "notes.md", "campaign.toml", "00.txt", "model.json", "figures"}
-    assert changed_files(tmp_path) == [] and list_kinds(tmp_path)["campaign.toml"] == "campaign"
+    assert changed_files(tmp_path) == [] and read_list(tmp_path).kinds["campaign.toml"] == "campaign"
     if shutil.which("sha256sum"):
         subprocess.run(["sha256sum", "--check", "--strict", "--quiet", SUMS], cwd=tmp_path, check=True)
 

@@ -9,9 +9,8 @@ import pytest
 
 from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
-from sindyjoint.files.blocks import open_blocks
-from sindyjoint.files.limits import VARIABLE
-from sindyjoint.files.readers import read_table
+from sindyjoint.files.readers import open_blocks, read_table
+from sindyjoint.files.readers.table import VARIABLE
 
 
 def columns_of(path):
@@ -122,7 +121,7 @@ def test_matlab_is_read_as_scipy_reads_it(tmp_path, format, packed):
         }
     savemat(tmp_path / "run.mat", arrays, format=format, do_compression=packed and format == "5")
     known = loadmat(tmp_path / "run.mat")
-    from sindyjoint.files.readers.mat5 import read_arrays
+    from sindyjoint.files.readers.mat import read_arrays
 
     found = dict(read_arrays(tmp_path / "run.mat", (tmp_path / "run.mat").read_bytes()))
     assert found.pop("text", "no numbers") == "no numbers"
@@ -226,7 +225,7 @@ def long_table(lines=300_010) -> list[str]:
 
 @pytest.mark.parametrize("at", [300_001, 262_145, 131_073])
 @pytest.mark.parametrize(
-    ("text", "message"), [("1,2", "has 2 fields and line 2 has 3"), ("t,m,a", "column 't' holds 't'")]
+    ("text", "message"), [("1,2", "has 2 fields and line 1 has 3"), ("t,m,a", "column 't' holds 't'")]
 )
 def test_a_fault_far_down_is_named_by_its_line(tmp_path, at, text, message):
     # Beyond the first segment, and on the very line where one begins: there it was taken for a header.

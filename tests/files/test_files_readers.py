@@ -1,6 +1,7 @@
 """Every format: the same numbers come back, and damaged files are refused in one line."""
 
 import builtins
+import sys
 import warnings
 
 import numpy as np
@@ -166,14 +167,8 @@ def test_damage_anywhere_is_read_or_refused(ending, tmp_path):
 )
 def test_missing_library_names_the_extra(ending, module, package, tmp_path, monkeypatch):
     path = stored(ending, tmp_path)
-    original = builtins.__import__
-
-    def without(name, *args, **kwargs):
-        if name.split(".")[0] == module:
-            raise ImportError(f"No module named {name!r}")
-        return original(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without)
+    for name in {module, *(name for name in sys.modules if name.startswith(f"{module}."))}:
+        monkeypatch.setitem(sys.modules, name, None)
     extra = "excel" if ending == "xlsx" else "formats"
     wanted = rf'needs {package}; run: pip install "sindyjoint\[{extra}\]"'
     with pytest.raises(MissingExtraError, match=wanted):

@@ -9,11 +9,11 @@ import pytest
 from fuzz import made_test
 from made_files import lvm, xlsx
 
-from sindyjoint.checksums import SUMS, sums_of, sums_text
+from sindyjoint.documents import SUMS, sums_of, sums_text
 from sindyjoint.equation.test_record import read_test
 from sindyjoint.errors import InputError
-from sindyjoint.files.limits import VARIABLE
 from sindyjoint.files.readers import read_table
+from sindyjoint.files.readers.table import VARIABLE
 
 
 def workbook(old: bytes, new: bytes) -> bytes:

@@ -21,7 +21,7 @@ from sindyjoint.planning.plan_file import plan_text, play, read_plan
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.separating_runs import rivals_of
-from sindyjoint.reporting.schemas import record_schema
+from sindyjoint.reporting.packing import record_schema
 from sindyjoint.response.model_law import model_law
 from tests.diagnosis.hidden_effects import hide
 from tests.equation.test_element import JENKINS, with_elements

@@ -7,9 +7,9 @@ import numpy as np
 from sindyjoint import JointModel
 from sindyjoint.equation.model import Fitted, ModelTerm
 from sindyjoint.record import Joint
-from sindyjoint.reporting.data import GroupFit, Loop, PathStep, ReportData, model_sheets
-from sindyjoint.reporting.provenance import Provenance
+from sindyjoint.reporting.page import Provenance
 from sindyjoint.reporting.registry import view_of
+from sindyjoint.reporting.results.discovery_data import GroupFit, Loop, PathStep, ReportData, model_sheets
 from sindyjoint.states.surface import force_state_map
 from sindyjoint.trust import Light, Trust
 
@@ -158,4 +158,4 @@ ORIGIN = Provenance(
 def page_html(result, origin, pictures):
     """Return the page of a result as HTML."""
     view = view_of(result)
-    return view.page(result, view.gather(result), origin, pictures)
+    return view.html(result, view.gather(result), origin, pictures)

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.reporting import draw, drawable
-from sindyjoint.reporting.figures.discovery import KINDS as DISCOVERY
-from sindyjoint.reporting.figures.kind import Kind
+from sindyjoint.reporting.figure import Kind
+from sindyjoint.reporting.results.discovery_terms import KINDS as DISCOVERY
 from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, style
 
 CASES = {

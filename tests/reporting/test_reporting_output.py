@@ -70,7 +70,7 @@ def test_nothing_is_left_when_the_page_fails(discovery, tmp_path, monkeypatch):
     def fail(*_, **__):
         raise RuntimeError("the template is broken")
 
-    monkeypatch.setattr("sindyjoint.reporting.page.render", fail)
+    monkeypatch.setattr("sindyjoint.reporting.view.render", fail)
     with pytest.raises(RuntimeError, match="the template is broken"):
         write_discovery(discovery, tmp_path / "results")
     assert list(tmp_path.iterdir()) == []

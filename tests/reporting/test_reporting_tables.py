@@ -11,11 +11,11 @@ from handmade import HOSTILE, model, report_data
 
 from sindyjoint.errors import InputError
 from sindyjoint.reporting import terms_csv, terms_table
+from sindyjoint.reporting.equation import TERM_COLUMNS, term_rows
 from sindyjoint.reporting.packing import pack
 from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.style import prefixed, pretty_unit, shortened
-from sindyjoint.reporting.tables import TERM_COLUMNS, findings_table, term_rows
-from sindyjoint.reporting.text_table import DASH, TextTable
+from sindyjoint.reporting.tables import DASH, TextTable, findings_table
 from sindyjoint.soundness.finding import Finding
 
 VIEW = DiscoveryView()

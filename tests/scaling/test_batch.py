@@ -10,7 +10,7 @@ import pytest
 from small_joints import write_joint
 
 from sindyjoint import simulate
-from sindyjoint.batch.tasks import find_tasks
+from sindyjoint.batch.record import find_tasks
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError

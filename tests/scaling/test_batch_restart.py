@@ -132,7 +132,7 @@ from sindyjoint.parallel import executor
 if __name__ == "__main__":
     try:
         with executor(jobs=2) as workers:
-            for number, _ in workers.completed(square_sum, [10, *7 * [10**12]]):
+            for number, _ in workers(square_sum, [10, *7 * [10**12]]):
                 os.killpg(0, signal.SIGINT)
     except KeyboardInterrupt:
         print(number, "interrupted")

@@ -58,7 +58,7 @@ def test_a_killed_worker_costs_no_result(way, cluster, tmp_path):
 def test_a_task_that_kills_every_worker_is_given_up_and_the_others_are_not(tmp_path):
     tasks = [(number, str(tmp_path / "mark"), True) for number in range(6)]
     with executor(jobs=2) as workers:
-        results = dict(workers.completed(mortal, tasks))
+        results = dict(workers(mortal, tasks))
         assert isinstance(results.pop(3), Lost)
         assert results == {number: number for number in (0, 1, 2, 4, 5)}
         with pytest.raises(WorkerError, match="task 4 of 6 was given up: 3 workers died on it"):

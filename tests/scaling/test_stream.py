@@ -10,8 +10,7 @@ from sindyjoint import JointRegressor
 from sindyjoint.discovery.large.tables import discover_rows
 from sindyjoint.equation.catalogue import Reference
 from sindyjoint.errors import InputError
-from sindyjoint.files.blocks import open_blocks
-from sindyjoint.files.readers import read_table
+from sindyjoint.files.readers import open_blocks, read_table
 
 
 def motion(n, seed=0):

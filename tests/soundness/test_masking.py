@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
+from sindyjoint.inputs import LongRecord
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.masking import bridge, mask_campaign, mask_run
-from sindyjoint.source import LongRecord
 from sindyjoint.states import force_states
 from sindyjoint.workflows.discover import discover
 

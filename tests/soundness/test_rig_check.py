@@ -144,7 +144,7 @@ def test_as_many_sensors_as_joints_show_nothing_of_each_other(sound):
 
 def test_the_record_has_the_fields_of_a_campaigns_check(sound, tmp_path):
     from sindyjoint.reporting.output import write_results
-    from sindyjoint.reporting.saved import load_results
+    from sindyjoint.reporting.registry import load_results
 
     put, _, _ = inject("sensor_spikes", sound, 5)
     result = check_rig_test(put)

@@ -7,10 +7,10 @@ import pytest
 from scipy.signal import butter, cheby2, detrend, ellip, sosfilt
 
 from sindyjoint.errors import InputError
+from sindyjoint.inputs import SensorNoise
 from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.numeric import without_line
 from sindyjoint.record import Run
-from sindyjoint.source import SensorNoise
 from sindyjoint.states import force_states
 from sindyjoint.states import noise as states_noise
 from sindyjoint.states.noise import (

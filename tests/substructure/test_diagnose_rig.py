@@ -10,7 +10,7 @@ import pytest
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.numeric import solve_factored
 from sindyjoint.reporting.output import write_results
-from sindyjoint.reporting.schemas import record_schema
+from sindyjoint.reporting.packing import record_schema
 from sindyjoint.workflows.diagnose import diagnose_rig
 
 from .test_refine_rig import K3, C, K, few_harmonics, model  # noqa: F401

@@ -14,7 +14,7 @@ from sindyjoint.files.writers import ENCODERS
 from sindyjoint.judgement.rig_verdict import of_many_rows, of_slight_terms, within_the_states
 from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.reporting.output import write_results
-from sindyjoint.reporting.schemas import record_schema
+from sindyjoint.reporting.packing import record_schema
 from sindyjoint.substructure.law_errors import Source, law_errors
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.states import joint_states, kept_orders, slow_part, strongest_line

@@ -8,7 +8,7 @@ import pytest
 
 import sindyjoint
 from sindyjoint.errors import InputError
-from sindyjoint.reporting.schemas import record_schema
+from sindyjoint.reporting.packing import record_schema
 from tests.made_models import model_of, term
 
 from .two_masses import integrated_run, rig_test, swept_run

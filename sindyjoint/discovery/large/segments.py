@@ -22,10 +22,9 @@ from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.files.campaign import FEWEST, load_segment
-from sindyjoint.inputs import input_names
+from sindyjoint.inputs import LongRecord, input_names
 from sindyjoint.parallel import Executor
 from sindyjoint.record import Campaign
-from sindyjoint.source import LongRecord
 from sindyjoint.states import ForceStates, force_states, regression_rows
 from sindyjoint.states.rows import group_labels
 

@@ -23,7 +23,8 @@ from sindyjoint.discovery.rows import PARTS, SEGMENTS
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
-from sindyjoint.files.blocks import Blocks, open_blocks
+from sindyjoint.files.readers import open_blocks
+from sindyjoint.files.readers.table import Table
 from sindyjoint.parallel import executor, ordered_map
 
 if TYPE_CHECKING:
@@ -244,7 +245,7 @@ def _edges(start: int, stop: int, parts: int) -> list[int]:
     return [start + -(-part * n // parts) for part in range(parts + 1)]
 
 
-def _open_file(path: Path) -> Blocks:
+def _open_file(path: Path) -> Table:
     blocks = open_blocks(path)
     if blocks is None:
         raise InputError(

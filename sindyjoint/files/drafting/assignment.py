@@ -1,19 +1,18 @@
-"""Which column is which channel, in which unit."""
+"""Which column is which channel, in which unit: what names and shapes tell, and questions where they do not."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from sindyjoint.errors import InputError
-from sindyjoint.files.channels import KEYS
-from sindyjoint.files.drafting.bundles import MOTIONS, Bundle, Column, is_clock
-from sindyjoint.files.drafting.dialogue import Dialogue
-from sindyjoint.files.drafting.excitation import decays
-from sindyjoint.files.stated_units import KNOWN
-from sindyjoint.files.units import conversion, parse_quantity, unit_ratio
+from sindyjoint.errors import InputError, UnknownNameError, nearest
+from sindyjoint.files.channels import CHANNEL_KEYS, KEYS
+from sindyjoint.files.drafting.survey import MOTIONS, Bundle, Column, is_clock
+from sindyjoint.files.timeaxis import decays
+from sindyjoint.files.units import KNOWN, conversion, parse_quantity, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 
@@ -21,6 +20,10 @@ ROLES: dict[Motion, dict[str, str]] = {
     "rotation": {"moment": "moment", "angle": "angle", "rate": "angular rate"},
     "translation": {"moment": "force", "angle": "displacement", "rate": "velocity"},
 }
+_OWN = {motion: {key for key, _ in keys.values()} - {"acceleration"} for motion, keys in KEYS.items()}
+ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate") + tuple(
+    f"{key}{part}" for key in CHANNEL_KEYS for part in ("", ".unit", ".gain")
+)
 # Never taken for moment or angle, whatever else is missing.
 OTHERS = {"time", "temperature", "acceleration", "velocity", "angular rate", "counter"}
 # What a joint carries that swings freely.
@@ -30,49 +33,94 @@ TWINS = 0.999
 EXAMPLES = {"moment": "N*m", "angle": "mrad", "force": "N", "displacement": "mm", "rate_of_angle": "rad/s"}
 
 
+@dataclass(frozen=True)
+class Question:
+    """What the files do not say.
+
+    Parameters
+    ----------
+    key : str
+        By which it is answered: ``"angle.unit"``, ``"rate"`` ...
+    text : str
+        The question.
+    guess : str or None
+        The likeliest answer; None where any would be invented.
+    complaint : str
+        What was wrong with the last answer, where it is asked again.
+    """
+
+    key: str
+    text: str
+    guess: str | None
+    complaint: str = ""
+
+
+@dataclass
+class Dialogue:
+    """Collects questions while a manifest is drafted, and gives the answers that are there already.
+
+    Parameters
+    ----------
+    answers : mapping of str to str
+    """
+
+    answers: Mapping[str, str]
+    questions: dict[str, Question] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for key in self.answers:
+            if key not in ANSWERS:
+                raise UnknownNameError(
+                    f"{key!r} is nothing that can be set; {nearest(key, ANSWERS, 'known:')}"
+                )
+
+    def ask(self, key: str, text: str, guess: str | None) -> str | None:
+        """Return the answer to a question, or its guess, which is then a doubt."""
+        if key in self.answers:
+            return self.answers[key]
+        self.questions.setdefault(key, Question(key, text, guess))
+        return guess
+
+    def why(self, key: str, otherwise: str) -> str:
+        """Return where a value comes from: it was set, guessed, or what is said otherwise."""
+        return "set" if key in self.answers else "guessed" if key in self.questions else otherwise
+
+    def mark(self, *keys: str) -> str:
+        """Return the comment that marks a line of the manifest with a guess in it."""
+        return "  # guessed" if any(key in self.questions for key in keys) else ""
+
+
 def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
-    """Return the kind of motion that the columns speak of."""
+    """Return the kind of motion that the columns speak of, or that was answered, as all answers must agree with it."""
     roles = [column.role for bundle in bundles for column in bundle.columns]
     counts = {motion: sum(role in known.values() for role in roles) for motion, known in ROLES.items()}
     guess: Motion = "translation" if counts["translation"] > counts["rotation"] else "rotation"
     # Who answers what the force is has answered this.
-    implied = [motion for motion in ROLES if _own_keys(motion) & _answered(dialogue)]
-    answer = dialogue.answers.get("motion") or (implied[0] if len(implied) == 1 else None)
+    answers = dialogue.answers
+    answered = {key.partition(".")[0] for key in answers}
+    implied = [motion for motion in ROLES if _OWN[motion] & answered]
+    answer = answers.get("motion") or (implied[0] if len(implied) == 1 else None)
     if answer is None and counts["translation"] == counts["rotation"]:
         text = "does the joint rotate or slide (rotation; or translation, with force and displacement)?"
         answer = dialogue.ask("motion", text, guess)
-    if answer not in (None, "rotation", "translation"):
+    if answer not in (None, *ROLES):
         raise InputError(f"motion is {answer!r}; expected 'rotation' or 'translation'")
-    motion: Motion = guess if answer is None else answer  # type: ignore[assignment]
-    _check_answers(motion, dialogue)
-    return motion
-
-
-def _own_keys(motion: Motion) -> set[str]:
-    return {key for key, _ in KEYS[motion].values()} - {"acceleration"}
-
-
-def _answered(dialogue: Dialogue) -> set[str]:
-    return {key.partition(".")[0] for key in dialogue.answers}
-
-
-def _check_answers(motion: Motion, dialogue: Dialogue) -> None:
-    """Refuse answers that cannot be: quantities of the other motion, units of another quantity."""
+    motion: Motion = guess if answer is None else answer
     other: Motion = "rotation" if motion == "translation" else "translation"
-    for key in sorted(_own_keys(other) & _answered(dialogue)):
+    for key in sorted(_OWN[other] & answered):
         raise InputError(
-            f"{key!r} is answered, and the joint is one in {motion}; expected {', '.join(sorted(_own_keys(motion)))}, "
-            f"or motion={other}"
+            f"{key!r} is answered, and the joint is one in {motion}; expected {', '.join(sorted(_OWN[motion]))}, or "
+            f"motion={other}"
         )
     for quantity, (key, si) in KEYS[motion].items():
-        answers = dialogue.answers
         unit, gain = answers.get(f"{key}.unit"), answers.get(f"{key}.gain")
         if quantity == "inertia" and key in answers:
             parse_quantity(answers[key], si, key)
         if unit is not None and not (gain is None and (unit_ratio(unit, "V") or quantity == "acceleration")):
             conversion(unit, si, f"{key}.unit", gain)
-    if "time.unit" in dialogue.answers:
-        conversion(dialogue.answers["time.unit"], "s", "time.unit")
+    if "time.unit" in answers:
+        conversion(answers["time.unit"], "s", "time.unit")
+    return motion
 
 
 def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[str, Column]:
@@ -92,7 +140,8 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
         clock = next((c for c in bundle.columns if c.role is None and is_clock(c.values)), None)
     if clock is not None:
         found["time"] = clock
-    accelerometer = find_accelerometer(bundle, dialogue)
+    shaking = [c for c in bundle.columns if c.role == "acceleration" and np.ptp(c.values) > 0]
+    accelerometer = _choose(bundle, "acceleration", "acceleration", shaking[:1], dialogue)
     for quantity, role in ROLES[motion].items():
         key = KEYS[motion][quantity][0]
         free = [column for column in bundle.columns if column not in found.values()]
@@ -124,28 +173,22 @@ def _is_unloaded(
     """Return whether no load was measured on a run because there was none: it was said, or the motion dies out."""
     if any(np.ptp(column.values) > 0 for column in candidates):
         return False
-    none = NO_LOAD[motion]
     given = dialogue.answers.get(key)
-    if given is not None and bundle.find(given) is None:
-        # What is the name of no column is a load that was constant.
-        parse_quantity(given, KEYS[motion]["moment"][1], key)
-        return True
+    if given is not None:
+        if bundle.find(given) is None:
+            # What is the name of no column is a load that was constant.
+            parse_quantity(given, KEYS[motion]["moment"][1], key)
+        return bundle.find(given) is None
     open_ones = [c for c in free if c.role is None and np.ptp(c.values) > 0]
+    named = any(c.role in MOTIONS for c in free)
     moves = [c for c in free if c.role in MOTIONS or c in open_ones]
-    if given is not None or len(open_ones) > (not any(c.role in MOTIONS for c in free)):
+    if len(open_ones) > (not named) or not any(decays(column.values) for column in moves):
         return False
-    if not any(decays(column.values) for column in moves):
-        return False
+    none = NO_LOAD[motion]
     dialogue.ask(
         key, f"no column holds the {key}, and the motion dies out: was it a free decay, under '{none}'?", none
     )
     return True
-
-
-def find_accelerometer(bundle: Bundle, dialogue: Dialogue) -> Column | None:
-    """Return the column of an acceleration that was named, or that looks like one; None without any."""
-    candidates = [c for c in bundle.columns if c.role == "acceleration" and np.ptp(c.values) > 0]
-    return _choose(bundle, "acceleration", "acceleration", candidates[:1], dialogue)
 
 
 def _choose(
@@ -155,16 +198,15 @@ def _choose(
     if key in dialogue.answers:
         column = bundle.find(dialogue.answers[key])
         if column is None:
-            known = ", ".join(str(column.key) for column in bundle.columns)
             raise InputError(
-                f"{bundle.name}: {key} = {dialogue.answers[key]!r} is no column; columns there: {known}"
+                f"{bundle.name}: {key} = {dialogue.answers[key]!r} is no column; columns there: {_list(bundle.columns)}"
             )
         return column
     # The same instants stand in every file of a run; a velocity beside the displacement is welcome, not needed.
-    if len(candidates) > 1 and key not in ("time",) and not key.startswith("rate_of"):
-        names = ", ".join(str(column.key) for column in candidates)
-        dialogue.ask(key, f"which column is the {role} ({names})?", str(_measured(candidates).key))
-        return _measured(candidates)
+    if len(candidates) > 1 and key != "time" and not key.startswith("rate_of"):
+        likeliest = _measured(candidates)
+        dialogue.ask(key, f"which column is the {role} ({_list(candidates)})?", str(likeliest.key))
+        return likeliest
     return candidates[0] if candidates else None
 
 
@@ -183,9 +225,12 @@ def _guess_by_shape(
     ordered = sorted(open_ones, key=lambda column: _roughness(column.values))
     guess = ordered[-1] if quantity == "moment" else ordered[0]
     guess = _measured([c for c in open_ones if _is_twin(c, guess)])
-    names = ", ".join(str(column.key) for column in open_ones)
-    dialogue.ask(key, f"which column is the {key.replace('_', ' ')} ({names})?", str(guess.key))
+    dialogue.ask(key, f"which column is the {key.replace('_', ' ')} ({_list(open_ones)})?", str(guess.key))
     return guess
+
+
+def _list(columns: Sequence[Column]) -> str:
+    return ", ".join(str(column.key) for column in columns)
 
 
 def _measured(candidates: Sequence[Column]) -> Column:
@@ -195,11 +240,10 @@ def _measured(candidates: Sequence[Column]) -> Column:
 
 
 def _is_twin(one: Column, other: Column) -> bool:
-    if one is other:
-        return True
-    if one.values.size != other.values.size or not (np.ptp(one.values) > 0 and np.ptp(other.values) > 0):
-        return False
-    return bool(abs(np.corrcoef(one.values, other.values)[0, 1]) > TWINS)
+    if one is other or one.values.size != other.values.size:
+        return one is other
+    moving = np.ptp(one.values) > 0 and np.ptp(other.values) > 0
+    return bool(moving and abs(np.corrcoef(one.values, other.values)[0, 1]) > TWINS)
 
 
 def _roughness(values: Array) -> float:
@@ -222,37 +266,24 @@ def find_unit(
         return column.unit, None
     elif quantity == "acceleration" and (column.unit == "g" or unit_ratio(column.unit or "1", "m/s**2")):
         text = f"one over the radius at which the acceleration (column {column.key}) is measured, such as '5 rad/m'?"
-        gain = dialogue.ask(f"{key}.gain", text, None) if motion == "rotation" else None
-        return column.unit, gain
+        return column.unit, dialogue.ask(f"{key}.gain", text, None) if motion == "rotation" else None
     elif column.unit and unit_ratio(column.unit, "V"):
         unit = column.unit
     else:
         largest = max(float(np.abs(peer.values).max()) for peer in peers)
         runs = f" in {len(peers)} runs" if len(peers) > 1 else ""
+        denied = column.unit and unit_ratio(column.unit, si) == 0
         text = (
             f"in which unit is the {key.replace('_', ' ')} (column {column.key}, up to {largest:.3g}{runs})?"
-        )
-        denied = column.unit and unit_ratio(column.unit, si) == 0
-        text += f" The file states {column.unit!r}" if denied else ""
-        guess = _unit_within(column.title, si) or _likely_unit(largest, si)
+        ) + (f" The file states {column.unit!r}" if denied else "")
+        # The unit among the words of a name, which may as well mean another thing, as in angle_rad_from_rest; else the
+        # one in which values of this size are usual.
+        words = [word for word in re.split(r"[\W_]+", column.title) if word in KNOWN and word != "in"]
+        usual = {"rad": "deg" if largest > 0.5 else "rad", "m": "mm" if largest > 0.5 else "m"}
+        guess = next((word for word in words if unit_ratio(word, si)), usual.get(si, si.replace("**", "^")))
         unit = dialogue.ask(f"{key}.unit", text, None if denied else guess) or guess
     gain = dialogue.answers.get(f"{key}.gain")
     if gain is None and unit_ratio(unit, "V"):
         example = f"35.15 {EXAMPLES.get(key, 'unit')}/V"
         gain = dialogue.ask(f"{key}.gain", f"what is one volt of the {key}, such as '{example}'?", None)
     return unit, gain
-
-
-def _unit_within(title: str, si: str) -> str | None:
-    """Return the unit among the words of a name, which may as well mean another thing, as in angle_rad_from_rest."""
-    words = [word for word in re.split(r"[\W_]+", title) if word in KNOWN and word != "in"]
-    return next((word for word in words if unit_ratio(word, si)), None)
-
-
-def _likely_unit(largest: float, si: str) -> str:
-    """Return the unit in which values of this size are usual."""
-    if si == "rad":
-        return "deg" if largest > 0.5 else "rad"
-    if si == "m":
-        return "mm" if largest > 0.5 else "m"
-    return si.replace("**", "^")

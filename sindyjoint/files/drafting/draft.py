@@ -3,23 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
 
 import numpy as np
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.channels import KEYS
-from sindyjoint.files.drafting.assignment import NO_LOAD, assign_columns, find_motion, find_unit
-from sindyjoint.files.drafting.bundles import Bundle, Column, bundle_files
-from sindyjoint.files.drafting.dialogue import Dialogue, Question
-from sindyjoint.files.drafting.excitation import find_course, find_frequency, name_levels
-from sindyjoint.files.drafting.sampling import draft_time, quote
-from sindyjoint.files.drafting.survey import DataFile, share_units
-from sindyjoint.files.drafting.used import UsedColumn, list_used, why_column
+from sindyjoint.files.drafting.assignment import (
+    NO_LOAD,
+    Dialogue,
+    Question,
+    assign_columns,
+    find_motion,
+    find_unit,
+)
+from sindyjoint.files.drafting.run import draft_time, find_course, find_frequency, name_levels
+from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files
 from sindyjoint.files.units import conversion, unit_ratio
+from sindyjoint.files.writers import manifest_text, toml_string
 from sindyjoint.record import Motion
-from sindyjoint.text import printable
+from sindyjoint.text import list_some, printable
+
+UNUSED = "not used"
+
+
+@dataclass(frozen=True)
+class UsedColumn:
+    """A column of a draft.
+
+    Parameters
+    ----------
+    file : str
+        Or files, where it is the same in several.
+    column : str, int or None
+        Its name or number; None of what no column holds.
+    quantity : str
+        Key of the channel, or ``"not used"``.
+    unit : str
+        Or the value of a constant, or the sampling rate.
+    why : str
+    """
+
+    file: str
+    column: str | int | None
+    quantity: str
+    unit: str
+    why: str
 
 
 @dataclass(frozen=True)
@@ -65,40 +95,22 @@ class Draft:
     simulated: bool
     columns: tuple[UsedColumn, ...] = ()
 
-    @property
-    def missing(self) -> tuple[Question, ...]:
-        """Questions without an answer that could be guessed."""
-        return tuple(question for question in self.questions if question.guess is None)
-
-
-NO_LOAD_KEYS = ("moment", "force")
-
 
 @dataclass(frozen=True)
 class _Run:
-    """A run with its channels as TOML text, by key, and comments on them."""
+    """A run with its channels as TOML text, by key, with comments; its largest deflection, SI, and what reads well."""
 
-    bundle: Bundle
+    drafted: DraftedRun
     channels: dict[str, str]
-    rate: float | None
-    frequency: float | None
     peak: float
-    """Largest deflection in SI units."""
     unit: str
     factor: float
-    """Of the unit in which the deflection reads well."""
-    course: str
     used: tuple[UsedColumn, ...]
-
-    @property
-    def unloaded(self) -> bool:
-        """Whether no load was measured: the law is then known per unit of inertia."""
-        return not any("column" in self.channels.get(key, "") for key in NO_LOAD_KEYS)
 
 
 def draft_manifest(
     name: str,
-    files: Sequence[DataFile],
+    files: Sequence[Bundle],
     left_out: Sequence[tuple[str, str]],
     answers: Mapping[str, str],
 ) -> Draft:
@@ -122,24 +134,26 @@ def draft_manifest(
     """
     dialogue = Dialogue(dict(answers))
     left = list(left_out)
-    bundles = [bundle for bundle in bundle_files(share_units(files)) if bundle.columns]
+    bundles = bundle_files(files)
     if not bundles:
         raise InputError(
             "no file holds columns of numbers: " + "; ".join(f"{file}: {why}" for file, why in left[:3])
         )
-    _refuse_gauges(bundles)
+    for bundle in bundles:
+        # The constants of the rig, which raw strain gauges and laser spots need, stand in no file.
+        if {"e1", "e2", "e3", "e4"} <= {column.title for column in bundle.columns}:
+            raise InputError(
+                f"{bundle.name}: holds strain gauges (e1 to e4), which need the constants of the rig; write "
+                "campaign.toml by hand with a [rig], as the guide shows"
+            )
     motion = find_motion(bundles, dialogue)
     assigned: list[tuple[Bundle, dict[str, Column]]] = []
     runs: list[_Run] = []
-
-    def leave(bundle: Bundle, error: InputError) -> None:
-        left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
-
     for bundle in bundles:
         try:
             assigned.append((bundle, assign_columns(bundle, motion, dialogue)))
         except InputError as error:
-            leave(bundle, error)
+            left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     # All columns that are one channel of the test, by quantity: what no file says of them is one answer.
     peers = {
         quantity: [columns[quantity] for _, columns in assigned if quantity in columns]
@@ -149,40 +163,18 @@ def draft_manifest(
         try:
             runs.append(_draft_run(bundle, columns, motion, dialogue, peers))
         except InputError as error:
-            leave(bundle, error)
+            left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     if not runs:
         raise InputError("; ".join(f"{file}: {why}" for file, why in left[:3]))
     peaks = [abs(run.peak / runs[0].factor) for run in runs]
-    levels = name_levels([run.bundle.name for run in runs], peaks, runs[0].unit)
-    text = _write(dialogue.answers.get("name", name), motion, runs, levels, dialogue, left)
-    drafted = tuple(
-        DraftedRun(
-            run.bundle.name, run.rate, run.bundle.columns[0].values.size, run.frequency, level, run.course
-        )
-        for run, level in zip(runs, levels, strict=True)
-    )
-    simulated = any(run.bundle.simulated for run in runs)
-    return Draft(
-        text,
-        motion,
-        runs[0].channels,
-        drafted,
-        tuple(dialogue.questions.values()),
-        tuple(left),
-        simulated,
-        list_used([run.used for run in runs]),
-    )
-
-
-def _refuse_gauges(bundles: Sequence[Bundle]) -> None:
-    """Refuse raw strain gauges and laser spots: the constants of the rig stand in no file."""
-    for bundle in bundles:
-        titles = {column.title for column in bundle.columns}
-        if {"e1", "e2", "e3", "e4"} <= titles:
-            raise InputError(
-                f"{bundle.name}: holds strain gauges (e1 to e4), which need the constants of the rig; write "
-                "campaign.toml by hand with a [rig], as the guide shows"
-            )
+    levels = name_levels([run.drafted.file for run in runs], peaks, runs[0].unit)
+    drafted = [replace(run.drafted, level=level) for run, level in zip(runs, levels, strict=True)]
+    simulated = any(bundle.simulated for bundle in bundles if bundle.name in {run.file for run in drafted})
+    channels = [run.channels for run in runs]
+    text = _write(dialogue.answers.get("name", name), motion, drafted, channels, simulated, dialogue, left)
+    questions = tuple(dialogue.questions.values())
+    used = _list_used([run.used for run in runs])
+    return Draft(text, motion, channels[0], tuple(drafted), questions, tuple(left), simulated, used)
 
 
 def _draft_run(
@@ -194,25 +186,26 @@ def _draft_run(
 ) -> _Run:
     channels: dict[str, str] = {}
     rate = draft_time(bundle, columns.get("time"), channels, dialogue)
-    used = [UsedColumn.of_time(bundle, columns.get("time"), channels, dialogue)]
+    used = [_used_time(bundle.name, columns.get("time"), channels, dialogue)]
     units: dict[str, tuple[str, str | None]] = {}
     for quantity, column in columns.items():
         if quantity == "time":
             continue
         key = KEYS[motion][quantity][0]
         unit, gain = units[quantity] = find_unit(column, quantity, motion, dialogue, peers[quantity])
-        parts = [f"file = {quote(column.file)}"] if column.file else []
-        parts += [f"column = {quote(column.key)}", f"unit = {quote(unit)}"]
-        parts += [f"gain = {quote(gain)}"] if gain else []
-        channels[key] = "{ " + ", ".join(parts) + " }" + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
-        used.append(UsedColumn(bundle.name, column.key, key, unit, why_column(column, key, unit, dialogue)))
+        pairs = {"file": column.file, "column": column.key, "unit": unit, "gain": gain}
+        parts = [f"{name} = {toml_string(value)}" for name, value in pairs.items() if value or name == "unit"]
+        channels[key] = f"{{ {', '.join(parts)} }}" + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
+        used.append(UsedColumn(bundle.name, column.key, key, unit, _why(column, key, unit, dialogue)))
     key = KEYS[motion]["moment"][0]
     if "moment" not in columns:
         load = dialogue.answers.get(key, NO_LOAD[motion])
-        channels[key] = f"{{ constant = {quote(load)} }}{dialogue.mark(key)}"
+        channels[key] = f"{{ constant = {toml_string(load)} }}{dialogue.mark(key)}"
         used.append(UsedColumn(bundle.name, None, key, load, dialogue.why(key, "constant")))
-    taken = list(columns.values())
-    used += [UsedColumn.unused(bundle.name, column) for column in bundle.columns if column not in taken]
+    for column in bundle.columns:
+        if column not in columns.values():
+            why = f"looks like {column.role}" if column.role else "neither name nor unit tell"
+            used.append(UsedColumn(bundle.name, column.key, UNUSED, column.unit, why))
     of_motion = "angle" if "angle" in columns else "acceleration"
     angle = columns[of_motion]
     moment = columns["moment"].values if "moment" in columns else np.zeros_like(angle.values)
@@ -223,62 +216,82 @@ def _draft_run(
         raise InputError(f"{bundle.name}: its channels differ in length")
     frequency = None if rate is None else find_frequency(angle.values, moment, rate, bundle.name)
     unit, gain = units[of_motion]
-    si = KEYS[motion][of_motion][1]
-    volts = unit_ratio(unit, "V")
+    si, volts = KEYS[motion][of_motion][1], unit_ratio(unit, "V")
     factor = 1.0 if volts and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
-    peak = factor * float(np.ptp(angle.values)) / 2
-    course = find_course(angle.values, rate, frequency)
+    course, samples = find_course(angle.values, rate, frequency), bundle.columns[0].values.size
+    drafted = DraftedRun(bundle.name, rate, samples, frequency, "", course)
     shown = (si, 1.0) if volts else (unit, factor)
-    return _Run(bundle, channels, rate, frequency, peak, *shown, course, tuple(used))
+    return _Run(drafted, channels, factor * float(np.ptp(angle.values)) / 2, *shown, tuple(used))
+
+
+def _used_time(file: str, column: Column | None, channels: dict[str, str], dialogue: Dialogue) -> UsedColumn:
+    """Return how a run was sampled, by its channels."""
+    if column is not None and "column" in channels.get("time", ""):
+        unit = dialogue.answers.get("time.unit") or column.unit or "s"
+        return UsedColumn(file, column.key, "time", unit, _why(column, "time", unit, dialogue))
+    key = "rate" if "rate" in channels else "time"
+    value, _, comment = channels.get(key, '"?"').partition("  # ")
+    return UsedColumn(file, None, key, value.strip('"'), dialogue.why("rate", comment or "stamps"))
+
+
+def _why(column: Column, key: str, unit: str, dialogue: Dialogue) -> str:
+    """Return why a column is a channel, and in that unit."""
+    by_file = "its name" if column.role else "its values"
+    of_unit = "the file" if column.unit and column.unit == unit else "its size"
+    return f"column: {dialogue.why(key, by_file)}; unit: {dialogue.why(f'{key}.unit', of_unit)}"
+
+
+def _list_used(runs: Sequence[Sequence[UsedColumn]]) -> tuple[UsedColumn, ...]:
+    """Return the columns of runs, those that are the same in several as one; the unused ones last."""
+    same: dict[UsedColumn, list[str]] = {}
+    for used in (column for run in runs for column in run):
+        same.setdefault(replace(used, file=""), []).append(used.file)
+    merged = [
+        replace(used, file=f"all {len(files)}" if len(files) == len(runs) > 1 else list_some(files, "files"))
+        for used, files in same.items()
+    ]
+    return tuple(sorted(merged, key=lambda used: used.quantity == UNUSED))
 
 
 def _write(
     name: str,
     motion: Motion,
-    runs: Sequence[_Run],
-    levels: Sequence[str],
+    runs: Sequence[DraftedRun],
+    channels: Sequence[dict[str, str]],
+    simulated: bool,
     dialogue: Dialogue,
     left_out: Sequence[tuple[str, str]],
 ) -> str:
     """Return the text of the manifest."""
     inertia, unit = KEYS[motion]["inertia"]
+    load, unit = KEYS[motion]["moment"][0], unit.replace("**", "^")
     given, per_unit = dialogue.answers.get(inertia), ""
-    if given is None and all(run.unloaded for run in runs):
+    if given is None and not any("column" in own[load] for own in channels):
         # Of a free decay the law is known up to a factor, which the inertia fixes.
-        given = f"1 {unit.replace('**', '^')}"
-        per_unit = f"  # no {KEYS[motion]['moment'][0]} was measured: coefficients are per unit of {inertia}"
-    lines = ["# Drafted by sindyjoint init from the files of this folder."]
+        given = f"1 {unit}"
+        per_unit = f"  # no {load} was measured: coefficients are per unit of {inertia}"
+    head = ["# Drafted by sindyjoint init from the files of this folder."]
     if dialogue.questions:
-        lines.append('# What is marked "guessed" the files do not tell: correct it, or remove the mark.')
-    if any(run.bundle.simulated for run in runs):
-        lines += ["", "simulated = true"]
-    lines += [
-        "",
-        "[joint]",
-        f"name = {quote(printable(name))}",
-        f"motion = {quote(motion)}{dialogue.mark('motion')}",
+        head.append('# What is marked "guessed" the files do not tell: correct it, or remove the mark.')
+    joint = [
+        f"name = {toml_string(printable(name))}",
+        f"motion = {toml_string(motion)}{dialogue.mark('motion')}",
     ]
-    lines.append(
-        f"{inertia} = {quote(given)}{per_unit}"
+    joint.append(
+        f"{inertia} = {toml_string(given)}{per_unit}"
         if given
-        else f'# {inertia} = "0.02 {unit.replace("**", "^")}"  # moving with the joint; left out: identified as a term'
+        else f'# {inertia} = "0.02 {unit}"  # moving with the joint; left out: identified as a term'
     )
-    shared = {
-        key: value
-        for key, value in runs[0].channels.items()
-        if all(r.channels.get(key) == value for r in runs)
-    }
-    lines += ["", "[channels]", *(f"{key} = {value}" for key, value in shared.items())]
-    stems = [str(PurePosixPath(run.bundle.name).with_suffix("")) for run in runs]
-    for run, level, stem in zip(runs, levels, stems, strict=True):
-        lines += ["", "[[run]]", f"file = {quote(run.bundle.name)}"]
-        lines += [f"name = {quote(run.bundle.name)}"] if stems.count(stem) > 1 else []
-        lines.append(
-            f"# {run.course}: no frequency" if run.frequency is None else f"frequency = {run.frequency!r}"
-        )
-        lines.append(f"level = {quote(level)}")
-        particular = [f"{key} = {value}" for key, value in run.channels.items() if key not in shared]
-        lines += ["[run.channels]", *particular] if particular else []
-    lines += ["", "# Left out:"] if left_out else []
-    lines += [f"#   {' '.join(printable(f'{file}: {why}').split())}" for file, why in left_out]
-    return "\n".join(lines) + "\n"
+    stems = [str(PurePosixPath(run.file).with_suffix("")) for run in runs]
+    entries = [
+        [
+            f"file = {toml_string(run.file)}",
+            *([f"name = {toml_string(run.file)}"] if stems.count(stem) > 1 else []),
+            f"# {run.course}: no frequency" if run.frequency is None else f"frequency = {run.frequency!r}",
+            f"level = {toml_string(run.level)}",
+        ]
+        for run, stem in zip(runs, stems, strict=True)
+    ]
+    tail = ["", "# Left out:"] if left_out else []
+    tail += [f"#   {' '.join(printable(f'{file}: {why}').split())}" for file, why in left_out]
+    return manifest_text([*head, *["", "simulated = true"] * simulated], joint, channels, entries, tail=tail)

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import ClassVar
 
 from sindyjoint.described import Described, same
-from sindyjoint.errors import InputError, OutputError
+from sindyjoint.errors import InputError, OutputError, checks_options
 from sindyjoint.files.atomic import write_text
-from sindyjoint.files.drafting.dialogue import Question
+from sindyjoint.files.drafting.assignment import Question
 from sindyjoint.files.drafting.draft import Draft, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
 from sindyjoint.files.manifest import MANIFEST_NAME
-from sindyjoint.options import checks_options
 
 
 @dataclass(frozen=True)
@@ -49,30 +48,24 @@ class Initialised(Described):
         draft = self.draft
         kind = "simulated runs" if draft.simulated else "runs"
         lines = [f"{self.manifest}: {len(draft.runs)} {kind}, {draft.motion}"]
-        heads = ("file", "column", "quantity", "unit", "why")
-        rows = [
+        rows = [("file", "column", "quantity", "unit", "why")] + [
             (u.file, "–" if u.column is None else str(u.column), u.quantity, u.unit or "–", u.why)
             for u in draft.columns[:SHOWN]
         ]
-        lines += _aligned([heads, *rows])
-        more = len(draft.columns) - SHOWN
-        lines += [f"  and {more} more columns"] if more > 0 else []
-        kinds: list[tuple[float | None, str]] = [
-            (run.frequency, run.level) for run in draft.runs if run.frequency is not None
-        ]
+        wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines += ["  " + "  ".join(map(str.ljust, row, wide)).rstrip() for row in rows]
+        lines += _more(draft.columns, " columns")
+        kinds = [(run.frequency, run.level) for run in draft.runs]
         for run in draft.runs[:SHOWN]:
             rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
             repeated = kinds.count((run.frequency, run.level))
-            again = f", one of {repeated} that repeat" if repeated > 1 else ""
+            again = f", one of {repeated} that repeat" if repeated > 1 and run.frequency else ""
             lines.append(f"  {run.file}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
-        more = len(draft.runs) - SHOWN
-        lines += [f"  and {more} more"] if more > 0 else []
+        lines += _more(draft.runs, "")
         lines += [f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]]
-        for question in draft.questions[: SHOWN // 2]:
-            runs = f" for all {len(draft.runs)} runs" if len(draft.runs) > 1 else ""
-            lines.append(
-                f"  guessed: {question.key} = {question.guess}{runs}; --set {question.key}=... sets it"
-            )
+        runs = f" for all {len(draft.runs)} runs" if len(draft.runs) > 1 else ""
+        for each in draft.questions[: SHOWN // 2]:
+            lines.append(f"  guessed: {each.key} = {each.guess}{runs}; --set {each.key}=... sets it")
         return lines
 
     @property
@@ -89,11 +82,8 @@ class Initialised(Described):
 SHOWN = 16
 
 
-def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    wide = [max(len(row[at]) for row in rows) for at in range(len(rows[0]))]
-    return [
-        "  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, wide, strict=True)).rstrip() for row in rows
-    ]
+def _more(items: Sequence[object], what: str) -> list[str]:
+    return [f"  and {len(items) - SHOWN} more{what}"] if len(items) > SHOWN else []
 
 
 @checks_options()
@@ -162,15 +152,16 @@ def init(
             if asked.complaint == str(error):
                 raise
             question = replace(asked, complaint=str(error))
-    open_ones = drafted.missing if guess else drafted.questions
+    # Without a guess any answer would be invented.
+    open_ones = [each for each in drafted.questions if each.guess is None or not guess]
     if open_ones:
-        listed = "; ".join(f"{question.key}: {question.text}" for question in open_ones)
-        if any(question.key.endswith(".unit") for question in open_ones):
+        listed = "; ".join(f"{each.key}: {each.text}" for each in open_ones)
+        if any(each.key.endswith(".unit") for each in open_ones):
             listed += " (of volts, KEY.gain too)"
         ways = "answer with --set KEY=VALUE (answers={...})" + (
             "" if guess else ", or take the guesses with --yes"
         )
-        values = given | {question.key: question.guess or "..." for question in open_ones}
+        values = given | {each.key: each.guess or "..." for each in open_ones}
         settings = (f"--set {shlex.quote(f'{key}={value}')}" for key, value in values.items())
         raise InputError(
             f"{place}: the files do not tell {len(open_ones)} thing(s): {listed} {ways}: "

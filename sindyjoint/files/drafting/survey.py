@@ -1,65 +1,119 @@
-"""What a folder holds: every data file that can be read, with its columns of numbers."""
+"""What a folder holds: the runs that its data files make, and what their columns measure."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+
+import numpy as np
 
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
-from sindyjoint.files.blocks import open_blocks
 from sindyjoint.files.manifest import natural_order
-from sindyjoint.files.readers import READERS, read_table
-from sindyjoint.files.readers.table import Table
+from sindyjoint.files.readers import READERS, open_blocks, read_table
+from sindyjoint.files.units import unit_in_name, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES
 from sindyjoint.text import control_character
 
 # Of a larger file only so many rows are looked at.
 LARGE, ROWS = 1 << 26, 1 << 18
+# What a unit can only be the unit of, by SI unit.
+BY_UNIT = {
+    "s": "time",
+    "rad": "angle",
+    "m": "displacement",
+    "N*m": "moment",
+    "N": "force",
+    "rad/s": "angular rate",
+    "m/s": "velocity",
+    "rad/s**2": "acceleration",
+    "m/s**2": "acceleration",
+}
+SI_UNITS = {role: unit for unit, role in BY_UNIT.items()}
+# Words in names of columns and files, in the order in which they decide: "angle rate" is a rate.
+WORDS = {
+    "velocity": {"velocity", "vel", "speed", "v", "xdot", "geschwindigkeit", "vitesse"},
+    "angular rate": {"rate", "omega", "gyro", "thetadot", "phidot", "drehzahl", "winkelgeschwindigkeit"},
+    "acceleration": {"acceleration", "acc", "accel", "beschleunigung"},
+    "temperature": {"temperature", "temp", "temperatur"},
+    "time": {"time", "t", "zeit", "temps", "stamp", "timestamp", "clock", "sec", "seconds", "when", "uhrzeit"},
+    "moment": {"moment", "torque", "trq", "tau", "drehmoment", "couple", "m", "mz", "my", "mx"},
+    "force": {"force", "kraft", "load", "loadcell", "f", "fx", "fy", "fz", "effort"},
+    "angle": {"angle", "theta", "phi", "rotation", "rot", "winkel", "alpha", "ang", "θ", "φ", "ϕ", "encoder"},
+    "displacement": {
+        "displacement", "disp", "displ", "travel", "stroke", "weg", "lvdt", "deflection", "extension", "x", "laser",
+        "elongation", "hub", "crosshead",
+    },
+    "position": {"position", "pos", "q", "qm"},
+    "counter": {"pulse", "pulses", "count", "counts", "counter", "ticks", "index", "idx", "number", "scan", "cycle"},
+}  # fmt: skip
+LOADS = {"moment", "force"}
+MOTIONS = {"angle", "displacement", "position"}
+_CHANNEL_WORDS = frozenset().union(*WORDS.values()) | {"data", "channel", "ch", "signal"}
+_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_A-Za-z]+")
+_PER = re.compile(r"_([a-z]+)_per_([a-z]+)$", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class DataFile:
-    """A data file as it was found.
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of numbers of a run.
+
+    Parameters
+    ----------
+    key : str or int
+        What the manifest calls it: its name, or its number where the name does not do.
+    title, unit : str
+        As the file states them.
+    values : ndarray, shape (n,)
+    role : str or None
+        What it measures, as far as unit and names show.
+    file : str or None
+        The file that holds it, where that is not the run's first one.
+    """
+
+    key: str | int
+    title: str
+    unit: str
+    values: Array
+    role: str | None = None
+    file: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """The files and columns of one run: one file, or several with the channels of one run on one time base.
 
     Parameters
     ----------
     name : str
-        Path from the folder.
+        Path of the first file from the folder.
     titles : tuple of str
-        Names of all columns.
-    units : tuple of str
-        Unit that the file states for each; empty where it states none.
-    columns : dict of int to ndarray, shape (n,)
-        By position from 0: those that hold finite numbers, as many as the longest of them.
+        Names of all of its columns.
+    columns : tuple of Column
+        Those that hold finite numbers, as many as the longest of them.
     remarks : tuple of str
+        What its files say about themselves.
     simulated : bool
-    scalars : dict of str to float
+        Whether one of its files says that it comes from a virtual test.
+    scalars : tuple of (str, float)
         Single numbers beside the columns, by their titles, such as a sampling rate.
     """
 
     name: str
     titles: tuple[str, ...]
-    units: tuple[str, ...]
-    columns: dict[int, Array]
-    remarks: tuple[str, ...]
-    simulated: bool
-    scalars: dict[str, float] = field(default_factory=dict)
+    columns: tuple[Column, ...]
+    remarks: tuple[str, ...] = ()
+    simulated: bool = False
+    scalars: tuple[tuple[str, float], ...] = ()
 
-    @property
-    def rows(self) -> int:
-        """Number of samples."""
-        return next(iter(self.columns.values())).size
-
-    def key(self, position: int) -> str | int:
-        """Return what a manifest calls a column: its name, or its number where the name does not do."""
-        title = self.titles[position]
-        unnamed = self.titles.count(title) > 1 or not title.strip() or control_character(title)
-        return position + 1 if unnamed else title
+    def find(self, name: str) -> Column | None:
+        """Return the column of a name or number."""
+        return next((column for column in self.columns if name in (str(column.key), column.title)), None)
 
 
-def survey_folder(folder: Path) -> tuple[tuple[DataFile, ...], tuple[tuple[str, str], ...]]:
+def survey_folder(folder: Path) -> tuple[tuple[Bundle, ...], tuple[tuple[str, str], ...]]:
     """Return the data files of a folder, or of the folders in it if it has none, and those left out with the reason.
 
     Raises
@@ -69,18 +123,23 @@ def survey_folder(folder: Path) -> tuple[tuple[DataFile, ...], tuple[tuple[str, 
     """
     if not folder.is_dir():
         raise MissingInputError(f"{str(folder)!r} is no folder; expected a folder with data files")
-    paths = _data_paths(folder, "*") or _data_paths(folder, "*/*")
-    if not paths:
+    found = [(path.relative_to(folder).as_posix(), path) for path in (*folder.glob("*"), *folder.glob("*/*"))]
+    data = {
+        name: path
+        for name, path in sorted(found, key=lambda item: natural_order(item[0]))
+        if path.suffix.lower() in READERS and path.is_file() and not path.name.startswith(".")
+    }
+    here = {name: path for name, path in data.items() if "/" not in name} or data
+    if not here:
         endings = ", ".join(ending.removeprefix(".") for ending in READERS)
         raise MissingInputError(
             f"folder {str(folder)!r} holds no data file; expected files that end in {endings}"
         )
     files, left_out = [], []
-    for path in paths:
-        name = path.relative_to(folder).as_posix()
-        found = control_character(name)
-        if found is not None:
-            left_out.append((name, f"its name holds the control character U+{ord(found):04X}; rename it"))
+    for name, path in here.items():
+        sign = control_character(name)
+        if sign is not None:
+            left_out.append((name, f"its name holds the control character U+{ord(sign):04X}; rename it"))
             continue
         try:
             files.append(_read(path, name))
@@ -89,60 +148,119 @@ def survey_folder(folder: Path) -> tuple[tuple[DataFile, ...], tuple[tuple[str, 
     return tuple(files), tuple(left_out)
 
 
-def _data_paths(folder: Path, pattern: str) -> list[Path]:
-    found = [
-        path
-        for path in folder.glob(pattern)
-        if path.is_file() and path.suffix.lower() in READERS and not path.name.startswith(".")
-    ]
-    return sorted(found, key=lambda path: natural_order(path.relative_to(folder).as_posix()))
-
-
-def _read(path: Path, name: str) -> DataFile:
-    table = _open(path)
-    columns: dict[int, Array] = {}
-    scalars: dict[str, float] = {}
-    for position in range(len(table.names)):
+def _read(path: Path, name: str) -> Bundle:
+    blocks = open_blocks(path) if path.stat().st_size > LARGE else None
+    table = read_table(path)[0] if blocks is None else blocks.table(0, min(ROWS, blocks.rows))
+    columns, scalars = [], []
+    for position, title in enumerate(table.names, start=1):
         try:
-            column = table.columns([position + 1])[0]
+            values = table.columns([position])[0]
         except InputError:
             continue  # a column of words, or with blanks, is no channel
-        if column.size == 1:
-            scalars[table.names[position]] = float(column[0])
-        elif column.size >= MINIMUM_SAMPLES:
-            columns[position] = column
-    longest = max((column.size for column in columns.values()), default=0)
-    columns = {position: column for position, column in columns.items() if column.size == longest}
+        if values.size == 1:
+            scalars.append((title, float(values[0])))
+        elif values.size >= MINIMUM_SAMPLES:
+            stated = table.stated_unit(position)
+            unnamed = table.names.count(title) > 1 or not title.strip() or control_character(title)
+            columns.append(Column(position if unnamed else title, title, stated[1] if stated else "", values))
     if not columns:
         raise InputError(f"holds no column of {MINIMUM_SAMPLES} numbers or more")
-    stated = [table.stated_unit(position + 1) for position in range(len(table.names))]
-    units = tuple("" if unit is None else unit[1] for unit in stated)
-    return DataFile(name, table.names, units, columns, table.remarks, table.simulated, scalars)
+    longest = max(column.values.size for column in columns)
+    kept = tuple(column for column in columns if column.values.size == longest)
+    return Bundle(name, table.names, kept, table.remarks, table.simulated, tuple(scalars))
 
 
-def share_units(files: Sequence[DataFile]) -> tuple[DataFile, ...]:
-    """Return the files with the unit that some of one header state for a column, and none denies, in all of them.
+def bundle_files(files: Sequence[Bundle]) -> tuple[Bundle, ...]:
+    """Return one bundle for each run, of files with one each.
 
-    A column of one name is one sensor of the test: what one file says of it holds for the others.
+    A column of one name below one header is one sensor of the test: the unit that some files state, and none denies, is
+    that of all. Where no file has both a load and a motion, files whose names differ only in the word for their channel
+    belong together, if they are equally long.
     """
     stated: dict[tuple[tuple[str, ...], str], set[str]] = {}
     for file in files:
-        for title, unit in zip(file.titles, file.units, strict=True):
-            if title.strip() and unit:
-                stated.setdefault((file.titles, title), set()).add(unit)
-    known = {column: next(iter(units)) for column, units in stated.items() if len(units) == 1}
+        for column in file.columns:
+            if column.title.strip() and column.unit:
+                stated.setdefault((file.titles, column.title), set()).add(column.unit)
+    known = {place: next(iter(units)) for place, units in stated.items() if len(units) == 1}
+    told = tuple(replace(file, columns=_told(file, known)) for file in files)
+    roles = [{column.role for column in file.columns} for file in told]
+    apart = any(LOADS & found for found in roles) and any(MOTIONS & found for found in roles)
+    if not apart or any(LOADS & found and MOTIONS & found for found in roles):
+        return told
+    groups: dict[tuple[object, ...], list[Bundle]] = {}
+    for file in told:
+        # What is left of its name without words for channels.
+        path = PurePosixPath(file.name).with_suffix("").as_posix()
+        parts = [part for part in re.split(r"[^\w.]+|_", path) if part]
+        tokens = [part for part in parts if not {part.lower(), *_words(part)} & _CHANNEL_WORDS]
+        groups.setdefault((*tokens, file.columns[0].values.size), []).append(file)
     return tuple(
         replace(
-            file,
-            units=tuple(
-                unit or known.get((file.titles, title), "")
-                for title, unit in zip(file.titles, file.units, strict=True)
-            ),
+            group[0],
+            columns=group[0].columns
+            + tuple(replace(column, file=other.name) for other in group[1:] for column in other.columns),
+            remarks=tuple(remark for file in group for remark in file.remarks),
+            simulated=any(file.simulated for file in group),
+            scalars=tuple(scalar for file in group for scalar in file.scalars),
         )
-        for file in files
+        for group in groups.values()
     )
 
 
-def _open(path: Path) -> Table:
-    blocks = open_blocks(path) if path.stat().st_size > LARGE else None
-    return read_table(path)[0] if blocks is None else blocks.table(0, min(ROWS, blocks.rows))
+def _told(file: Bundle, known: dict[tuple[tuple[str, ...], str], str]) -> tuple[Column, ...]:
+    """Return the columns of a file with units and roles; a single one that is not the time may be named by the file."""
+    found = []
+    for column in file.columns:
+        per = _PER.search(column.title)
+        unit = (
+            column.unit or known.get((file.titles, column.title), "") or (f"{per[1]}/{per[2]}" if per else "")
+        )
+        role = role_of(column.title, unit)
+        unit = SI_UNITS.get(role or "", unit) if file.simulated else unit
+        found.append(replace(column, unit=unit, role=role))
+    if len(found) == 1 or (len(found) == 2 and (found[0].role == "time" or is_clock(found[0].values))):
+        role = found[-1].role or role_of_words(PurePosixPath(file.name).stem)
+        found[-1] = replace(found[-1], role=role)
+    return tuple(found)
+
+
+def is_clock(values: Array) -> bool:
+    """Return whether a column counts evenly upwards."""
+    steps = np.diff(values)
+    return bool(np.all(steps > 0) and steps.max() < 3 * np.median(steps))
+
+
+def role_of(title: str, unit: str) -> str | None:
+    """Return what a column measures, or None where neither unit nor name shows it.
+
+    Examples
+    --------
+    >>> role_of("ch1", "mm"), role_of("Drehmoment", ""), role_of("theta_dot", ""), role_of("ch2", "")
+    ('displacement', 'moment', 'angular rate', None)
+    >>> role_of("force_N", "N"), role_of("pulses_N", "N"), role_of("pulses [N]", "N")
+    ('force', 'counter', 'force')
+    """
+    words = role_of_words(title)
+    # The ending of a name is a unit only where the name can be that of a quantity: pulses_N is a number of pulses.
+    if not unit or (words == "counter" and unit_in_name(title) == (unit, True)):
+        return words
+    return next((role for si, role in BY_UNIT.items() if unit_ratio(unit, si)), words)
+
+
+def role_of_words(text: str) -> str | None:
+    """Return what the words of a name speak of.
+
+    Examples
+    --------
+    >>> role_of_words("3Hz-Kraft"), role_of_words("jointAngle"), role_of_words("velocity_in_per_s")
+    ('force', 'angle', 'velocity')
+    """
+    words = _words(re.sub(r"[\[({].*$", "", text))
+    if "dot" in words:
+        words.append("xdot" if {"x", "disp", "displacement"} & set(words) else "thetadot")
+    return next((role for role, known in WORDS.items() if known & set(words)), None)
+
+
+def _words(text: str) -> list[str]:
+    return [word.lower() for word in _WORD.findall(text)]

@@ -1,33 +1,42 @@
-"""What every reader returns: named columns that are loaded when they are asked for."""
+"""What every reader returns: named columns, loaded when they are asked for, whole or a segment of rows at a time.
+
+How much memory the content of one file may take is known before anything is allocated for it.
+"""
 
 from __future__ import annotations
 
 import difflib
+import math
+import os
+import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
-from sindyjoint.files.stated_units import unit_in_name
+from sindyjoint.files.units import unit_in_name
 from sindyjoint.numeric import Array
 
 # What a file of a virtual test says about itself; its columns are in SI units.
 SIMULATED = "simulated by sindyjoint"
-
-
-def _row(index: int) -> str:
-    """Name a sample of a binary file."""
-    return f"row {index + 1}"
+VARIABLE = "SINDYJOINT_LARGEST"
+"""Environment variable, which worker processes have as well; ``sindyjoint --largest`` sets it."""
+DEFAULT = 1 << 30
+MOST_COLUMNS = 10_000
+LARGEST_ITEM = 1 << 16
+_SIZE = re.compile(r"\s*(\d{1,15}(?:\.\d{1,3})?)\s*([kMGT]?)(i?)B?\s*", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file.
+    """The columns of one file, or of some of its rows.
 
     Parameters
     ----------
@@ -35,69 +44,73 @@ class Table:
     names : tuple of str
         In the order of the file; a name may occur twice, but cannot be asked for then.
     load : callable
-        From positions in ``names`` to arrays of shape (n,), of lengths that may differ.
+        From positions in ``names``, first row and end to arrays of shape (n,), of lengths that may differ.
     aliases : mapping of str to int
         Further names, such as the name of a data set without its group.
-    row : callable
-        How a message names the sample of an index.
+    name_row : callable
+        How a message names the row of an index in the file.
     units : tuple of str
         Unit of each column as the file states it apart from the name; empty where it does not.
     remarks : tuple of str
         What the file says above its columns, or about itself.
+    count : callable
+        Returns how many rows there are. Of text files, lines after the header: blank and comment lines count, and give
+        no row when they are read.
+    largest : callable
+        Returns the largest magnitude of a column, if the file states it.
+    first, stop : int
+        Rows that are meant; all of them if omitted.
     """
 
     path: Path
     names: tuple[str, ...]
-    load: Callable[[Sequence[int]], Sequence[NDArray]]
+    load: Callable[[Sequence[int], int, int], Sequence[NDArray]]
     aliases: Mapping[str, int] = field(default_factory=dict)
-    row: Callable[[int], str] = _row
+    name_row: Callable[[int], str] = lambda index: f"row {index + 1}"
     units: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    count: Callable[[], int] = lambda: 0
+    largest: Callable[[str | int], float | None] = lambda column: None
+    first: int = 0
+    stop: int | None = None
 
     @classmethod
-    def of(
-        cls,
-        path: Path,
-        arrays: Mapping[str, NDArray],
-        aliases: Mapping[str, int] | None = None,
-        units: Sequence[str] = (),
-        remarks: Sequence[str] = (),
-    ) -> Table:
+    def of(cls, path: Path, arrays: Mapping[str, NDArray], **known: Any) -> Table:
         """Return the table of columns that are in memory."""
         columns = list(arrays.values())
-        return cls(
-            path,
-            tuple(arrays),
-            lambda wanted: [columns[at] for at in wanted],
-            aliases or {},
-            units=tuple(units),
-            remarks=tuple(remarks),
-        )
+        return cls(path, tuple(arrays), lambda wanted, start, stop: [columns[at] for at in wanted], **known)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of the file."""
+        return self.count()
+
+    def table(self, start: int, stop: int) -> Table:
+        """Return a segment of rows."""
+        return replace(self, first=start, stop=stop)
+
+    def row(self, index: int) -> str:
+        """Return how a message names a sample."""
+        return self.name_row(self.first + index)
 
     @property
     def simulated(self) -> bool:
         """Whether the file says that it comes from a virtual test."""
         return any(SIMULATED in remark for remark in self.remarks)
 
-    def with_column(self, other: Table, column: str | int, name: str) -> tuple[Table, str]:
-        """Return this table with a column of another one under a name, and that name."""
-        at = other._find_column(column)
-        units = [*self.units, *[""] * (len(self.names) - len(self.units))]
-        stated = other.stated_unit(column)
-        own = len(self.names)
+    def with_column(self, other: Table, column: str | int, name: str) -> Table:
+        """Return this table with a column of another one under a name."""
+        at, own, stated = other._find_column(column), len(self.names), other.stated_unit(column)
+        units = [*self.units, *[""] * (own - len(self.units)), "" if stated is None else stated[1]]
 
-        def load(wanted: Sequence[int]) -> list[NDArray]:
-            mine = iter(self.load([position for position in wanted if position < own]))
-            return [next(mine) if position < own else other.load([at])[0] for position in wanted]
+        def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+            mine = iter(self.load([position for position in wanted if position < own], start, stop))
+            return [
+                next(mine) if position < own else other.load([at], 0, other.rows)[0] for position in wanted
+            ]
 
-        units.append("" if stated is None else stated[1])
-        return replace(
-            self,
-            names=(*self.names, name),
-            load=load,
-            units=tuple(units),
-            remarks=(*self.remarks, *other.remarks),
-        ), name
+        remarks = (*self.remarks, *other.remarks)
+        return replace(self, names=(*self.names, name), load=load, units=tuple(units), remarks=remarks)
 
     def columns(self, wanted: Sequence[str | int]) -> list[Array]:
         """Return the requested columns as finite float64 arrays.
@@ -114,7 +127,7 @@ class Table:
         """
         positions = [self._find_column(name) for name in wanted]
         distinct = sorted(set(positions))
-        arrays = self.load(distinct)
+        arrays = self.load(distinct, self.first, self.rows if self.stop is None else self.stop)
         if len(arrays) != len(distinct):
             raise InputError(f"{self.path}: holds no rows; it may be damaged")
         loaded = dict(zip(distinct, arrays, strict=True))
@@ -123,7 +136,7 @@ class Table:
     def stated_unit(self, name: str | int) -> tuple[str, str, bool] | None:
         """Return a column's name, the unit that the file states for it, and whether only the name's ending does.
 
-        None where the file states no unit. See :func:`sindyjoint.files.stated_units.unit_in_name`.
+        None where the file states no unit. See :func:`sindyjoint.files.units.unit_in_name`.
         """
         at = self._find_column(name)
         title = self.names[at]
@@ -150,8 +163,8 @@ class Table:
             return self.aliases[name]
         near = difflib.get_close_matches(name, self.names, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        shown = ", ".join(f"{known!r:.40}" for known in self.names[:20]) + (
-            ", ..." if len(self.names) > 20 else ""
+        shown = ", ".join(
+            [*(f"{known!r:.40}" for known in self.names[:20]), *["..."] * (len(self.names) > 20)]
         )
         raise InputError(f"{self.path}: column {name!r} is missing; {hint}columns there: {shown or 'none'}")
 
@@ -189,12 +202,14 @@ def foreign(path: Path, kind: str) -> Iterator[None]:
         ) from error
 
 
-def missing_extra(path: Path, package: str, error: ImportError, extra: str = "formats") -> MissingExtraError:
-    """Say which extra reads this file."""
-    message = f'{path}: reading this format needs {package}; run: pip install "sindyjoint[{extra}]"'
-    missing = MissingExtraError(message)
-    missing.__cause__ = error
-    return missing
+def library(doing: str, name: str, package: str = "", extra: str = "formats") -> Any:
+    """Return a module that a format needs, or say which extra of this package brings it."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise MissingExtraError(
+            f'{doing} this format needs {package or name}; run: pip install "sindyjoint[{extra}]"'
+        ) from error
 
 
 def begins(path: Path) -> bytes:
@@ -224,3 +239,64 @@ def short_names(names: Sequence[str], separator: str) -> dict[str, int]:
     """Return the last parts of grouped names that stand for one data set only, with its position."""
     last = [name.rsplit(separator, 1)[-1] for name in names]
     return {name: position for position, name in enumerate(last) if last.count(name) == 1}
+
+
+def parse_size(text: str) -> int:
+    """Return a size such as "4 GB" in bytes.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> parse_size("4 GB"), parse_size("1.5MiB"), parse_size("2000000")
+    (4000000000, 1572864, 2000000)
+    """
+    match = _SIZE.fullmatch(text)
+    factor = (1024 if match[3] else 1000) ** " kmgt".index(match[2].lower() or " ") if match else 0
+    value = int(float(match[1]) * factor) if match else 0
+    if value < 1:
+        raise InputError(f"size is {text!r:.40}; expected a number of bytes, such as '4 GB'")
+    return value
+
+
+def largest_bytes() -> int:
+    """Return how many bytes the content of one file may take in memory."""
+    given = os.environ.get(VARIABLE)
+    return parse_size(given) if given else DEFAULT
+
+
+def check_bytes(path: Path, size: int, what: str = "its content") -> None:
+    """Refuse content beyond the limit.
+
+    Raises
+    ------
+    InputError
+    """
+    largest = largest_bytes()
+    if size > largest:
+        raise InputError(
+            f"{path}: {what} would take {size / 1e6:.6g} MB of memory, beyond the limit of {largest / 1e6:.6g} MB; if "
+            f"it is meant, raise the limit with 'sindyjoint --largest SIZE ...'"
+        )
+
+
+def check_array(path: Path, shape: Sequence[int], item: int, what: str = "an array") -> int:
+    """Return how many bytes an array takes; refuse one beyond the limit, or of more columns than a table has.
+
+    Raises
+    ------
+    InputError
+    """
+    size = math.prod(shape) * item
+    wide = len(shape) > 1 and min(shape) > MOST_COLUMNS
+    if wide or not 1 <= item <= LARGEST_ITEM or any(n < 0 for n in shape):
+        raise InputError(
+            f"{path}: {what} of shape {tuple(shape)!s:.60} with {item} bytes an entry is no table of numbers"
+        )
+    # An array without a single number still has as many columns as its shape states.
+    if size == 0 and len(shape) > 1 and max(shape) > MOST_COLUMNS:
+        raise InputError(f"{path}: {what} of shape {tuple(shape)!s:.60} holds nothing")
+    check_bytes(path, size, what)
+    return size

@@ -1,55 +1,171 @@
-"""A batch: all joints in one table, what stands out and the trends, on a terminal, as a page, as files."""
+"""A batch: all joints in one table, what stands out and the trends, on a terminal, as pictures, as a page, as files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from sindyjoint.batch.population import next_joint
-from sindyjoint.batch.summary import Batch
-from sindyjoint.batch.tasks import CAMPAIGNS
-from sindyjoint.reporting.figures.batch import DIAMONDS, KELVIN, KINDS
-from sindyjoint.reporting.provenance import Provenance, provenance
-from sindyjoint.reporting.style import pretty_unit, shortened
-from sindyjoint.reporting.tables import superscripted
-from sindyjoint.reporting.text_table import (
+from sindyjoint.batch.population import CoefficientScatter, Trend
+from sindyjoint.batch.record import CAMPAIGNS, CampaignRecord
+from sindyjoint.batch.summary import TEMPERATURE, Batch
+from sindyjoint.reporting.equation import superscripted
+from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name
+from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section
+from sindyjoint.reporting.style import (
+    ACCENT,
+    INK,
+    MUTED,
+    PALETTE,
+    RULE,
+    plain,
+    prefixed,
+    pretty_unit,
+    shortened,
+)
+from sindyjoint.reporting.tables import (
     DASH,
     TextTable,
     aligned,
-    csv_text,
+    csv_records,
     fitting_blocks,
-    print_whole,
+    print_table,
+    tabulate,
     terminal,
-    terminal_table,
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import percent, rounded, spelled
 
-if TYPE_CHECKING:
-    from sindyjoint.batch.record import CampaignRecord
-    from sindyjoint.reporting.figures.kind import Kind
+# More names than these cannot be read below an axis.
+NAMED = 24
+KELVIN = 273.15
+NORMAL95 = 1.96
+
+
+def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
+    """Draw one coefficient of every joint."""
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
+    values, errors = result.values[term], result.errors[term]
+    factor, unit = _scale(values, result.units[term])
+    x = np.arange(values.size)
+    _distribution(ax, scatter, factor)
+    ids = [record.id for record in result.records]
+    for i in _points(ax, x, factor * values, factor * errors, scatter, np.isfinite(values)):
+        # Towards the middle, so that it stays on the paper.
+        right = x[i] < 0.6 * values.size
+        ax.annotate(
+            plain(shortened(ids[i], 18)), (x[i], factor * values[i]), xytext=(5 if right else -5, 2),
+            textcoords="offset points", ha="left" if right else "right", color=ACCENT, fontsize=7,
+        )  # fmt: skip
+    if len(ids) <= NAMED:
+        ax.set_xticks(x, [plain(shortened(name, 14)) for name in ids], rotation=90)
+    else:
+        ax.set_xlabel("campaign, in the order of the table")
+    ax.set(xlim=(-0.7, values.size - 0.3), title=spelled(term, result.motion), ylabel=unit)
+    return ax
+
+
+def _points(
+    ax: Axes,
+    x: np.ndarray,
+    values: np.ndarray,
+    errors: np.ndarray,
+    scatter: CoefficientScatter,
+    use: np.ndarray,
+) -> np.ndarray:
+    """Draw values with 95 % intervals, the outliers in another colour; return the indices of the outliers."""
+    out = np.zeros(values.size, dtype=bool)
+    out[list(scatter.outliers)] = True
+    for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
+        if keep.any():
+            ax.errorbar(x[keep], values[keep], yerr=NORMAL95 * errors[keep], fmt=marker, color=colour,
+                        markersize=3.5, elinewidth=0.9)  # fmt: skip
+    return np.flatnonzero(use & out)
+
+
+def _distribution(ax: Axes, scatter: CoefficientScatter, factor: float) -> None:
+    if np.isfinite(scatter.mean):
+        ax.axhline(factor * scatter.mean, color=INK, linewidth=0.9)
+    if np.isfinite(scatter.spread) and scatter.covariate is None:
+        half = NORMAL95 * np.hypot(scatter.spread, scatter.mean_error)
+        ax.axhspan(factor * (scatter.mean - half), factor * (scatter.mean + half), color=RULE, linewidth=0)
+
+
+def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
+    """Draw one coefficient over a covariate with its line."""
+    term = trend.coefficient
+    values, errors, x = result.values[term], result.errors[term], result.covariates[trend.covariate]
+    factor, unit = _scale(values, result.units[term])
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
+    use = np.isfinite(values) & np.isfinite(x)
+    of = result.covariate_units.get(trend.covariate, "")
+    shift = KELVIN if trend.covariate == TEMPERATURE and of == "K" else 0.0
+    _points(ax, x - shift, factor * values, factor * errors, scatter, use)
+    centre = float(np.mean(x[use]))
+    level = float(np.median(values[use] - trend.slope * (x[use] - centre)))
+    line = np.linspace(x[use].min(), x[use].max(), 101)
+    middle = level + trend.slope * (line - centre)
+    half = NORMAL95 * trend.slope_error * np.abs(line - centre)
+    ax.fill_between(line - shift, factor * (middle - half), factor * (middle + half), color=RULE, linewidth=0)
+    ax.plot(line - shift, factor * middle, color=INK, linewidth=1.0)
+    unit_of = f" ({'°C' if shift else pretty_unit(of)})" if of else ""
+    ax.set(xlabel=plain(trend.covariate + unit_of), ylabel=f"{spelled(term, result.motion)} ({unit})")
+    ax.set_title(
+        f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"),
+        color=MUTED,
+    )
+    return ax
+
+
+def _scale(values: np.ndarray, unit: str) -> tuple[float, str]:
+    here = np.abs(values[np.isfinite(values)])
+    return prefixed(float(here.max()) if here.size else 1.0, unit)
+
+
+DIAMONDS = " Diamonds: joints that stand out."
+
+KINDS = by_name(
+    Kind(
+        "joints",
+        "Coefficients of every joint",
+        "The common terms of every joint with 95 % intervals. Line: their mean; grey: where 95 % of joints lie."
+        + DIAMONDS,
+        lambda result: [partial(draw_joints, term=term) for term in result.common[:MOST_PANELS]],
+    ),
+    Kind(
+        "trends",
+        "Trends",
+        "Coefficients over what the manifests declare, where a trend stands at 5 % over all that was looked for. "
+        "Line: the robust fit, with the 95 % interval of its slope.",
+        lambda result: [
+            partial(draw_trend, trend=trend)
+            for trend in [t for t in result.population.trends if t.significant][:MOST_PANELS]
+        ],
+    ),
+)
+
 
 # Characters of a name on a terminal.
 NAME = 24
 STATUS = {"found": "found", "none": "no model", "broken": "broken"}
 
 
-class BatchView(View[Batch, Batch]):
+class BatchView(
+    View[Batch, Batch],
+    results=(Batch,),
+    data=Batch,
+    records_key="campaigns",
+    kind="Batch",
+    folder="batch",
+    kinds=KINDS,
+    record_file="batch.json",
+    judged_by=(*FINDING, "batch"),
+):
     """A batch."""
-
-    results = (Batch,)
-    data = Batch
-    records_key = "campaigns"
-    kind = "Batch"
-    folder = "batch"
-    kinds = KINDS
-    template = "batch.html.j2"
-    record_file = "batch.json"
-    judged_by = (*FINDING, "batch")
 
     def kinds_of(self, data: Batch) -> Mapping[str, Kind]:
         """Return the figures; of signs that no joint has, the caption says nothing."""
@@ -73,28 +189,62 @@ class BatchView(View[Batch, Batch]):
         """Return all joints, their scatter and the trends."""
         return _joints(result), _scatter(result), _trends(result)
 
-    def content(self, result: Batch, data: Batch, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows; rows are linked to the pages of the campaigns."""
-        joints = _joints(result)
+    def page(self, result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page:
+        """Return which joints differ, all of them, scatter and trends; rows are linked to the campaigns' pages."""
+        joints, scatter, trends = self.tables(result)
         significant = sum(t.significant for t in result.population.trends)
-        return {
-            "title": headline(result),
-            "headline": headline(result),
-            "facts": [
-                ("Campaigns", str(len(result.records)), f"{result.count('found')} with a model"),
-                ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
-                (
-                    "Trends",
-                    str(significant),
-                    f"of {len(result.population.trends)} looked for, at 5 % over all",
+        facts = [
+            ("Campaigns", str(len(result.records)), f"{result.found} with a model"),
+            ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
+            ("Trends", str(significant), f"of {len(result.population.trends)} looked for, at 5 % over all"),
+        ]
+        common = ", ".join(map(spelled, result.common))
+        compared = (
+            f"Coefficients are compared on the terms that more than half of the models have: {common}."
+            if common
+            else "No term is in more than half of the models: nothing can be compared."
+        )
+        differ = [markup("<strong>{}</strong>: {}.").format(d.id, d.text) for d in result.differences]
+        none = (
+            ""
+            if differ
+            else "None: all have the same terms, and no coefficient leaves the distribution of the others."
+        )
+        differing = show.items(differ) if differ else show.paragraph(none)
+        marked = any(s.outliers for s in result.population.scatters)
+        title = (
+            "Coefficients of the common terms with one standard error; residual and noise floor as shares of the RMS "
+            f"load.{' An exclamation mark: it stands out.' if marked else ''}"
+        )
+        links = [_link(record, folder) for record in result.records]
+        return Page(
+            headline(result),
+            "Batch of campaigns",
+            headline(result),
+            (show.paragraph(compared, "reason"), show.facts(facts), show.warnings(result.notes)),
+            (
+                section("differ", "Which joints differ", "Differences", differing),
+                section(
+                    "joints",
+                    "All joints",
+                    "Joints",
+                    show.pictures("joints"),
+                    show.table(replace(joints, title=title), links),
                 ),
-            ],
-            "columns": list(zip(joints.columns, joints.is_text, strict=True)),
-            "marked": any(scatter.outliers for scatter in result.population.scatters),
-            "rows": [
-                (_link(record, folder), row) for record, row in zip(result.records, joints.rows, strict=True)
-            ],
-        }
+                section(
+                    "scatter",
+                    "How the joints scatter",
+                    "CoefficientScatter",
+                    show.table(scatter) if scatter.rows else "",
+                ),
+                section(
+                    "trends",
+                    "Trends",
+                    "Trends",
+                    *((show.pictures("trends"), show.table(trends)) if trends.rows else ()),
+                ),
+            ),
+        )
 
     def origin(self, result: Batch, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the manifests that were read."""
@@ -107,169 +257,166 @@ class BatchView(View[Batch, Batch]):
 
     def show(self, result: Batch) -> None:
         """Print the table, what stands out and the trends."""
-        joints, console = _joints(result), terminal()
+        joints, console = _joints(result), terminal(markup=False)
         shown = [tuple(shortened(cell, NAME) for cell in row) for row in joints.rows]
         for columns, rows in fitting_blocks(joints.columns, shown, console.width):
             align = "".join("l" if column in ("campaign", "joint") else "r" for column in columns)
-            print_whole(terminal_table(columns, rows, align, ruled=True), console)
-            print()
+            print_table(
+                replace(joints, columns=tuple(columns), rows=tuple(map(tuple, rows))), console, align, True
+            )
+            console.print()
         virtual = ", all of them simulated" if self.simulated(result) else ""
-        print(f"{headline(result)}{virtual}")
-        for difference in result.differences:
-            print(f"- {difference.id}: {difference.text}")
+        lines = [f"{headline(result)}{virtual}", *(f"- {one.id}: {one.text}" for one in result.differences)]
         for trend in result.population.trends:
             if trend.significant:
-                name = spelled(trend.coefficient, result.motion)
-                print(
-                    f"- trend: {name} changes by {100 * trend.change:+.1f} % over the range "
-                    f"of the {trend.covariate} (p = {trend.p_adjusted:.2g})"
+                lines.append(
+                    f"- trend: {spelled(trend.coefficient, result.motion)} changes by {100 * trend.change:+.1f} % over "
+                    f"the range of the {trend.covariate} (p = {trend.p_adjusted:.2g})"
                 )
-        for note in result.notes:
-            print(f"- note: {note}")
+        console.print("\n".join([*lines, *(f"- note: {note}" for note in result.notes)]), soft_wrap=True)
 
     def details(self, result: Batch) -> Iterator[str]:
         """Yield how each campaign ended."""
-        rows = [("campaign", "status", "terms", "reason")]
-        for record in result.records:
-            terms = " ".join(term["id"] for term in (record.result or {}).get("terms", ()))
-            rows.append((record.id, record.status, terms, record.reason))
-        yield from aligned(rows)
+        columns: dict[str, Callable[[CampaignRecord], str]] = {
+            "campaign": lambda record: record.id,
+            "status": lambda record: record.status,
+            "terms": lambda record: " ".join(term["id"] for term in (record.result or {}).get("terms", ())),
+            "reason": lambda record: record.reason,
+        }
+        yield from aligned(tabulate("ends", "", result.records, columns))
 
 
 def batch_csv(result: Batch) -> str:
     """Return one line per campaign as CSV: numbers in full, SI."""
-    labels = list(dict.fromkeys(key for r in result.records for key in r.joint.get("labels", {})))
-    numbers = [name for term in result.common for name in (term, f"{term}_standard_error", f"{term}_score")]
-    head = ["campaign", "manifest", "status", "joint", "motion", "serial", "temperature_K", *labels]
-    head += [
-        "terms",
-        "paper_term_set",
-        "moment_rms",
-        "residual_rms",
-        "noise_floor",
-        *numbers,
-        "stands_out",
-        "reason",
-    ]
     scores = {s.coefficient: s.scores for s in result.population.scatters}
-    reasons: dict[str, list[str]] = {}
-    for difference in result.differences:
-        reasons.setdefault(difference.id, []).append(difference.text)
-    rows = []
-    for i, record in enumerate(result.records):
-        joint, found = record.joint, record.result or {}
-        fit = found.get("fit", {})
-        row = [record.id, record.manifest, record.status]
-        row += [_cell(joint.get(key)) for key in ("name", "motion", "serial", "temperature")]
-        row += [_cell(joint.get("labels", {}).get(label)) for label in labels]
-        row += [" ".join(record.terms), found.get("paper_term_set", {}).get("verdict", "")]
-        row += [_cell(fit.get(key)) for key in ("moment_rms", "residual_rms", "noise_floor")]
-        for term in result.common:
-            row += [_cell(float(x[i])) for x in (result.values[term], result.errors[term], scores[term])]
-        rows.append([*row, "; ".join(reasons.get(record.id, [])), record.reason])
-    return csv_text(head, rows)
+    series: dict[str, Mapping[str, Any]] = {
+        "": result.values,
+        "_standard_error": result.errors,
+        "_score": scores,
+    }
+    labels = dict.fromkeys(key for record in result.records for key in record.joint.get("labels", {}))
+    rows = [
+        {
+            "campaign": record.id,
+            "manifest": record.manifest,
+            "status": record.status,
+            "joint": record.joint.get("name"),
+            "motion": record.joint.get("motion"),
+            "serial": record.joint.get("serial"),
+            "temperature_K": record.joint.get("temperature"),
+            **{label: record.joint.get("labels", {}).get(label) for label in labels},
+            "terms": " ".join(record.terms),
+            "paper_term_set": (record.result or {}).get("paper_term_set", {}).get("verdict", ""),
+            **{key: _fit(record).get(key) for key in ("moment_rms", "residual_rms", "noise_floor")},
+            **{term + of: float(series[of][term][i]) for term in result.common for of in series},
+            "stands_out": "; ".join(d.text for d in result.differences if d.id == record.id),
+            "reason": record.reason,
+        }
+        for i, record in enumerate(result.records)
+    ]
+    return csv_records(rows)
 
 
-def _cell(value: Any) -> str:
-    if value is None or (isinstance(value, float) and not np.isfinite(value)):
-        return ""
-    return repr(value) if isinstance(value, float) else str(value)
+def _fit(record: CampaignRecord) -> dict[str, Any]:
+    fit: dict[str, Any] = (record.result or {}).get("fit", {})
+    return fit
+
+
+def _named(result: Batch, term: str) -> str:
+    return f"{spelled(term, result.motion)} ({pretty_unit(result.units[term])})"
 
 
 def _joints(result: Batch) -> TextTable:
     """Return the table that people read."""
-    units = [f"{spelled(term, result.motion)} ({pretty_unit(result.units[term])})" for term in result.common]
-    temperature = any(record.joint.get("temperature") for record in result.records)
-    serial = any(record.joint.get("serial") for record in result.records)
-    head = [
-        "campaign",
-        "joint",
-        *(["serial"] if serial else []),
-        *(["°C"] if temperature else []),
-        "",
-        "residual",
-        "floor",
-        *units,
-    ]
+    records = result.records
     outlying = {(i, s.coefficient) for s in result.population.scatters for i in s.outliers}
-    rows = []
-    for i, record in enumerate(result.records):
-        row = [record.id, record.joint.get("name", DASH)]
-        row += [record.joint.get("serial") or DASH] if serial else []
-        if temperature:
-            kelvin = record.joint.get("temperature")
-            row.append(f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH)
-        row.append(STATUS[record.status])
-        row += _shares_of_fit(record)
-        for term in result.common:
-            value, error = float(result.values[term][i]), float(result.errors[term][i])
-            text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
-            row.append(f"{text} !" if (i, term) in outlying else text)
-        rows.append(tuple(row))
-    return TextTable("joints", "All joints", tuple(head), tuple(rows))
+
+    def celsius(i: int) -> str:
+        kelvin = records[i].joint.get("temperature")
+        return f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH
+
+    def coefficient(i: int, term: str) -> str:
+        value, error = float(result.values[term][i]), float(result.errors[term][i])
+        text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
+        return f"{text} !" if (i, term) in outlying else text
+
+    columns: dict[str, Callable[[int], str]] = {
+        "campaign": lambda i: records[i].id,
+        "joint": lambda i: records[i].joint.get("name", DASH),
+        "serial": lambda i: records[i].joint.get("serial") or DASH,
+        "°C": celsius,
+        "result": lambda i: STATUS[records[i].status],
+        "residual": lambda i: _share(records[i], "residual_rms"),
+        "floor": lambda i: _share(records[i], "noise_floor"),
+        **{_named(result, term): partial(coefficient, term=term) for term in result.common},
+    }
+    for column, key in (("serial", "serial"), ("°C", "temperature")):
+        if not any(record.joint.get(key) for record in records):
+            del columns[column]
+    return tabulate("joints", "All joints", range(len(records)), columns)
 
 
-def _shares_of_fit(record: CampaignRecord) -> tuple[str, str]:
-    """Return residual and noise floor of a campaign's model, of the RMS that was explained."""
-    fit = (record.result or {}).get("fit", {})
-    whole = fit.get("moment_rms")
-    if not whole:
-        return DASH, DASH
-    residual, floor = (fit.get(name) for name in ("residual_rms", "noise_floor"))
-    shares = [DASH if value is None else percent(value / whole) for value in (residual, floor)]
-    return shares[0], "unknown" if floor is None and residual is not None else shares[1]
+def _share(record: CampaignRecord, name: str) -> str:
+    """Return residual or noise floor of a campaign's model, of the RMS that was explained."""
+    fit = _fit(record)
+    if not fit.get("moment_rms") or fit.get("residual_rms") is None:
+        return DASH
+    return "unknown" if fit.get(name) is None else percent(fit[name] / fit["moment_rms"])
 
 
 def _scatter(result: Batch) -> TextTable:
     """Return the scatter of each common coefficient over the joints."""
-    rows: list[tuple[str, ...]] = []
-    for s in result.population.scatters:
+
+    def ahead(s: CoefficientScatter) -> str:
+        return DASH if s.next_joint95 is None else "{:.4g} … {:.4g}".format(*s.next_joint95)
+
+    def mean(s: CoefficientScatter) -> str:
+        return superscripted(rounded(s.mean, s.mean_error)) if np.isfinite(s.mean_error) else f"{s.mean:.4g}"
+
+    def spread(s: CoefficientScatter) -> str:
         share = s.spread / abs(s.mean) if s.mean else float("nan")
-        rows.append(
-            (
-                f"{spelled(s.coefficient, result.motion)} ({pretty_unit(result.units[s.coefficient])})",
-                superscripted(rounded(s.mean, s.mean_error))
-                if np.isfinite(s.mean_error)
-                else f"{s.mean:.4g}",
-                f"{100 * share:.1f} %" if np.isfinite(share) else DASH,
-                DASH if (ahead := next_joint(s)) is None else "{:.4g} … {:.4g}".format(*ahead.interval95),
-                ", ".join(result.records[i].id for i in s.outliers) or "none",
-            )
-        )
-    columns = ("term", "mean of the joints", "spread between joints", "next joint, 95 %", "stand out")
+        return f"{100 * share:.1f} %" if np.isfinite(share) else DASH
+
     caption = (
         "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
         "not tested lies in 95 of 100 cases."
     )
-    return TextTable("scatter", caption, columns, tuple(rows))
+    columns: dict[str, Callable[[CoefficientScatter], str]] = {
+        "term": lambda s: _named(result, s.coefficient),
+        "mean of the joints": mean,
+        "spread between joints": spread,
+        "next joint, 95 %": ahead,
+        "stand out": lambda s: ", ".join(result.records[i].id for i in s.outliers) or "none",
+    }
+    return tabulate("scatter", caption, result.population.scatters, columns)
 
 
 def _trends(result: Batch) -> TextTable:
     """Return the trends, the surest first."""
-    rows: list[tuple[str, ...]] = []
-    for t in sorted(result.population.trends, key=lambda t: t.p_value):
+
+    def slope(t: Trend) -> str:
         step = pretty_unit(result.covariate_units.get(t.covariate, "step"))
-        per = f"{pretty_unit(result.units[t.coefficient])} per {step}"
-        rows.append(
-            (
-                f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
-                f"{superscripted(rounded(t.slope, t.slope_error))} {per}",
-                f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH,
-                f"{t.p_value:.2g}",
-                f"{t.p_adjusted:.2g}",
-                "yes" if t.significant else "not seen",
-            )
-        )
-    columns = ("trend", "slope", "over the range", "p", "p over all", "at 5 %")
+        return f"{superscripted(rounded(t.slope, t.slope_error))} {pretty_unit(result.units[t.coefficient])} per {step}"
+
+    columns: dict[str, Callable[[Trend], str]] = {
+        "trend": lambda t: f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
+        "slope": slope,
+        "over the range": lambda t: (
+            f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH
+        ),
+        "p": lambda t: f"{t.p_value:.2g}",
+        "p over all": lambda t: f"{t.p_adjusted:.2g}",
+        "at 5 %": lambda t: "yes" if t.significant else "not seen",
+    }
     caption = "Robust weighted lines; p over all corrects for the number of trends looked for."
-    return TextTable("trends", caption, columns, tuple(rows))
+    return tabulate("trends", caption, sorted(result.population.trends, key=lambda t: t.p_value), columns)
 
 
 def headline(result: Batch) -> str:
     """Return how many campaigns there are and how they ended."""
-    parts = [f"{len(result.records)} campaigns: {result.count('found')} with a model"]
-    parts += [f"{result.count('none')} without"] if result.count("none") else []
-    parts += [f"{result.count('broken')} broken"] if result.count("broken") else []
+    parts = [f"{len(result.records)} campaigns: {result.found} with a model"]
+    parts += [f"{result.none} without"] if result.none else []
+    parts += [f"{result.broken} broken"] if result.broken else []
     parts += [f"{result.kept} of them done before"] if result.kept else []
     return ", ".join(parts)
 

@@ -1,38 +1,71 @@
-"""Two tests of one joint: what moved, on a terminal, as a page, as files."""
+"""Two tests of one joint: what moved, on a terminal, as a picture, as a page, as files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
 from sindyjoint.judgement.changed import Change, Shift
-from sindyjoint.reporting.figures.changed import KINDS, ChangeFigures
-from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, print_whole, terminal, terminal_table
+from sindyjoint.reporting.figure import Axes, Kind, by_name, math_symbol
+from sindyjoint.reporting.page import Blocks, Page, section, sentence
+from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
+from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_text, print_table
 from sindyjoint.reporting.view import View
 from sindyjoint.text import rounded
 
 
-class ChangeView(View[Change, ChangeFigures]):
+def _drawn(data: Change) -> list[Shift]:
+    """Return the coefficients that are in both tests."""
+    return [shift for shift in data.shifts if np.isfinite(shift.change)]
+
+
+def shifts(data: Change, ax: Axes) -> Axes:
+    """Draw the relative change of each coefficient with its 95 % interval, over the margin."""
+    rows, margin = _drawn(data), 100 * data.margin
+    ax.axvspan(-margin, margin, color=RULE, alpha=0.6, lw=0)
+    ax.axvline(0, color=INK, linewidth=0.8)
+    reach = 1.4 * data.margin
+    for row, shift in enumerate(rows):
+        colour = ACCENT if shift.answer.startswith("changed") else PALETTE[0]
+        ax.plot([100 * end for end in shift.interval], [row, row], color=colour, solid_capstyle="butt")
+        ax.plot(100 * shift.change, row, "o", color=colour, markersize=4)
+        if abs(shift.change) < 3:
+            reach = max(reach, *(min(abs(end), 3.0) * 1.1 for end in shift.interval))
+    ax.set(
+        xlim=(-100 * reach, 100 * reach), yticks=range(len(rows)),
+        yticklabels=[math_symbol(shift.symbol) for shift in rows], ylim=(len(rows) - 0.5, -0.5),
+        xlabel="Change (% of the value before)", title="After against before",
+    )  # fmt: skip
+    return ax
+
+
+KINDS = by_name(
+    Kind(
+        "shifts",
+        "After against before",
+        "Relative change of each coefficient with its 95 % interval; grey: the margin within which a change does not "
+        "matter; orange: changed beyond noise and calibration.",
+        lambda data: [shifts] if _drawn(data) else [],
+        wide=True,
+        height=lambda data: 0.9 + 0.28 * len(_drawn(data)),
+    )
+)
+
+
+class ChangeView(
+    View[Change, Change],
+    results=(Change,),
+    data=Change,
+    kind="Change",
+    kinds=KINDS,
+    record_file="changed.json",
+    records_key="coefficients",
+    judged_by=("judgement",),
+):
     """Two tests of one joint."""
-
-    results = (Change, ChangeFigures)
-    data = ChangeFigures
-    kind = "Change"
-    kinds = KINDS
-    template = "changed.html.j2"
-    record_file = "changed.json"
-    records_key = "coefficients"
-    judged_by = ("judgement",)
-
-    def gather(self, result: Change | ChangeFigures) -> ChangeFigures:
-        """Return what is drawn."""
-        if isinstance(result, ChangeFigures):
-            return result
-        return ChangeFigures(result.after.joint.name, result.shifts, result.margin, result.simulated)
 
     def tables(self, result: Change) -> tuple[TextTable, ...]:
         """Return a row for each coefficient."""
@@ -50,42 +83,44 @@ class ChangeView(View[Change, ChangeFigures]):
         columns = ("coefficient", "answer", "change", "95 % interval", "before", "after", "unit")
         return (TextTable("coefficients", "Coefficients before and after", columns, rows, text=("unit",)),)
 
-    def content(self, result: Change, data: ChangeFigures, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows."""
-        return {
-            "title": f"{result.after.joint.name}: before and after",
-            "badge": "changed" if result.changed else "no change",
-            "headline": result.sentence[:1].upper() + result.sentence[1:] + ".",
-            "reason": f"{_named(result.names)}Margin {100 * result.margin:.3g} %.",
-        }
+    def page(self, result: Change, data: Change, show: Blocks, folder: Path | None) -> Page:
+        """Return the answer and every coefficient."""
+        before, after = result.names
+        named = (before, after) != ("before", "after")
+        badge, word = ("refuted", "changed") if result.changed else ("confirmed", "no change")
+        which = f"Before: {before}; after: {after}. " if named else ""
+        said = (
+            show.verdict(sentence(result.sentence), badge, word),
+            show.paragraph(f"{which}Margin {100 * result.margin:.3g} %.", "reason"),
+        )
+        blocks = (show.pictures("shifts"), show.table(self.tables(result)[0]), show.warnings(result.warnings))
+        return Page(
+            f"{data.after.joint.name}: before and after",
+            "Before and after",
+            data.after.joint.name,
+            said,
+            (section("coefficients", "Coefficients", "Coefficients", *blocks),),
+        )
 
-    def files(self, result: Change, data: ChangeFigures) -> dict[str, str]:
+    def files(self, result: Change, data: Change) -> dict[str, str]:
         """Return the table as CSV."""
         (table,) = self.tables(result)
-        return {"changed.csv": csv_text(["symbol", *table.columns[1:]], [list(row) for row in table.rows])}
+        return {"changed.csv": csv_text(["symbol", *table.columns[1:]], table.rows)}
 
-    def show(self, result: Change) -> None:
+    def about(self, result: Change) -> str:
+        """Return the joint and its two tests."""
+        return f"[bold]{escape(result.after.joint.name)}[/]: {escape(' and '.join(result.names))}\n"
+
+    def show_result(self, result: Change, console: Console) -> None:
         """Print table and answer."""
-        from rich.markup import escape
-
-        console = terminal()
-        console.print(f"[bold]{escape(result.after.joint.name)}[/]: {escape(' and '.join(result.names))}\n")
-        (table,) = self.tables(result)
-        print_whole(terminal_table(table.columns, table.rows, "llrrrrl", ruled=True), console)
-        console.print(f"\n{escape(result.sentence)}")
-        for warning in result.warnings:
-            console.print(f"- {escape(warning)}")
+        print_table(self.tables(result)[0], console, "llrrrrl", ruled=True)
+        console.print(f"\n{result.sentence}", markup=False)
 
     def details(self, result: Change) -> Iterator[str]:
         """Yield the p-value of each coefficient."""
         for shift in result.shifts:
             if np.isfinite(shift.p_value):
                 yield f"{shift.id}: p = {shift.p_value:.2g} of being the same"
-
-
-def _named(names: tuple[str, str]) -> str:
-    """Return what the two tests are called, where they have names of their own."""
-    return "" if names == ("before", "after") else f"Before: {names[0]}; after: {names[1]}. "
 
 
 def _value(value: float, interval: tuple[float, float]) -> str:

@@ -1,33 +1,232 @@
-"""A check of the data: what was found, on a terminal, as a page, as files; of a result that it stopped, too."""
+"""A check of the data: every channel with what was found marked on it; of a campaign, of a stopped result too."""
 
 from __future__ import annotations
 
-import json
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.markup import escape
 
 from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
-from sindyjoint.reporting.figures.check import CheckData, gather_check, kinds_of_check
-from sindyjoint.reporting.figures.kind import Kind
-from sindyjoint.reporting.provenance import Provenance, provenance
+from sindyjoint.numeric import Array
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
+from sindyjoint.reporting.equation import terms_csv
+from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label
+from sindyjoint.reporting.page import Blocks, Page, Provenance, provenance, section, sentence
 from sindyjoint.reporting.results.diagnosis import DiagnosisView
-from sindyjoint.reporting.style import shortened
-from sindyjoint.reporting.tables import findings_table, terms_csv
-from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
+from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
+from sindyjoint.reporting.tables import (
+    DASH,
+    Console,
+    TextTable,
+    aligned,
+    csv_text,
+    findings_table,
+    json_text,
+    print_table,
+    terminal_table,
+)
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.checked import Checked
+from sindyjoint.soundness.checked import Checked, RecordedRun
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.structure.check import RigCheck
+from sindyjoint.soundness.structure.recorded import StructureWords
+from sindyjoint.soundness.words import words_of
+from sindyjoint.text import quantities
+from sindyjoint.trust import Trust
 
-if TYPE_CHECKING:
-    from rich.console import Console
+RUNS_PER_FIGURE = 6
+# The figure of all runs, or of so many.
+TOGETHER, RUNS_TOGETHER = "runs", 24
+# Of the least and the largest value of so many segments the picture of a channel is made.
+SEGMENTS, MOST_SEGMENTS = 450, 30_000
+FEWEST_SEGMENTS = 60
+# A marked sample is drawn at least so wide, as a share of the run; a picture shows no more marks than these.
+LEAST_WIDTH, MOST_MARKS = 0.006, 400
+COLOURS = {"stops": ACCENT, "biases": PALETTE[4], "note": PALETTE[5]}
+ROW, GAP = 1.0, 0.25
 
-    from sindyjoint.trust import Trust
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A channel as it is drawn: the extremes of segments of it, s and SI; the unit of a sensor on a structure."""
+
+    channel: str
+    time: Array
+    values: Array
+    unit: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """Where a finding lies, in s; nowhere in particular where it is of the run as a whole."""
+
+    id: str
+    severity: str
+    channel: str | None
+    starts: Array
+    ends: Array
+
+    @property
+    def words(self) -> str:
+        """Its id as it is written."""
+        return self.id.replace("_", " ")
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedRun:
+    """A run as it is drawn."""
+
+    run: str
+    duration: float
+    traces: tuple[Trace, ...]
+    marks: tuple[Mark, ...]
+    without_time: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class CheckData:
+    """What the pictures of a check are drawn from."""
+
+    joint: str
+    motion: Motion
+    verdict: str
+    runs: tuple[CheckedRun, ...]
+
+
+def gather_check(check: Checked) -> CheckData:
+    """Return what is drawn of a check."""
+    channels = sum(len(run.channels) for run in check.recorded)
+    segments = int(np.clip(MOST_SEGMENTS // max(channels, 1), FEWEST_SEGMENTS, SEGMENTS))
+    runs = tuple(_gather_run(check, run, segments) for run in check.recorded)
+    return CheckData(check.name, check.motion, check.soundness.verdict, runs)
+
+
+def _gather_run(check: Checked, run: RecordedRun, segments: int) -> CheckedRun:
+    units = check.words.units if isinstance(check.words, StructureWords) else {}
+    extremes = {name: find_extremes(signal, segments) for name, signal in run.channels.items()}
+    traces = (
+        Trace(name, places / run.sample_rate, run.channels[name][places], units.get(name, ""))
+        for name, places in extremes.items()
+    )
+    marks = []
+    for finding in check.soundness.findings:
+        if finding.run == run.name:
+            spans = np.array(finding.spans, dtype=float).reshape(-1, 2) / run.sample_rate
+            where = _widen(spans[:, 0], spans[:, 1], run.duration)
+            marks.append(Mark(finding.id, finding.severity, finding.channel, *where))
+    return CheckedRun(run.name, run.duration, tuple(traces), tuple(marks), run.quasi_static)
+
+
+def find_extremes(signal: Array, segments: int) -> NDArray[np.intp]:
+    """Return the places of the least and the largest value of each segment, in order: no peak is lost.
+
+    All samples, where these are no more.
+    """
+    size = -(-signal.size // segments)
+    if size <= 2:
+        return np.arange(signal.size)
+    padded = np.pad(signal, (0, -signal.size % size), mode="edge").reshape(-1, size)
+    first = np.arange(padded.shape[0]) * size
+    places = np.concatenate([first + padded.argmin(axis=1), first + padded.argmax(axis=1)])
+    return np.unique(np.minimum(places, signal.size - 1))
+
+
+def _widen(starts: Array, ends: Array, duration: float) -> tuple[Array, Array]:
+    """Return spans wide enough to be seen, those that then overlap joined, and no more than a picture can show."""
+    short = 0.5 * np.maximum(LEAST_WIDTH * duration - (ends - starts), 0.0)
+    starts, ends = np.maximum(starts - short, 0.0), np.minimum(ends + short, duration)
+    order = np.argsort(starts)
+    starts, ends = starts[order], np.maximum.accumulate(ends[order]) if ends.size else ends
+    new = np.concatenate([[True], starts[1:] > ends[:-1]]) if starts.size else np.zeros(0, dtype=bool)
+    last = np.concatenate([new[1:], [True]]) if starts.size else new
+    return starts[new][:MOST_MARKS], ends[last][:MOST_MARKS]
+
+
+def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> Axes:
+    """Draw the channels of a run one above the other, each over its range, and mark what was found."""
+    words, q = words_of(data.motion), quantities(data.motion)
+    units = {
+        "moment": q.moment_unit,
+        "angle": q.angle_unit,
+        "rate": q.rate_unit,
+        "acceleration": f"{q.rate_unit}/s",
+    }
+    units |= {MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit}
+    base = {trace.channel: -index * (ROW + GAP) for index, trace in enumerate(run.traces)}
+    bottom = min(base.values())
+    for mark in run.marks:
+        low, height = (base[mark.channel], ROW) if mark.channel in base else (bottom, ROW - bottom)
+        bars = list(zip(mark.starts, mark.ends - mark.starts, strict=True))
+        ax.broken_barh(bars, (low - 0.06, height + 0.12), color=COLOURS[mark.severity], alpha=0.45, lw=0)
+    ticks: dict[float, str] = {}
+    for trace in run.traces:
+        least, most, at = float(trace.values.min()), float(trace.values.max()), base[trace.channel]
+        ax.plot(trace.time, at + (trace.values - least) / ((most - least) or 1.0), color=INK, lw=0.5)
+        factor, unit = prefixed(max(abs(least), abs(most)), trace.unit or units[trace.channel])
+        name = trace.channel if trace.unit else words.of(trace.channel)
+        ticks |= {at: f"{least * factor:.3g}", at + 0.5: f"{name} ({unit})", at + ROW: f"{most * factor:.3g}"}
+    _label_marks(run, ax, base)
+    ax.tick_params(axis="y", length=0)
+    ax.grid(visible=False)
+    ax.set(
+        yticks=list(ticks), yticklabels=[label.replace("-", "−") for label in ticks.values()], xlim=(0, run.duration),
+        ylim=(bottom - 0.1, ROW + 0.12), xlabel=time_label(run.without_time, data.motion),
+        title=plain(shortened(run.run, 40)),
+    )  # fmt: skip
+    return ax
+
+
+def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
+    """Name the findings: where they begin, or at the right where they are of the run as a whole."""
+    whole = [mark.words for mark in run.marks if not mark.starts.size]
+    if whole:
+        ax.set_title(", ".join(dict.fromkeys(whole)), loc="right", color=MUTED)
+    used: dict[float, float] = {}
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.8}
+    for mark in sorted((m for m in run.marks if m.starts.size), key=lambda m: m.starts[0]):
+        top = base.get(mark.channel or "", 0.0) + ROW
+        # One after the other where they begin close together.
+        at = max(float(mark.starts[0]), used.get(top, 0.0))
+        if at < 0.9 * run.duration:
+            used[top] = at + 0.014 * run.duration * (len(mark.words) + 1)
+        side = "left" if at < 0.85 * run.duration else "right"
+        ax.text(at, top + 0.03, mark.words, va="bottom", ha=side, fontsize=6.5, color=INK, bbox=box)
+
+
+def kinds_of_check(data: CheckData) -> dict[str, Kind]:
+    """Return the figures of a check: as many as its runs take."""
+    starts = range(0, max(len(data.runs), 1), RUNS_PER_FIGURE)
+    figures = [_kind_of(data, start, RUNS_PER_FIGURE) for start in starts]
+    # A page shows them by and by; one picture of all is what a person wants of a folder.
+    together = replace(_kind_of(data, 0, RUNS_TOGETHER), name=TOGETHER, part=True, columns=2)
+    return by_name(*figures, together)
+
+
+def _kind_of(data: CheckData, start: int, count: int) -> Kind:
+    """Return the figure of some runs."""
+    runs = data.runs[start : start + count]
+    channels = max((len(run.traces) for run in runs), default=1)
+    return Kind(
+        f"channels-{1 + start // count}" if start else "channels",
+        f"Channels of runs {start + 1} to {start + len(runs)}",
+        "Every channel over its range. Shaded: findings that stop (red), bias (orange) or are noted (blue), with "
+        "their ids; those of a run as a whole stand at its upper right.",
+        lambda shown: [partial(draw_run, run=run) for run in runs],
+        wide=True,
+        height=lambda _: 0.75 + 0.62 * channels,
+        columns=1,
+    )
+
 
 BADGES = {"sound": "confirmed", "doubtful": "undecided", "unsound": "refuted"}
 HEADLINES = {
@@ -42,24 +241,21 @@ CSV_COLUMNS = ("id", "run", "channel", "severity", "masked", "extent", "effect",
 EXTENT = 34
 
 
-class CheckView(View[Any, CheckData]):
+class CheckView(
+    View[Any, CheckData],
+    results=(Check, RigCheck, CheckData),
+    data=CheckData,
+    kind="Check",
+    folder="check",
+    record_file="check.json",
+    judged_by=("soundness",),
+    question="What was found?",
+):
     """A check of the data, or a result that stopped at it."""
 
-    results = (Check, RigCheck, CheckData)
-    data = CheckData
-    kind = "Check"
-    folder = "check"
-    template = "check.html.j2"
-    record_file = "check.json"
-    judged_by = ("soundness",)
-    question = "What was found?"
-
-    def gather(self, result: Any) -> CheckData:
-        """Return what is saved, so that a figure drawn again later is the same to the last byte."""
-        if isinstance(result, CheckData):
-            return result
-        data: CheckData = self.restore(self.save(gather_check(_check_of(result))))
-        return data
+    def drawn_from(self, result: Any) -> CheckData:
+        """Return the runs."""
+        return gather_check(_check_of(result))
 
     def simulated(self, result: Any) -> bool:
         """Return whether the campaign is a virtual test."""
@@ -77,38 +273,51 @@ class CheckView(View[Any, CheckData]):
         """Return the findings."""
         return (findings_table(_in_words(_check_of(result))),)
 
-    def lead(self, result: Any, data: CheckData) -> tuple[str, int]:
+    def page(self, result: Any, data: CheckData, show: Blocks, folder: Path | None) -> Page:
+        """Return the verdict, every finding, and every channel."""
+        check = _check_of(result)
+        found, (table,) = check.soundness.findings, self.tables(result)
+        count = {s: str(sum(f.severity == s for f in found)) for s in ("stops", "biases", "note")}
+        facts = [
+            ("Runs", str(len(check.recorded)), f"{sum(len(r.traces) for r in data.runs)} channels"),
+            ("Stop", count["stops"], "no model is made"),
+            ("Bias", count["biases"], "coefficients are shifted"),
+            ("Notes", count["note"], "good to know"),
+        ]
+        verdict = check.soundness.verdict
+        said = (show.verdict(_headline(check.soundness), BADGES[verdict], verdict),)
+        why = sentence(check.reason)
+        if why and result is not check:
+            why += f" So there is no {type(result).__name__.lower()}."
+        what = "structure" if isinstance(check, RigCheck) else "joint"
+        return Page(
+            f"{check.name}: are its data sound?",
+            f"Are the data of this {what} sound?",
+            check.name,
+            (
+                show.answers(self.headline(result), self.question, self._worst(result, data, show), said),
+                show.paragraph(why, "reason"),
+                show.facts(facts),
+                show.warnings(check.warnings),
+            ),
+            (
+                section(
+                    "findings",
+                    "What was found",
+                    "Findings",
+                    show.table(table) if table.rows else show.paragraph("Nothing."),
+                ),
+                section("channels", "Every channel of every run", "Channels", show.pictures()),
+            ),
+        )
+
+    def _worst(self, result: Any, data: CheckData, show: Blocks) -> str:
         """Return the channels of the run with the severest finding."""
         named = [f.run for f in _check_of(result).soundness.findings if f.run is not None]
         names = [run.run for run in data.runs]
-        worst = names.index(named[0]) if named and named[0] in names else 0
-        for kind, made in self.figures(data).items():
-            panels = len(made.panels(data))
-            if worst < panels:
-                return kind, worst
-            worst -= panels
-        return "channels", 0
-
-    def content(self, result: Any, data: CheckData, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows."""
-        check = _check_of(result)
-        soundness = check.soundness
-        counts = {s: sum(f.severity == s for f in soundness.findings) for s in ("stops", "biases", "note")}
-        return {
-            "title": f"{check.name}: are its data sound?",
-            "check": check,
-            "asked": f"Are the data of this {'structure' if isinstance(check, RigCheck) else 'joint'} sound?",
-            "badge": BADGES[soundness.verdict],
-            "lead_caption": self.figures(data)["channels"].caption,
-            "headline": _headline(soundness),
-            "stopped": "" if result is check else type(result).__name__.lower(),
-            "facts": [
-                ("Runs", str(len(check.recorded)), f"{sum(len(r.traces) for r in data.runs)} channels"),
-                ("Stop", str(counts["stops"]), "no model is made"),
-                ("Bias", str(counts["biases"]), "coefficients are shifted"),
-                ("Notes", str(counts["note"]), "good to know"),
-            ],
-        }
+        figure, panel = divmod(names.index(named[0]) if named and named[0] in names else 0, RUNS_PER_FIGURE)
+        # Small here, below at the size at which a finding is seen.
+        return self.hero(show, data, list(self.figures(data))[figure], panel, again=True)
 
     def origin(self, result: Any, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the origin of the campaign's runs, too."""
@@ -124,8 +333,7 @@ class CheckView(View[Any, CheckData]):
         if isinstance(result, Discovery):
             texts["terms.csv"] = terms_csv(result.model)
         if isinstance(result, Diagnosis):
-            record = DiagnosisView().to_dict(result)
-            texts["diagnosis.json"] = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+            texts["diagnosis.json"] = json_text(DiagnosisView().to_dict(result))
         return texts
 
     def headline(self, result: Any) -> Trust:
@@ -134,37 +342,29 @@ class CheckView(View[Any, CheckData]):
 
     def about(self, result: Any) -> str:
         """Return the joint and the verdict."""
-        from rich.markup import escape
-
         check = _check_of(result)
         virtual = " (simulated)" if check.simulated else ""
         name = escape(check.name)
         return f"{name}{virtual}: the data are [bold]{check.soundness.verdict}[/]"
 
     def show_result(self, result: Any, console: Console) -> None:
-        """Print a line for each finding."""
-        from rich.markup import escape
-
-        check = _check_of(result)
-        findings = _in_words(check)
-        if not findings:
-            console.print("  nothing")
+        """Print a line for each finding, and what stops a model."""
+        check, (table,) = _check_of(result), self.tables(result)
+        rows = tuple(
+            (severity, id, shortened(where, 26), textwrap.shorten(extent, EXTENT, placeholder="…"))
+            for id, where, severity, extent, _ in table.rows
+        )
+        if rows:
+            shown = replace(table, columns=("severity", "finding", "where", "extent"), rows=rows)
+            console.print(terminal_table(shown, "l"))
         else:
-            rows = [
-                (
-                    f.severity,
-                    f.id,
-                    shortened(f.run or "all runs", 14),
-                    shortened(f.channel or DASH, 12),
-                    textwrap.shorten(f.extent, EXTENT, placeholder="…"),
-                )
-                for f in findings
-            ]
-            console.print(terminal_table(("severity", "finding", "run", "channel", "extent"), rows, "l"))
-        for warning in check.warnings:
-            console.print(f"- {escape(warning)}")
+            console.print("  nothing")
         if check.stopping:
-            console.print(f"\n[bold]stopped[/]: {escape(check.reason)}")
+            console.print(f"[bold]stopped[/]: {escape(check.reason)}")
+
+    def warnings(self, result: Any) -> Sequence[str]:
+        """Return those of the check."""
+        return _check_of(result).warnings
 
 
 def _check_of(result: Any) -> Checked:
@@ -183,8 +383,6 @@ def _headline(soundness: Soundness) -> str:
 
 def _in_words(check: Checked) -> tuple[Finding, ...]:
     """Return the findings with their channels in the words of the joint's kind of motion."""
-    from dataclasses import replace
-
     words = check.words
     return tuple(
         f if f.channel is None else replace(f, channel=words.label(f.channel))
@@ -198,3 +396,57 @@ def wrap_findings(soundness: Soundness) -> Iterator[str]:
         where = " of ".join(part for part in (f.channel, f.run) if part) or "all runs"
         text = f"{f.severity}: {f.id} ({where}): {f.extent}; {f.effect}; {f.remedy}"
         yield from textwrap.wrap(text, 110, subsequent_indent="  ")
+
+
+class CampaignView(View[Campaign, None], results=(Campaign,)):
+    """A campaign: what its runs hold; its picture and its page are those of its check."""
+
+    def tables(self, result: Campaign) -> tuple[TextTable, ...]:
+        """Return the runs."""
+        q = quantities(result.joint.motion)
+        columns = ("run", "samples", "rate", "frequency", "largest motion", f"largest {q.moment.lower()}")
+        rows = tuple(
+            (
+                run.name,
+                str(run.n_samples),
+                f"{run.sample_rate:g} {f'/{q.angle_unit} of path' if run.quasi_static else 'Hz'}",
+                DASH if run.frequency is None else f"{run.frequency:g} Hz",
+                f"{np.abs(run.angle).max():.3e} {q.angle_unit}",
+                f"{np.abs(run.moment).max():.3g} {pretty_unit(q.moment_unit)}",
+            )
+            for run in result.runs
+        )
+        return (TextTable("runs", "Runs", columns, rows),)
+
+    def records(self, result: Campaign) -> list[dict[str, Any]]:
+        """Return the runs, numbers in SI units."""
+        return [
+            {
+                "run": run.name,
+                "samples": run.n_samples,
+                "sample_rate": run.sample_rate,
+                "frequency": np.nan if run.frequency is None else run.frequency,
+                "level": run.level,
+                "use": run.use,
+                "largest_angle": float(np.abs(run.angle).max()),
+                "largest_moment": float(np.abs(run.moment).max()),
+            }
+            for run in result.runs
+        ]
+
+    def about(self, result: Campaign) -> str:
+        """Return the joint, and how many runs there are."""
+        virtual = " (simulated)" if result.simulated else ""
+        return f"{escape(result.joint.name)}{virtual}: {len(result.runs)} run(s)"
+
+    def show_result(self, result: Campaign, console: Console) -> None:
+        """Print a line per run."""
+        print_table(self.tables(result)[0], console)
+
+    def warnings(self, result: Campaign) -> tuple[str, ...]:
+        """Return nothing: what stands against a campaign its check says."""
+        return ()
+
+    def details(self, result: Campaign) -> Iterator[str]:
+        """Yield a line per run."""
+        yield from aligned(*self.tables(result))

@@ -1,68 +1,122 @@
-"""A comparison: its tables, and every form they take; on a terminal, as a page, as files."""
+"""A comparison: its tables, and every form they take; on a terminal, as pictures, as a page, as files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
-from sindyjoint.judgement.comparison import Comparison
+from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, GivenModel
 from sindyjoint.judgement.headlines import judge_comparison
-from sindyjoint.reporting.equation import mathml
-from sindyjoint.reporting.figures.comparison import KINDS
-from sindyjoint.reporting.page import markup
-from sindyjoint.reporting.provenance import Provenance, provenance
-from sindyjoint.reporting.style import pretty_unit, shortened
-from sindyjoint.reporting.tables import interval_text, superscripted
-from sindyjoint.reporting.text_table import (
+from sindyjoint.reporting.equation import interval_text, mathml, superscripted
+from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
+from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section, sentence
+from sindyjoint.reporting.results.discovery_terms import dependence
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
+from sindyjoint.reporting.tables import (
     DASH,
+    Console,
     TextTable,
     aligned,
-    csv_text,
-    print_wrapped,
+    csv_records,
+    print_table,
     short_number,
-    terminal_table,
+    tabulate,
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import quantities, rounded, spelled
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from sindyjoint.judgement.comparison import Choice, GivenModel
-    from sindyjoint.trust import Trust
+from sindyjoint.trust import Trust
 
 
-# Of the CSV file, and of a data frame.
-LONG_COLUMNS = ("kind", "name", "term", "chosen", "coefficient", "standard_error", "interval95_low",
-                "interval95_high", "unit")  # fmt: skip
+def _inclusion_rows(result: Comparison) -> list[tuple[str, list[float]]]:
+    """Return label and share of each term: of the resampled campaigns first, then of every choice."""
+    terms = result.shown_ids
+    share = dict(zip(result.ids, result.inclusion, strict=True))
+    choices = (*result.methods, *result.frequencies, *result.libraries)
+    chosen = [(choice.name, [float(choice[term] is not None) for term in terms]) for choice in choices]
+    return [("resampled campaigns", [share.get(term, 0.0) for term in terms]), *chosen]
 
 
-class ComparisonView(View[Comparison, Comparison]):
+def inclusion(result: Comparison, ax: Axes) -> Axes:
+    """Draw which term is chosen by what: one row for each method, frequency, library, and the resampled campaigns."""
+    from matplotlib.patches import Rectangle
+
+    terms, rows = result.shown_ids, _inclusion_rows(result)
+    for y, (_, values) in enumerate(rows):
+        for x, value in enumerate(values):
+            # Area shows the share of replicates; a full square is a certain choice.
+            side, colour = 0.86 * np.sqrt(value), PALETTE[0] if terms[x] in result.wanted else PALETTE[1]
+            if value > 0:
+                ax.add_patch(Rectangle((x - side / 2, y - side / 2), side, side, color=colour, linewidth=0))
+    for end in np.cumsum([1, len(result.methods), len(result.frequencies)]):
+        ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
+    ax.axvline(len(result.wanted) - 0.5, color=INK, linewidth=0.8)
+    ax.set(
+        xlim=(-0.5, len(terms) - 0.5), ylim=(len(rows) - 0.5, -0.5), yticks=range(len(rows)),
+        yticklabels=[plain(shortened(name, 20)) for name, _ in rows], title="left of the line: the paper's five",
+    )  # fmt: skip
+    names = [spelled(term, result.motion) for term in terms]
+    ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
+    ax.tick_params(length=0)
+    ax.grid(color=RULE, linewidth=0.3)
+    return ax
+
+
+KINDS = by_name(
+    Kind(
+        "inclusion",
+        "Inclusion map",
+        "A square: the term is chosen. In the first row its area is the share of resampled campaigns that do.",
+        fixed(inclusion),
+        wide=True,
+        height=lambda result: 2.0 + 0.17 * len(_inclusion_rows(result)),
+    ),
+    Kind(
+        "dependence",
+        "Coefficients by frequency",
+        "Each coefficient at each single frequency with its 95 % interval; line and grey band: their mean and the "
+        "margin within which they count as the same. Crosses: the paper's tables, where the joint is one of them.",
+        lambda result: [partial(dependence, test=test) for test in result.tests],
+    ),
+)
+
+
+CORRECTED = (
+    "These are the values of the model: the bias that processing leaves in a coefficient is taken out of them, and of "
+    "the test for frequency dependence below. The tables above hold each value as it was fitted, so that methods "
+    "compare: that is why two values of a coefficient stand on this page."
+)
+
+
+class ComparisonView(
+    View[Comparison, Comparison],
+    results=(Comparison,),
+    data=Comparison,
+    kind="Comparison",
+    folder="comparison",
+    kinds=KINDS,
+    record_file="comparison.json",
+    judged_by=FINDING,
+    unsaved={"discovery": None, "left_out": {}, "soundness": Soundness()},
+):
     """A comparison."""
-
-    results = (Comparison,)
-    data = Comparison
-    kind = "Comparison"
-    folder = "comparison"
-    kinds = KINDS
-    template = "comparison.html.j2"
-    record_file = "comparison.json"
-    judged_by = FINDING
-    unsaved = {"discovery": None, "left_out": {}, "soundness": Soundness()}  # noqa: RUF012
 
     def tables(self, result: Comparison) -> tuple[TextTable, ...]:
         """Return the tables of a comparison."""
-        tables = [_against_terms("methods", "Methods against terms", result, result.methods)]
+        tables = [_against_terms("methods", "Methods against terms", result, _best_first(result.methods))]
         if result.frequencies:
             title = f"Each single {result.parts} against terms"
             tables.append(_against_terms(result.several, title, result, result.frequencies))
-        tables.append(_against_terms("libraries", "Libraries against terms", result, result.libraries))
+        libraries = _best_first(result.libraries)
+        tables.append(_against_terms("libraries", "Libraries against terms", result, libraries))
         tables.append(_coefficients(result))
         if result.tests:
             tables.append(_tests(result.tests, result.motion))
@@ -72,14 +126,48 @@ class ComparisonView(View[Comparison, Comparison]):
             tables.append(_given_model(result.given, result.motion))
         return tuple(tables)
 
-    def content(self, result: Comparison, data: Comparison, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows."""
+    def page(self, result: Comparison, data: Comparison, show: Blocks, folder: Path | None) -> Page:
+        """Return how far all agree, which terms are chosen by what, and every table."""
         model = None if result.discovery is None else result.discovery.model
-        return {"title": _title(result), "equation": markup(mathml(model)) if model and model.terms else ""}
-
-    def lead(self, result: Comparison, data: Comparison) -> tuple[str, int]:
-        """Return the inclusion map."""
-        return "inclusion", 0
+        found = (
+            show.equation(markup(mathml(model))) if model and model.terms else "",
+            show.verdict(sentence(result.agreement)),
+        )
+        about = f"Model by {result.methods[0].name}: {result.model.reason}."
+        answers = [
+            f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests
+        ]
+        above = {"coefficients": show.paragraph(CORRECTED if result.bias else "")}
+        below = {"frequency-dependence": (show.items(answers), show.pictures("dependence"))}
+        sections = [
+            section(
+                table.name,
+                table.title,
+                table.name.replace("-", " ").capitalize(),
+                above.get(table.name, ""),
+                show.table(table),
+                *below.get(table.name, ()),
+            )
+            for table in self.tables(result)
+        ]
+        warnings = show.items(list(map(sentence, self.warnings(result))), heading="", kind="warnings")
+        return Page(
+            _title(result),
+            "Term selection compared",
+            result.joint,
+            (show.answers(self.headline(result), self.question, self.hero(show, data, "inclusion"), found),),
+            (
+                section(
+                    "map",
+                    "Which terms are chosen by what",
+                    "Map",
+                    show.paragraph(about, "reason"),
+                    show.pictures("inclusion"),
+                ),
+                *sections,
+                section("warnings", "To be aware of", "", warnings),
+            ),
+        )
 
     def origin(self, result: Comparison, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the origin of the campaign's runs, too."""
@@ -87,16 +175,39 @@ class ComparisonView(View[Comparison, Comparison]):
 
     def records(self, result: Comparison) -> list[dict[str, Any]]:
         """Return every choice, term by term, numbers in SI units."""
-        return [dict(zip(LONG_COLUMNS, row, strict=True)) for row in _long_rows(result, float("nan"))]
+        groups = {
+            "method": result.methods,
+            result.parts: result.frequencies,
+            "library": result.libraries,
+            "model": (result.model,),
+        }
+        missing = float("nan")
+        none = SimpleNamespace(coefficient=missing, standard_error=missing, interval95=(missing, missing))
+        return [
+            {
+                "kind": kind,
+                "name": choice.name,
+                "term": term,
+                "chosen": int(choice[term] is not None),
+                "coefficient": (held := choice[term] or none).coefficient,
+                "standard_error": held.standard_error,
+                "interval95_low": held.interval95[0],
+                "interval95_high": held.interval95[1],
+                "unit": result.units.get(term, ""),
+            }
+            for kind, choices in groups.items()
+            for choice in choices
+            for term in result.shown_ids
+        ]
 
     def files(self, result: Comparison, data: Comparison) -> dict[str, str]:
         """Return the tables as CSV, Markdown and LaTeX."""
         tables = self.tables(result)
+        latex = "\n".join(table.latex() for table in tables)
         return {
-            "comparison.csv": long_csv(result),
-            "comparison.md": _markdown(result, tables),
-            "comparison.tex": "% needs \\usepackage{booktabs}\n"
-            + "\n".join(table.latex() for table in tables),
+            "comparison.csv": csv_records(self.records(result)),
+            "comparison.md": _markdown(result, tables, self.warnings(result)),
+            "comparison.tex": f"% needs \\usepackage{{booktabs}}\n{latex}",
         }
 
     def headline(self, result: Comparison) -> Trust:
@@ -105,8 +216,6 @@ class ComparisonView(View[Comparison, Comparison]):
 
     def about(self, result: Comparison) -> str:
         """Return the joint, and how much is compared."""
-        from rich.markup import escape
-
         simulated = " (simulated)" if result.simulated else ""
         apart = f", {len(result.frequencies)} {result.several}" if result.frequencies else ""
         many = f"{len(result.methods)} methods{apart}, {len(result.libraries)} libraries"
@@ -114,139 +223,124 @@ class ComparisonView(View[Comparison, Comparison]):
 
     def show_result(self, result: Comparison, console: Console) -> None:
         """Print the model, what every choice leads to, and whether coefficients change with frequency."""
-        from rich.markup import escape
-
         names = ", ".join(spelled(term, result.motion) for term in result.model.ids)
         known = result.discovery is not None and result.model.terms
-        console.print(
-            f"  {escape(result.discovery.model.equation() if known else names or result.model.reason)}\n"
-        )
-        choices = _choice_rows(result)
-        load = quantities(result.motion).moment.lower()
-        columns = (
-            "",
-            "terms",
-            "residual",
-            f"left-out {load}",
-            "response",
-            f"instead of {result.paper_set.removesuffix(' terms')}",
-        )
-        print_wrapped(terminal_table(columns, choices, "lrrrrl"), console)
+        said = result.discovery.model.equation() if known else names or result.model.reason
+        console.print(f"  {escape(said)}\n")
+        print_table(_choices(result), console, "lrrrrl", wraps=True)
         console.print(f"\n{escape(result.agreement)}")
         if result.tests:
-            rows = [
-                (
-                    spelled(t.name, result.motion),
-                    _trend(t),
-                    _percent(t.change_bound),
-                    f"{t.p_value:.2g}",
-                    t.answer,
-                )
-                for t in result.tests
-            ]
-            heads = ("over the tested band", "trend", "at most", "p", "answer")
             console.print()
-            print_wrapped(terminal_table(heads, rows, "lrrrl"), console)
-        for text in (*result.undetermined, *result.warnings):
-            console.print(f"- {escape(text)}")
+            tests = _tests(result.tests, result.motion).take(
+                "term", "trend over band", "at most", "p", "answer"
+            )
+            heads = ("over the tested band", "trend", "at most", "p", "answer")
+            print_table(tests.headed(*heads), console, "lrrrl", wraps=True)
+
+    def warnings(self, result: Comparison) -> tuple[str, ...]:
+        """Return what these runs do not tell apart, too."""
+        return (*result.undetermined, *result.warnings)
 
     def details(self, result: Comparison) -> Iterator[str]:
         """Yield how long each method took, and what it led to."""
-        rows = [("method", "time", "held out", "response", "terms")]
-        for choice in (*result.methods, *result.frequencies, *result.libraries):
-            rows.append(
-                (
-                    choice.name,
-                    _seconds(choice.seconds),
-                    short_number(choice.held_out),
-                    short_number(choice.response),
-                    " ".join(term.id for term in choice.terms) or "none",
-                )
-            )
-        yield from aligned(rows)
+        columns: dict[str, Callable[[Choice], str]] = {
+            "method": lambda choice: choice.name,
+            "time": lambda choice: _seconds(choice.seconds),
+            "held out": lambda choice: short_number(choice.held_out),
+            "response": lambda choice: short_number(choice.response),
+            "terms": lambda choice: " ".join(term.id for term in choice.terms) or "none",
+        }
+        choices = (*result.methods, *result.frequencies, *result.libraries)
+        yield from aligned(tabulate("choices", "", choices, columns))
         yield from (f"{stage}: {_seconds(spent)}" for stage, spent in result.seconds.items())
 
 
 def _title(result: Comparison) -> str:
-    return (
-        f"{result.joint}: terms by method, {f'{result.parts} and ' if result.frequencies else 'and '}library"
-    )
+    apart = f"{result.parts} and " if result.frequencies else "and "
+    return f"{result.joint}: terms by method, {apart}library"
+
+
+def _best_first(choices: Sequence[Choice]) -> list[Choice]:
+    """Return choices by what they err on what was left out, then on the response, then on what was fitted.
+
+    Those that are equal as far as is shown keep their order.
+    """
+    worst = float("inf")
+
+    def errors(choice: Choice) -> list[float]:
+        known = (choice.held_out, choice.response, choice.residual)
+        return [round(value, 4) if choice.terms and np.isfinite(value) else worst for value in known]
+
+    return sorted(choices, key=errors)
+
+
+def _named(result: Comparison, term: str) -> str:
+    return f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})"
 
 
 def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
-    rows = []
-    for term in result.shown_ids:
-        if any(choice[term] for choice in choices) or term in result.wanted:
-            rows.append(
-                (
-                    f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})",
-                    *(_cell(c, term) for c in choices),
-                )
-            )
-    rows.append(("terms", *(str(len(c.terms)) for c in choices)))
-    rows.append(("the paper's set", *("yes" if c.agrees else "no" for c in choices)))
-    if any(np.isfinite(c.residual) for c in choices):
-        rows.append(("residual", *(_percent(c.residual) for c in choices)))
-    if any(np.isfinite(c.held_out) for c in choices):
-        load = quantities(result.motion).moment.lower()
-        rows.append((f"error of left-out {load}", *(_percent(c.held_out) for c in choices)))
-    if any(np.isfinite(c.response) for c in choices):
-        rows.append(("error of left-out response", *(_percent(c.response) for c in choices)))
-    if any(np.isfinite(c.seconds) for c in choices):
-        rows.append(("time of the path, s", *(f"{c.seconds:.2f}" for c in choices)))
-    if any(c.not_given for c in choices):
-        rows.append(("its search is not given", *(", ".join(c.not_given) or DASH for c in choices)))
-    return TextTable(name, title, ("term", *(c.name for c in choices)), tuple(rows))
+    """Return a row for each term, and for what each choice errs; a column for each choice."""
+    load = quantities(result.motion).moment.lower()
+    terms = [t for t in result.shown_ids if t in result.wanted or any(choice[t] for choice in choices)]
+    rows: dict[str, Callable[[Choice], str]] = {
+        **{_named(result, term): partial(_cell, term=term) for term in terms},
+        "terms": lambda choice: str(len(choice.terms)),
+        "the paper's set": lambda choice: "yes" if choice.agrees else "no",
+        "residual": lambda choice: _percent(choice.residual),
+        f"error of left-out {load}": lambda choice: _percent(choice.held_out),
+        "error of left-out response": lambda choice: _percent(choice.response),
+        "time of the path, s": lambda choice: (
+            f"{choice.seconds:.2f}" if np.isfinite(choice.seconds) else DASH
+        ),
+        "its search is not given": lambda choice: ", ".join(choice.not_given) or DASH,
+    }
+    cells = {called: tuple(map(cell, choices)) for called, cell in rows.items()}
+    # Of terms all are shown, of what is not known of any choice nothing.
+    shown = list(cells.items())[: len(terms)]
+    shown += [row for row in list(cells.items())[len(terms) :] if set(row[1]) != {DASH}]
+    columns = ("term", *(choice.name for choice in choices))
+    return TextTable(name, title, columns, tuple((called, *row) for called, row in shown))
 
 
 def _coefficients(result: Comparison) -> TextTable:
     """List each term of the model: inclusion, value and interval after correction, and the bias that was corrected."""
     share = dict(zip(result.ids, result.inclusion, strict=True))
-    rows = []
-    for term in result.model.terms:
-        rows.append(
-            (
-                f"{spelled(term.id, result.motion)} ({pretty_unit(result.units[term.id])})",
-                _percent(share.get(term.id, float("nan"))),
-                _value(term.coefficient, term.standard_error),
-                interval_text(*term.interval95, term.standard_error),
-                f"{100 * (result.bias[term.id] / abs(term.coefficient)):+.2f} %".replace("-", "−")
-                if term.id in result.bias
-                else DASH,
-            )
-        )
-    return TextTable(
-        "coefficients",
-        "Coefficients",
-        ("term", "in resampled campaigns", "value", "95 % interval", "bias taken out"),
-        tuple(rows),
-    )
+
+    def bias(term: ChosenTerm) -> str:
+        taken = 100 * result.bias[term.id] / abs(term.coefficient) if term.id in result.bias else None
+        return DASH if taken is None else f"{taken:+.2f} %".replace("-", "−")
+
+    columns: dict[str, Callable[[ChosenTerm], str]] = {
+        "term": lambda term: _named(result, term.id),
+        "in resampled campaigns": lambda term: _percent(share.get(term.id, float("nan"))),
+        "value": lambda term: _value(term.coefficient, term.standard_error),
+        "95 % interval": lambda term: interval_text(*term.interval95, term.standard_error),
+        "bias taken out": bias,
+    }
+    return tabulate("coefficients", "Coefficients", result.model.terms, columns)
 
 
 def _tests(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
-    columns = (
-        "term",
-        *(f"{f:.4g} Hz" for f in tests[0].frequencies),
-        "Q",
-        "I²",
-        "τ / mean",
-        "trend over band",
-        "p",
-        "at most",
-        "answer",
-    )
-    rows = []
-    for test in tests:
-        values = [_value(x, s) for x, s in zip(test.estimates, test.standard_errors, strict=True)]
-        spread = (f"{test.q:.1f}", f"{100 * test.i_squared:.0f} %", _percent(test.tau / abs(test.mean)))
-        trend = _trend(test)
-        text: str = test.answer
-        if text == "independent within margin" and test.p_value < DISCOVERY.frequency_level:
-            text += f"; a change of {trend} is significant"
-        answer = (trend, f"{test.p_value:.2g}", _percent(test.change_bound), text)
-        rows.append((spelled(test.name, motion), *values, *spread, *answer))
-    return TextTable(
-        "frequency-dependence", "Are the coefficients the same at every frequency?", columns, tuple(rows)
+    def estimate(test: FrequencyTest, at: int) -> str:
+        return _value(test.estimates[at], test.standard_errors[at])
+
+    def answer(test: FrequencyTest) -> str:
+        small = test.answer == "independent within margin" and test.p_value < DISCOVERY.frequency_level
+        return test.answer + (f"; a change of {_trend(test)} is significant" if small else "")
+
+    columns: dict[str, Callable[[FrequencyTest], str]] = {
+        "term": lambda test: spelled(test.name, motion),
+        **{f"{f:.4g} Hz": partial(estimate, at=at) for at, f in enumerate(tests[0].frequencies)},
+        "Q": lambda test: f"{test.q:.1f}",
+        "I²": lambda test: f"{100 * test.i_squared:.0f} %",
+        "τ / mean": lambda test: _percent(test.tau / abs(test.mean)),
+        "trend over band": _trend,
+        "p": lambda test: f"{test.p_value:.2g}",
+        "at most": lambda test: _percent(test.change_bound),
+        "answer": answer,
+    }
+    return tabulate(
+        "frequency-dependence", "Are the coefficients the same at every frequency?", tests, columns
     )
 
 
@@ -284,64 +378,39 @@ def _folds(result: Comparison) -> TextTable:
     )
 
 
-def long_csv(result: Comparison) -> str:
-    """Return every choice, term by term, as CSV: numbers in full, SI."""
-    return csv_text(LONG_COLUMNS, _long_rows(result, ""))
-
-
-def _long_rows(result: Comparison, missing: Any) -> list[tuple[Any, ...]]:
-    """Return every choice, term by term; ``missing`` stands for the numbers of a term that was not chosen."""
-    groups = {
-        "method": result.methods,
-        result.parts: result.frequencies,
-        "library": result.libraries,
-        "model": (result.model,),
-    }
-    rows: list[tuple[Any, ...]] = []
-    for kind, choices in groups.items():
-        for choice in choices:
-            for term in result.shown_ids:
-                held, unit = choice[term], result.units.get(term, "")
-                values = (held.coefficient, held.standard_error, *held.interval95) if held else (missing,) * 4
-                rows.append((kind, choice.name, term, int(held is not None), *values, unit))
-    return rows
-
-
-def _markdown(result: Comparison, tables: Sequence[TextTable]) -> str:
-    notes = [f"- {text}" for text in (*result.undetermined, *result.warnings)]
-    head = (
-        f"# {_title(result)}\n\n"
-        + ("Simulated, not measured.\n\n" if result.simulated else "")
-        + result.agreement
-        + ".\n"
-    )
-    return "\n".join(
-        [
-            head,
-            *(f"## {table.title}\n\n{table.markdown()}\n" for table in tables),
-            *(["## To be aware of\n", *notes, ""] if notes else []),
-        ]
-    )
-
-
-def _choice_rows(result: Comparison) -> list[tuple[str, ...]]:
-    """Return what every method, frequency and library leads to, and the noise floor."""
-    rows = [
-        (
-            shortened(choice.name),
-            str(len(choice.terms)),
-            *map(_percent, (choice.residual, choice.held_out, choice.response)),
-            _difference(choice, result.motion),
-        )
-        for choice in (*result.methods, *result.frequencies, *result.libraries)
+def _markdown(result: Comparison, tables: Sequence[TextTable], warnings: Sequence[str]) -> str:
+    notes = "\n".join(f"- {text}" for text in warnings)
+    parts = [
+        f"# {_title(result)}",
+        *(["Simulated, not measured."] if result.simulated else []),
+        f"{result.agreement}.",
+        *(f"## {table.title}\n\n{table.markdown()}" for table in tables),
+        *([f"## To be aware of\n\n{notes}"] if notes else []),
     ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _choices(result: Comparison) -> TextTable:
+    """Return what every choice leads to, by method, frequency (level) and library, best first; and the floor."""
+    groups = {"method": result.methods, result.parts: result.frequencies, "library": result.libraries}
+    rows: list[tuple[str, ...]] = []
+    for group, choices in groups.items():
+        rows += [(f"by {group}", "", "", "", "", "")] * bool(choices)
+        for choice in _best_first(choices):
+            errors = map(_percent, (choice.residual, choice.held_out, choice.response))
+            named = f"  {shortened(choice.name)}", str(len(choice.terms))
+            rows.append((*named, *errors, _difference(choice, result.motion)))
     given = result.given
     if given is not None:
         left_out = DASH if given.seen else _percent(given.residual)
         held = _percent(given.residual), left_out, _percent(given.response)
         rows.append(("given model", str(len(given.terms)), *held, _elements(given, result.motion)))
     floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
-    return [*rows, ("noise floor", "", floor, "", "", "")]
+    rows.append(("noise floor", "", floor, "", "", ""))
+    instead = f"instead of {result.paper_set.removesuffix(' terms')}"
+    load = quantities(result.motion).moment.lower()
+    columns = ("", "terms", "residual", f"left-out {load}", "response", instead)
+    return TextTable("choices", "", columns, tuple(rows))
 
 
 def _elements(given: GivenModel, motion: str) -> str:
@@ -382,13 +451,8 @@ def _value(value: float, error: float) -> str:
 
 
 def _percent(value: float) -> str:
-    return (
-        f"{100 * value:.2f} %"
-        if np.isfinite(value) and value < 0.1
-        else f"{100 * value:.0f} %"
-        if np.isfinite(value)
-        else DASH
-    )
+    digits = 2 if value < 0.1 else 0
+    return f"{100 * value:.{digits}f} %" if np.isfinite(value) else DASH
 
 
 def _seconds(value: float) -> str:

@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
 from sindyjoint.diagnosis.falling import reported_together
-from sindyjoint.diagnosis.result import NOT_SOUGHT, Diagnosis
+from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.judgement.headlines import judge_diagnosis
-from sindyjoint.reporting.equation import effect_mathml, mathml
-from sindyjoint.reporting.figures import diagnosis, structure
-from sindyjoint.reporting.page import markup, number
+from sindyjoint.reporting.equation import effect_mathml, mathml, model_table
+from sindyjoint.reporting.figure import Kind
+from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
+from sindyjoint.reporting.results import diagnosis_campaign, diagnosis_structure
 from sindyjoint.reporting.style import amount, pretty_unit
-from sindyjoint.reporting.tables import model_table
-from sindyjoint.reporting.text_table import DASH, TextTable, aligned, terminal_table
+from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, tabulate, terminal_table
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
-    from sindyjoint.diagnosis.result import Advice, Gap, RecordGap, Step
-    from sindyjoint.reporting.figures.kind import Kind
-    from sindyjoint.trust import Trust
+from sindyjoint.trust import Trust
 
 PARTS = ("state", "history", "run", "processing", "noise")
 VERDICTS = {
@@ -35,39 +30,30 @@ VERDICTS = {
         "undecided",
         "Something is missing, and these runs do not decide which of several effects it is.",
     ),
-    "partly_named": (
-        "undecided",
-        "A part of what was missing has a name; the rest is unexplained.",
-    ),
+    "partly_named": ("undecided", "A part of what was missing has a name; the rest is unexplained."),
     "unknown": ("refuted", "Something is missing that none of the known effects explains."),
     "undecided": ("undecided", "The data do not decide whether anything is missing."),
     "nothing_missing": ("confirmed", "Nothing is missing: the residual is noise."),
 }
 
 
-class DiagnosisView(View[Diagnosis, Diagnosis]):
+class DiagnosisView(
+    View[Diagnosis, Diagnosis],
+    results=(Diagnosis,),
+    data=Diagnosis,
+    kind="Diagnosis",
+    folder="diagnosis",
+    formerly={"StructureDiagnosis": {"source": "structure"}},
+    record_file="diagnosis.json",
+    question="What is missing?",
+    judged_by=("states", "response", "diagnosis campaign", "diagnosis structure"),
+    unsaved={"effects": (), "whole": None, "test": None, "soundness": None, "stopped": None},
+):
     """The diagnosis of a campaign or of a structure."""
-
-    results = (Diagnosis,)
-    data: ClassVar[type] = Diagnosis
-    kind = "Diagnosis"
-    folder = "diagnosis"
-    formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {"StructureDiagnosis": {"source": "structure"}}
-    template = "diagnosis.html.j2"
-    record_file = "diagnosis.json"
-    question = "What is missing?"
-    judged_by: ClassVar[tuple[str, ...]] = ("states", "response", "diagnosis campaign", "diagnosis structure")
-    unsaved: ClassVar[dict[str, Any]] = {
-        "effects": (),
-        "whole": None,
-        "test": None,
-        "soundness": None,
-        "stopped": None,
-    }
 
     def kinds_of(self, data: Diagnosis) -> Mapping[str, Kind]:
         """Return the figures of a campaign, or those of a structure."""
-        return (structure if data.source == "structure" else diagnosis).KINDS
+        return (diagnosis_structure if data.source == "structure" else diagnosis_campaign).KINDS
 
     def judges_of(self, result: Diagnosis) -> tuple[str, ...]:
         """Return the policies that decided it; a structure has no force states."""
@@ -76,7 +62,7 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
 
     def kept(self, data: Diagnosis) -> Diagnosis:
         """Return it with the model that ``model.json`` holds, and no more samples than a picture shows."""
-        records = tuple(map(structure.thinned, data.records))
+        records = tuple(map(diagnosis_structure.thinned, data.records))
         return replace(data, model=data.whole or data.model, records=records)
 
     def tables(self, result: Diagnosis) -> tuple[TextTable, ...]:
@@ -111,37 +97,56 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             for name, gap, probability in rows
         ]
 
-    def lead(self, result: Diagnosis, data: Diagnosis) -> tuple[str, int]:
-        """Return the gap by step."""
-        return "gap", 0
-
-    def content(self, result: Diagnosis, data: Diagnosis, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows."""
+    def page(self, result: Diagnosis, data: Diagnosis, show: Blocks, folder: Path | None) -> Page:
+        """Return what is missing, the gap step by step, where it lies, and the model."""
         badge, headline = VERDICTS[result.verdict]
-        unit, motion = result.level_unit, result.model.joint.motion
-        names = {"moment": quantities(motion).moment, "response": "Response"}
-        gaps = [
-            (
-                f"{called} gap",
-                f"{percent(getattr(result.initial, name))} → {percent(getattr(result.final, name))}",
-                f"noise floor {_floor(getattr(result.noise_floor, name))}",
-            )
-            for name, called in names.items()
-            if np.isfinite(getattr(result.initial, name))
-        ]
-        named = ", ".join(spelled(step.effect, motion) for step in result.steps) or "none"
+        motion = result.model.joint.motion
         others = [e for e in result.moments if e.name not in result.element_ids]
         lines = [mathml(result.whole or result.model, [in_words_of(motion, e.effect.name) for e in others])]
         lines += [effect_mathml(effect, motion) for effect in others]
-        return {
-            "title": f"{result.model.joint.name}: what its model lacks",
-            "badge": badge,
-            "headline": headline,
-            "facts": [*gaps, ("Effects named", str(len(result.steps)), named)],
-            "advices": [f"T{advice_words(a, amount(a.level, unit), motion)[1:]}." for a in result.advice],
-            "not_sought": f"{text[:1].upper()}{text[1:]}." if (text := _not_sought(result)) else "",
-            "equation": markup("".join(lines)),
-        }
+        found = (
+            show.verdict(headline, badge, result.verdict.replace("_", " ")),
+            show.equation(markup("".join(lines))),
+        )
+        steps, parameters, terms = self.tables(result)
+        levels = [amount(advice.level, result.level_unit) for advice in result.advice]
+        advices = [sentence(advice_words(*pair, motion)) for pair in zip(result.advice, levels, strict=True)]
+        hidden = markup("Hidden in this virtual test was: <b>{}</b>.").format(
+            spelled(result.hidden or "", motion)
+        )
+        name = result.model.joint.name
+        return Page(
+            f"{name}: what its model lacks",
+            "What the model of this joint lacks",
+            f"{name} in {result.rig}" if result.in_place else name,
+            (
+                show.answers(self.headline(result), self.question, self.hero(show, data, "gap"), found),
+                show.paragraph(hidden if result.hidden else ""),
+                show.warnings(result.warnings),
+            ),
+            (
+                section(
+                    "steps",
+                    "The gap, step by step",
+                    "Steps",
+                    show.table(steps),
+                    show.pictures("maps", "overlay", "cycles", "envelope", "rivals"),
+                    show.table(parameters) if parameters.rows else "",
+                    show.items(advices, "A run that would decide"),
+                    show.paragraph(sentence(_not_sought(result))),
+                ),
+                section(
+                    "where",
+                    "Where the first gap lies",
+                    "Where",
+                    show.items([sentence(region.words) for region in result.where]),
+                    show.pictures("where", "budget"),
+                ),
+                section(
+                    "model", "The model, estimated together with the effects", "Model", show.table(terms)
+                ),
+            ),
+        )
 
     def files(self, result: Diagnosis, data: Diagnosis) -> dict[str, str]:
         """Return the model with what the effects add to the joint's law, and what belongs to the test."""
@@ -153,19 +158,16 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
 
     def about(self, result: Diagnosis) -> str:
         """Return the joint and the verdict."""
-        from rich.markup import escape
-
         virtual = " (simulated)" if self.simulated(result) else ""
         return f"{escape(result.model.joint.name)}{virtual}: [bold]{result.verdict.replace('_', ' ')}[/]"
 
     def show_result(self, result: Diagnosis, console: Console) -> None:
         """Print gap by step, where it lies, advice and warnings."""
-        from rich.markup import escape
-
         motion = result.model.joint.motion
         gap = f"{quantities(motion).moment.lower()} gap"
         columns = ("", gap, "response gap", "probability", "indistinguishable from")
-        console.print(terminal_table(columns, _step_rows(result, dropped=False), "lrrrl", wraps=True))
+        steps = TextTable("steps", "", columns, _step_rows(result, dropped=False))
+        console.print(terminal_table(steps, "lrrrl", wraps=True))
         for step in result.steps:
             values = ", ".join(
                 f"{name} = {value:.4g} {parameter_unit(step, name)}".rstrip()
@@ -188,27 +190,26 @@ class DiagnosisView(View[Diagnosis, Diagnosis]):
             console.print(_not_sought(result))
         if result.hidden is not None:
             console.print(f"\nhidden in this virtual test was: [bold]{spelled(result.hidden, motion)}[/]")
-        for warning in result.warnings:
-            console.print(f"- {escape(warning)}")
 
     def details(self, result: Diagnosis) -> Iterator[str]:
         """Yield the rivals of each step, the budget in numbers, and the gap of each record."""
         for step in result.steps:
-            rows = [(f"step {step.effect}", "probability"), *((n, f"{p:.3g}") for n, p in step.rivals)]
-            yield from aligned([rows[0], (step.effect, f"{step.probability:.3g}"), *rows[1:]])
+            rows = ((step.effect, step.probability), *step.rivals)
+            written = tuple((name, f"{p:.3g}") for name, p in rows)
+            yield from aligned(TextTable("rivals", "", (f"step {step.effect}", "probability"), written))
         parts = ", ".join(f"{name} {getattr(result.budget, name):.3g}" for name in PARTS)
         yield f"mean square of the first gap: {parts}"
+        columns: dict[str, Callable[[RecordGap], str]] = {
+            "record": lambda record: record.name,
+            "samples": lambda record: str(record.time.size),
+            "noise": lambda record: f"{record.noise:.2e} m",
+            "kept out from": lambda record: f"{record.held_from:.3g} s",
+            "gap before": lambda record: percent(record.gap_before),
+            "gap after": lambda record: percent(record.gap_after),
+            "noise floor": lambda record: percent(record.noise_floor),
+        }
         if result.records:
-            columns = (
-                "record",
-                "samples",
-                "noise",
-                "kept out from",
-                "gap before",
-                "gap after",
-                "noise floor",
-            )
-            yield from aligned([columns, *map(_record_row, result.records)])
+            yield from aligned(tabulate("records", "", result.records, columns))
 
 
 def advice_words(advice: Advice, level: str, motion: str) -> str:
@@ -258,12 +259,6 @@ def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...]
         unsure = (percent(part) if part else DASH for part in _pair(result.uncertainty))
         rows.append(("uncertainty of numbers and drive", *unsure, "", ""))
     return tuple(rows)
-
-
-def _record_row(record: RecordGap) -> tuple[str, ...]:
-    gaps = (record.gap_before, record.gap_after, record.noise_floor)
-    samples, noise = str(record.time.size), f"{record.noise:.2e} m"
-    return record.name, samples, noise, f"{record.held_from:.3g} s", *map(percent, gaps)
 
 
 def _dropped(step: Step, motion: str) -> str:

@@ -4,44 +4,81 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
-from sindyjoint.equation.model import INERTIA
+from sindyjoint.equation.model import INERTIA, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
-from sindyjoint.reporting.data import ReportData, gather
-from sindyjoint.reporting.equation import mathml, symbol_html
-from sindyjoint.reporting.figures.discovery import KINDS
-from sindyjoint.reporting.interactive import loops_payload, map_payload
-from sindyjoint.reporting.page import markup
-from sindyjoint.reporting.provenance import Provenance, provenance
-from sindyjoint.reporting.results.discovery_page import NO_INERTIA, key_facts, run_rows, step_rows
-from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.tables import share_text, term_rows, terms_csv
-from sindyjoint.reporting.text_table import (
+from sindyjoint.reporting.equation import mathml, model_table, terms_csv
+from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, number, provenance, section, sentence
+from sindyjoint.reporting.results.discovery_data import Loop, ReportData, gather
+from sindyjoint.reporting.results.discovery_states import loops_payload, map_payload
+from sindyjoint.reporting.results.discovery_terms import KINDS
+from sindyjoint.reporting.style import prefixed, pretty_unit
+from sindyjoint.reporting.tables import (
+    DASH,
+    Console,
     TextTable,
     aligned,
     natural_width,
-    print_whole,
+    print_table,
     short_number,
+    tabulate,
     terminal,
     terminal_table,
 )
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import quantities, rounded
+from sindyjoint.states import ForceStates
+from sindyjoint.text import quantities, rounded, spelled
 from sindyjoint.trust import Trust
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
+# Of a joint whose inertia is not declared, and is no term of the model.
+NO_INERTIA = "its load is too small on these runs to be told from the other terms"
 
-    from sindyjoint.states import ForceStates
+
+def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
+    """Return what the first screen states in numbers: (label, value, explanation)."""
+    fitted, q = data.model.fitted, quantities(data.model.joint.motion)
+    factor, unit = _residual_scale(data)
+    explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2 if fitted.moment_rms > 0 else math.nan
+    floor = f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
+    frequencies = ", ".join(f"{f:.4g}" for f in fitted.frequencies)
+    inertia = data.model.inertia
+    known = "declared" if data.model.joint.inertia is not None else "identified"
+    facts = [
+        (
+            f"{q.moment} explained",
+            f"{100 * explained:.2f} %" if data.model.terms else "none",
+            "of the mean square, where it moves",
+        ),
+        ("Residual", f"{fitted.residual_rms * factor:.3g} {unit} RMS", f"noise floor {floor}"),
+        (
+            "Tested",
+            f"{fitted.runs} run{'s' if fitted.runs != 1 else ''}",
+            f"{frequencies} Hz" if frequencies else "without time" if fitted.quasi_static else "aperiodic",
+        ),
+        (
+            "Moving samples",
+            f"{fitted.samples:,}".replace(",", "\u202f"),
+            f"{100 * fitted.moving_fraction:.0f} % of all; the others stick or reverse",
+        ),
+    ]
+    if fitted.quasi_static:
+        facts.append((f"{q.inertia}, damping, frequency", "not applicable", "the samples have no time"))
+    elif data.model.joint.inertia is None and INERTIA not in data.model:
+        facts.append((q.inertia, "not found", NO_INERTIA))
+    else:
+        known += ": negative, which is impossible" if inertia < 0 else ""
+        facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
+    return facts
+
 
 HEADLINES = {
     "confirmed": "The paper’s five terms describe this joint.",
@@ -54,21 +91,21 @@ WITHOUT_TIME = "not applicable, the samples have no time"
 NEIGHBOURS = 3
 
 
-class DiscoveryView(View[Discovery, ReportData]):
+class DiscoveryView(
+    View[Discovery, ReportData],
+    results=(Discovery, ReportData),
+    data=ReportData,
+    records_key="terms",
+    kind="ReportData",
+    folder="discovery",
+    kinds=KINDS,
+    judged_by=FINDING,
+):
     """A discovery; its data are gathered into small arrays, and its page is made of only these."""
 
-    results = (Discovery, ReportData)
-    data = ReportData
-    records_key = "terms"
-    kind = "ReportData"
-    folder = "discovery"
-    kinds = KINDS
-    template = "discovery.html.j2"
-    judged_by = FINDING
-
-    def gather(self, result: Discovery | ReportData) -> ReportData:
-        """Return what is saved, so that a figure drawn again later is the same to the last byte."""
-        return result if isinstance(result, ReportData) else self.restore(self.save(gather(result)))
+    def drawn_from(self, result: Discovery) -> ReportData:
+        """Return what is small enough to be saved."""
+        return gather(result)
 
     def save(self, data: ReportData) -> dict[str, Any]:
         """Return the data with the version of their layout."""
@@ -83,44 +120,90 @@ class DiscoveryView(View[Discovery, ReportData]):
             raise InputError("not a saved ReportData: expected loops and a square map")
         return read
 
-    def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
-        """Return the terms."""
-        rows = tuple(
-            (row.name, row.symbol, row.value, row.unit, row.interval, share_text(row.share))
-            for row in term_rows(result.model)
-        )
-        columns = ("term", "", "coefficient", "unit", "95 % interval", "share")
-        over = result.over_inputs if isinstance(result, Discovery) else result.over
-        return (TextTable("terms", "Terms", columns, rows), *(over_table(each) for each in over))
+    def simulated(self, result: Discovery | ReportData) -> bool:
+        """Return whether the model is of a virtual test."""
+        return result.model.fitted.simulated
 
-    def content(
-        self, result: Discovery | ReportData, data: ReportData, folder: Path | None
-    ) -> dict[str, Any]:
-        """Return what the page shows."""
-        return {
-            "title": f"{data.model.joint.name}: terms of the joint",
-            "headline": HEADLINES[data.verdict] if data.model.terms else NO_MODEL,
-            "paper_title": TITLE,
-            "paper_doi": DOI,
-            "facts": key_facts(data),
-            "equation": markup(mathml(data.model)),
-            "equation_text": data.model.equation(),
-            "equation_latex": data.model.latex(),
-            "terms": term_rows(data.model),
-            "over": [over_table(each) for each in data.over],
-            "over_reasons": [
-                f"{row.symbol}: {row.answer} ({row.reason})"
-                for each in data.over
-                for row in each.coefficients
-                if row.answer
-            ],
-            "symbols": [markup(symbol_html(term.symbol)) for term in data.model.terms],
-            "runs": run_rows(data),
-            "steps": step_rows(data),
-            "motion": data.model.joint.motion,
-            "quantities": quantities(data.model.joint.motion),
-            "payload": {"map": map_payload(data), "loops": loops_payload(data)},
-        }
+    def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
+        """Return the terms, and the law over each input."""
+        over = result.over_inputs if isinstance(result, Discovery) else result.over
+        return (model_table(result.model), *map(over_table, over))
+
+    def page(
+        self, result: Discovery | ReportData, data: ReportData, show: Blocks, folder: Path | None
+    ) -> Page:
+        """Return the equation, its terms, the map, loops, residual, why these terms, and the runs."""
+        model, q = data.model, quantities(data.model.joint.motion)
+        found, name = bool(model.terms), model.joint.name
+        badge, word = (data.verdict, data.verdict) if found else ("undecided", "no model")
+        question = (
+            ""
+            if data.paper
+            else markup(" The question is that of <cite>{}</cite>, doi:{}.").format(TITLE, DOI)
+        )
+        paper = (
+            show.verdict(HEADLINES[data.verdict] if found else NO_MODEL, badge, word),
+            show.paragraph(markup("{}").format(sentence(data.verdict_reason)) + question, "reason"),
+        )
+        answers = (
+            self.headline(result),
+            self.question,
+            show.pictures("fit"),
+            (show.equation(markup(mathml(model))),),
+        )
+        texts = show.copyable(model.equation()), show.copyable(model.latex())
+        terms, *over = self.tables(data)
+        listed = (show.table(terms), show.folded("The equation as text and LaTeX", texts))
+        none = (show.paragraph(f"None: {data.selection_reason}."),)
+        reasons = [
+            f"{row.symbol}: {row.answer} ({row.reason})"
+            for each in data.over
+            for row in each.coefficients
+            if row.answer
+        ]
+        inputs = (
+            *map(show.table, over),
+            show.folded("What the levels say of each coefficient", [show.items(reasons)]) if reasons else "",
+            show.pictures("inputs"),
+        )
+        path = show.folded("Every model of the path", [show.table(path_table(data))]) if data.path else ""
+        candidates = ", ".join(spelled(each, model.joint.motion) for each in data.candidates)
+        cells = "virtual test cells" if self.simulated(data) else "measured cells"
+        return Page(
+            f"{name}: terms of the joint",
+            "Joint identification",
+            name,
+            (*(paper if data.paper else ()), show.answers(*answers), show.facts(key_facts(data))),
+            (
+                section(
+                    "terms", "Terms", "Terms", *(listed if found else none), show.warnings(data.warnings)
+                ),
+                section("inputs", "Over the inputs", "", *inputs),
+                section(
+                    "map", "Force–state map", "Map", show.turning_map(cells, found), show.pictures("map")
+                ),
+                section(
+                    "loops",
+                    "Loops, with the model over them",
+                    "Loops",
+                    show.curves(f"{q.moment}–{q.angle.lower()} loops", found),
+                    show.pictures("loops"),
+                ),
+                section("residual", "Residual", "Residual", show.pictures("residual")),
+                section(
+                    "choice",
+                    "Why these terms",
+                    "Choice",
+                    show.paragraph(sentence(data.selection_reason)),
+                    show.pictures("path", "coefficients", "covariance"),
+                    path,
+                    show.folded(f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]),
+                ),
+                section("paper", "The paper’s five terms", "", *(() if data.paper else paper)),
+                section("runs", "Runs", "Runs", show.table(runs_table(data))),
+            ),
+            {"map": map_payload(data), "loops": loops_payload(data)},
+        )
 
     def origin(self, result: Discovery, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return the origin of the campaign's runs, too."""
@@ -136,8 +219,6 @@ class DiscoveryView(View[Discovery, ReportData]):
 
     def about(self, result: Discovery) -> str:
         """Return the joint and its runs, and the question of the paper's terms where that leads."""
-        from rich.markup import escape
-
         model, fitted = result.model, result.model.fitted
         simulated = " (simulated)" if fitted.simulated else ""
         at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
@@ -152,28 +233,22 @@ class DiscoveryView(View[Discovery, ReportData]):
             terminal().print(_paper_lines(result))
 
     def show_result(self, result: Discovery, console: Console) -> None:
-        """Print equation, terms, fit and warnings."""
-        from rich.markup import escape
-
+        """Print equation, terms and fit."""
         model = result.model
         if not result.found:
             console.print(f"  no model: {escape(result.reason)}")
         else:
+            terms, *over = self.tables(result)
             console.print(f"  {escape(model.equation())}\n")
-            print_whole(_terms(self.tables(result)[0], console), console)
+            print_table(_fitting(terms, console), console, "llrlrr", ruled=True)
             what = quantities(model.joint.motion).moment.lower()
             console.print(f"\nshare: unique share of the RMS {what}, which no other term can take over")
-            for each in self.tables(result)[1:]:
+            for each in over:
                 console.print(f"\n[bold]{escape(each.title)}[/]")
-                print_whole(
-                    terminal_table(each.columns, each.rows, "ll" + "r" * (len(each.columns) - 3) + "l"),
-                    console,
-                )
+                print_table(each, console, "ll" + "r" * (len(each.columns) - 3) + "l")
         _show_fit(result, console)
         if result.warnings:
             console.print("\n[bold]What to know before using it[/]")
-        for warning in result.warnings:
-            console.print(f"- {escape(warning)}")
 
     def details(self, result: Discovery) -> Iterator[str]:
         """Yield states, the path round the choice, and what each term carries."""
@@ -185,23 +260,16 @@ class DiscoveryView(View[Discovery, ReportData]):
             yield f"the {load} {'lags' if late >= 0 else 'leads'} by {abs(late):.4f} ms ± {error:.4f} ms"
         path, chosen = result.selection.path, result.selection.chosen
         yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
-        first, last = (
-            (0, len(path)) if chosen is None else (max(0, chosen - NEIGHBOURS), chosen + NEIGHBOURS + 1)
-        )
-        rows = [("", "terms", "residual", "held out", "threshold", "least |t| over groups")]
-        for index, step in enumerate(path[first:last], first):
-            least = float(np.min(step.group_t_ratios)) if step.group_t_ratios.size else float("inf")
-            rows.append(
-                (
-                    "chosen" if index == chosen else "",
-                    str(step.size),
-                    f"{step.fit.residual_rms:.4g}",
-                    short_number(step.held_out_rms),
-                    f"{step.threshold:.2e}",
-                    short_number(least),
-                )
-            )
-        yield from aligned(rows)
+        near = range(len(path)) if chosen is None else range(chosen - NEIGHBOURS, chosen + NEIGHBOURS + 1)
+        columns: dict[str, Callable[[int], str]] = {
+            "": lambda i: "chosen" if i == chosen else "",
+            "terms": lambda i: str(path[i].size),
+            "residual": lambda i: f"{path[i].fit.residual_rms:.4g}",
+            "held out": lambda i: short_number(path[i].held_out_rms),
+            "threshold": lambda i: f"{path[i].threshold:.2e}",
+            "least |t| over groups": lambda i: short_number(np.min(path[i].group_t_ratios, initial=np.inf)),
+        }
+        yield from aligned(tabulate("path", "", [i for i in near if 0 <= i < len(path)], columns))
         fitted = model.fitted
         yield (
             f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
@@ -217,31 +285,77 @@ def over_table(over: OverInput) -> TextTable:
             row.symbol,
             pretty_unit(row.unit),
             *(rounded(value, error) for value, error in zip(row.values, row.errors, strict=True)),
-            over.dependence(row) or "–",
+            over.dependence(row) or DASH,
         )
         for row in over.coefficients
     )
     columns = ("", "unit", *map(pretty_unit, over.headings), "with levels apart")
-    return TextTable(f"over_{over.name}", f"The law over {over.label}", columns, rows, text=("unit",))
+    title = (
+        f"The law over {over.label}: coefficients at the least, the reference and the largest value, with one standard "
+        "error; with levels apart: what fits to the runs of each level say."
+    )
+    return TextTable(f"over_{over.name}", title, columns, rows, text=("unit",))
+
+
+def runs_table(data: ReportData) -> TextTable:
+    """Return one row for each run."""
+    factor, unit = _residual_scale(data)
+    columns: dict[str, Callable[[Loop], str]] = {
+        "Run": lambda loop: loop.run,
+        "Frequency (Hz)": lambda loop: number(loop.frequency, 4),
+        "Level": lambda loop: loop.level or "",
+        "States": lambda loop: loop.method,
+        "Samples": lambda loop: str(loop.samples),
+        "Moving": lambda loop: f"{100 * loop.moving_fraction:.0f} %",
+        f"Noise ({unit})": lambda loop: number(loop.moment_noise * factor),
+        f"Residual ({unit})": lambda loop: number(loop.residual_rms * factor),
+    }
+    title = "Residual of moving samples and noise of single samples."
+    return tabulate("runs", title, data.loops, columns, text=("Run", "Level"))
+
+
+def path_table(data: ReportData) -> TextTable:
+    """Return the models of the path, the chosen one marked, with what each has beyond the next smaller one."""
+    factor, unit = _residual_scale(data)
+    terms = [*(step.terms for step in data.path), ()]
+
+    def beyond(i: int, j: int) -> str:
+        only = (term for term in terms[i] if term not in terms[j])
+        return ", ".join(spelled(term, data.model.joint.motion) for term in only)
+
+    columns: dict[str, Callable[[int], str]] = {
+        "Terms": lambda i: f"{len(terms[i])}{' (chosen)' if i == data.chosen else ''}",
+        "Adds": lambda i: beyond(i, i + 1),
+        "Instead of": lambda i: beyond(i + 1, i),
+        f"Residual ({unit})": lambda i: number(data.path[i].residual_rms * factor, 4),
+        f"Held out ({unit})": lambda i: number(data.path[i].held_out_rms * factor, 4),
+        "Weakest share": lambda i: number(data.path[i].threshold, 2),
+        "Least t": lambda i: number(data.path[i].least_t, 3),
+    }
+    title = "From the largest model to the smallest. Adds: what it has beyond the next smaller one."
+    return tabulate("path", title, range(len(data.path)), columns, marked=data.chosen)
+
+
+def _residual_scale(data: ReportData) -> tuple[float, str]:
+    return prefixed(data.model.fitted.residual_rms, quantities(data.model.joint.motion).moment_unit)
 
 
 def _paper_lines(result: Discovery) -> str:
     """Return whether the joint has the paper's five terms, with markup."""
-    from rich.markup import escape
-
     line = f"\n[bold]paper's term set {result.verdict.verdict}[/]: {escape(result.verdict.reason)}"
     if result.leads_with_paper:
         return line
     return f"{line}\n  the five terms of {TITLE}, doi:{DOI}; --paper puts this first"
 
 
-def _terms(table: TextTable, console: Console) -> Table:
+def _fitting(terms: TextTable, console: Console) -> TextTable:
     """Return the terms for a terminal; on a narrow screen without the interval: the uncertainty says as much."""
-    whole = terminal_table(table.columns, table.rows, "llrlrr", ruled=True)
-    if not sys.stdout.isatty() or natural_width(whole, console) <= console.width:
+    shown = ("Term", "Symbol", "Value", "Unit", "95 % interval", "Unique share")
+    heads = ("term", "", "coefficient", "unit", "95 % interval", "share")
+    whole = terms.take(*shown).headed(*heads)
+    if not sys.stdout.isatty() or natural_width(terminal_table(whole, ruled=True), console) <= console.width:
         return whole
-    columns, *rows = ((*row[:4], *row[5:]) for row in (table.columns, *table.rows))
-    return terminal_table(columns, rows, "llrlr", ruled=True)
+    return whole.take(*heads[:4], heads[5])
 
 
 def _show_fit(result: Discovery, console: Console) -> None:
@@ -275,43 +389,32 @@ def _show_fit(result: Discovery, console: Console) -> None:
 def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iterator[str]:
     """Yield a line per run: its samples, how its rate was made, how much of it moves, and its noise."""
     q = quantities(motion)
-    angle, moment = q.angle_unit, pretty_unit(q.moment_unit)
-    yield from aligned(
-        [
-            (
-                "run",
-                "samples",
-                "rate",
-                "states",
-                "band",
-                "moving",
-                "noise of the motion",
-                f"noise of the {q.moment.lower()}",
-            ),
-            *(
-                (
-                    state.run,
-                    str(state.n_samples),
-                    f"{state.sample_rate:.4g} Hz",
-                    state.method,
-                    f"{state.bandwidth:.3g} Hz",
-                    f"{100 * state.moving.mean():.1f} %",
-                    f"{state.noise.angle:.2e} {angle}",
-                    f"{state.noise.moment:.2e} {moment}" if state.noise.measured else "unknown",
-                )
-                for state in states
-            ),
-        ]
-    )
+    load = pretty_unit(q.moment_unit)
+    columns: dict[str, Callable[[ForceStates], str]] = {
+        "run": lambda state: state.run,
+        "samples": lambda state: str(state.n_samples),
+        "rate": lambda state: f"{state.sample_rate:.4g} Hz",
+        "states": lambda state: state.method,
+        "band": lambda state: f"{state.bandwidth:.3g} Hz",
+        "moving": lambda state: f"{100 * state.moving.mean():.1f} %",
+        "noise of the motion": lambda state: f"{state.noise.angle:.2e} {q.angle_unit}",
+        f"noise of the {q.moment.lower()}": lambda state: (
+            f"{state.noise.moment:.2e} {load}" if state.noise.measured else "unknown"
+        ),
+    }
+    return aligned(tabulate("states", "", states, columns))
 
 
 def _shares(result: Discovery) -> Iterator[str]:
     bias = {} if result.bias is None else dict(zip(result.bias.ids, result.bias.pooled, strict=True))
-    rows = [("term", "unique share", "relative error", "bias taken out")]
-    for term in result.model.terms:
-        size = abs(term.coefficient) or 1.0
-        out = f"{100 * (bias[term.id] / size):+.3f} %" if term.id in bias else "–"
-        rows.append(
-            (term.id, f"{100 * term.unique_share:.2f} %", f"{100 * (term.standard_error / size):.3f} %", out)
-        )
-    yield from aligned(rows)
+
+    def relative(term: ModelTerm, value: float, sign: str = "") -> str:
+        return f"{100 * (value / (abs(term.coefficient) or 1.0)):{sign}.3f} %"
+
+    columns: dict[str, Callable[[ModelTerm], str]] = {
+        "term": lambda term: term.id,
+        "unique share": lambda term: f"{100 * term.unique_share:.2f} %",
+        "relative error": lambda term: relative(term, term.standard_error),
+        "bias taken out": lambda term: relative(term, bias[term.id], "+") if term.id in bias else DASH,
+    }
+    return aligned(tabulate("shares", "", result.model.terms, columns))

@@ -2,26 +2,214 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from sindyjoint.judgement.paper_tables import TableCheck
+from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TERMS, UNITS
-from sindyjoint.reporting.figures.reproduction import KINDS, TRUTHS, ReproductionFigures, figures_of
-from sindyjoint.reporting.interactive import response_payload
+from sindyjoint.reporting.figure import Axes, Kind, Panel, by_name, fixed
+from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.discovery import state_lines
-from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.text_table import TextTable, csv_text, milliseconds, terminal, terminal_table
+from sindyjoint.reporting.results.verification import amplitude, period, response_payload, thinned
+from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, pretty_unit
+from sindyjoint.reporting.tables import TextTable, csv_records, milliseconds, terminal, terminal_table
 from sindyjoint.reporting.view import View
+from sindyjoint.response.verification import RunVerification
+from sindyjoint.states import ForceStates
+from sindyjoint.states.surface import ForceStateMap
 from sindyjoint.text import percent
-from sindyjoint.workflows.reproduce import Reproduction
+from sindyjoint.workflows.reproduce import JointReproduction, Reproduction
 
-if TYPE_CHECKING:
-    from sindyjoint.judgement.paper_tables import TableCheck
-    from sindyjoint.workflows.reproduce import JointReproduction
+TRUTHS = {"plain": "truth: only the model's terms", "richer": "truth: friction that first gives way"}
+# What one panel shows of a response.
+COMPARED = 10.0  # s
+LEVELS_SHOWN = slice(0, 7, 2)
+
+
+@dataclass(frozen=True, eq=False)
+class JointFigures:
+    """What is drawn of one joint.
+
+    Parameters
+    ----------
+    name : str
+    loops : tuple of ndarray, shape (2, n)
+        Angle, rad, and moment, N·m, over one period at 3 Hz, level by level.
+    surface : ForceStateMap
+    """
+
+    name: str
+    loops: tuple[Array, ...]
+    surface: ForceStateMap
+
+
+@dataclass(frozen=True, eq=False)
+class ReproductionFigures:
+    """What the figures of a reproduction are drawn from; saved with them, so that any can be drawn again.
+
+    Parameters
+    ----------
+    joints : tuple of JointFigures
+    linear : ForceStateMap
+        Of a linear joint.
+    force : ndarray, shape (2, n)
+        Time, s, and exciting force, N.
+    plain, richer : RunVerification
+        Virtual pulse test and model, where the truth holds nothing the model lacks, and where it does.
+    """
+
+    joints: tuple[JointFigures, ...]
+    linear: ForceStateMap
+    force: Array
+    plain: RunVerification
+    richer: RunVerification
+
+
+def _one_period(state: ForceStates) -> Array:
+    """Angle and mean moment of all periods, closed, on a grid of phases."""
+    assert state.frequency is not None
+    count = 240
+    phase = np.mod((state.time - state.time[0]) * state.frequency, 1.0)
+    cell = np.minimum((phase * count).astype(int), count - 1)
+    number = np.bincount(cell, minlength=count)
+    means = [np.bincount(cell, x, minlength=count) / number for x in (state.angle, state.moment)]
+    return np.array([np.append(mean, mean[0]) for mean in means])
+
+
+def loops(result: ReproductionFigures, ax: Axes, joint: JointFigures) -> Axes:
+    """Draw moment over angle at 3 Hz for some of the levels: one period each (Figure 5)."""
+    dashes = ("-", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
+    for (theta, moment), color, dash in zip(joint.loops[LEVELS_SHOWN], PALETTE, dashes, strict=False):
+        ax.plot(1e3 * theta, moment, color=color, lw=0.9, ls=dash)
+    ax.set(xlabel="Angle $\\theta$ (mrad)", ylabel="Moment $M$ (N·m)", title=f"{joint.name}, 3 Hz")
+    return ax
+
+
+def surface(result: ReproductionFigures, ax: Any, joint: JointFigures | None = None) -> Any:
+    """Draw averaged cells as a surface: of a joint, one on each side of zero rate (Figure 7), or of the linear one."""
+    from matplotlib.ticker import MaxNLocator
+    from matplotlib.tri import Triangulation
+
+    given = joint.surface if joint else result.linear
+    limit = float(np.nanmax(np.abs(given.moment)))
+    width = [float(edges[1] - edges[0]) for edges in (given.angle_edges, given.rate_edges)]
+    for side in (given.rate > 0, given.rate < 0) if joint else (given.filled,):
+        keep = given.filled & side
+        x, y, z = given.angle[keep], given.rate[keep], given.moment[keep]
+        mesh = Triangulation(x / width[0], y / width[1])
+        corners = np.stack([mesh.x, mesh.y], axis=1)[mesh.triangles]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        # Cells that no run passed stay open, but for the gaps between neighbouring rings.
+        mesh = Triangulation(1e3 * x, 1e3 * y, mesh.triangles[longest < 8])
+        ax.plot_trisurf(
+            mesh, z, cmap=DIVERGING, vmin=-limit, vmax=limit, lw=0.15, edgecolor=(0.1, 0.1, 0.1, 0.5)
+        )
+    ax.set_title(f"{joint.name}, 3 Hz" if joint else "linear joint, 3 Hz")
+    ax.set_xlabel("$\\theta$ (mrad)", labelpad=-2)
+    ax.set_ylabel("$\\dot{\\theta}$ (mrad/s)", labelpad=0)
+    ax.set_zlabel("$M_T$ (N·m)", labelpad=-6)
+    ax.tick_params(pad=-2)
+    ax.xaxis.set_major_locator(MaxNLocator(4))
+    ax.yaxis.set_major_locator(MaxNLocator(4))
+    # From where the surface is not seen edge on; drawn smaller, since the layout does not know of axis labels in 3-D.
+    ax.view_init(elev=24, azim=-58 if joint else -125)
+    ax.set_box_aspect(None, zoom=0.84)
+    return ax
+
+
+def force(result: ReproductionFigures, ax: Axes) -> Axes:
+    """Draw the pulse (Figure 9)."""
+    time, values = result.force
+    ax.plot(1e3 * time, values, color=PALETTE[0])
+    ax.set(xlabel="Time (ms)", ylabel="Force (N)", title="Exciting force")
+    return ax
+
+
+def displacement(result: ReproductionFigures, ax: Axes, truth: str, until: float, model: bool) -> Axes:
+    """Draw the displacement of the free end in a virtual test (Figure 10), and the model over it (Figure 11)."""
+    run = getattr(result, truth)
+    kept = run.time <= until
+    ax.plot(run.time[kept], 1e3 * run.measured[kept], color=PALETTE[0], lw=0.8, label="virtual test")
+    if model and run.simulated is not None:
+        look: Any = {"color": INK, "lw": 0.7, "ls": (0, (3, 1.5)), "label": "identified model"}
+        ax.plot(run.time[kept], 1e3 * run.simulated[kept], **look)
+    title = TRUTHS[truth] if model else "Displacement of the free end"
+    ax.set(xlabel="Time (s)", ylabel="Displacement (mm)", title=title)
+    ax.margins(x=0.01)
+    if model:
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 0.2 * (high - low))
+        ax.legend(loc="upper right", ncols=2)
+    return ax
+
+
+def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, draw: Callable[[Any, Axes], Axes]) -> Axes:
+    """Draw the amplitude or the period by half-cycle of a virtual test and the model."""
+    draw(getattr(result, truth), ax).set_title(TRUTHS[truth])
+    return ax
+
+
+def _per_joint(panel: Callable[..., Any]) -> Callable[[Any], list[Panel]]:
+    return lambda result: [partial(panel, joint=joint) for joint in result.joints]
+
+
+_SOLID: dict[str, Any] = {"height": lambda _: 3.2, "projection": "3d"}
+
+KINDS = by_name(
+    Kind(
+        "figure-05",
+        "Figure 5",
+        "Figure 5: moment over angle at 3 Hz; four of nine levels, periods averaged.",
+        _per_joint(loops),
+    ),
+    Kind(
+        "figure-06",
+        "Figure 6",
+        "Figure 6: force–state map of a linear spring, mass and damper: an oblique plane.",
+        fixed(surface),
+        **_SOLID,
+    ),
+    Kind(
+        "figure-07",
+        "Figure 7",
+        "Figure 7: force–state maps at 3 Hz; moving samples averaged in 24 × 24 cells.",
+        _per_joint(surface),
+        **_SOLID,
+    ),
+    Kind("figure-09", "Figure 9", "Figure 9: the exciting force.", fixed(force)),
+    Kind(
+        "figure-10",
+        "Figure 10",
+        "Figure 10: displacement of the free end after the pulse, 20 s.",
+        fixed(partial(displacement, truth="plain", until=PULSE.compared, model=False)),
+        wide=True,
+    ),
+    Kind(
+        "figure-11",
+        "Figure 11",
+        "Figure 11: virtual test and identified model, first 10 s.",
+        fixed(*(partial(displacement, truth=truth, until=COMPARED, model=True) for truth in TRUTHS)),
+    ),
+    Kind(
+        "amplitude-and-period",
+        "Amplitude and period",
+        "Amplitude and period by half-cycle, of both virtual tests and the model.",
+        fixed(
+            *(
+                partial(half_cycles, truth=truth, draw=draw)
+                for truth in TRUTHS
+                for draw in (amplitude, period)
+            )
+        ),
+    ),
+)
+
 
 WIDTH = 118  # characters, for the widest of the tables
 # Powers of ten that k1, k2, k3, c1, M_F are printed in.
@@ -33,69 +221,128 @@ _LEGEND = (
 )
 
 
-class ReproductionView(View[Reproduction, ReproductionFigures]):
+_MARKS = (
+    "does not follow from the printed rows. Possible: the largest change that the four values leave possible at 5 % "
+    "risk."
+)
+
+
+class ReproductionView(
+    View[Reproduction, ReproductionFigures],
+    results=(Reproduction, ReproductionFigures),
+    data=ReproductionFigures,
+    kind="Reproduction",
+    folder="reproduction",
+    kinds=KINDS,
+    record_file="reproduction.json",
+    judged_by=("states", "discovery", "response"),
+):
     """A reproduction of the paper."""
 
-    results = (Reproduction, ReproductionFigures)
-    data = ReproductionFigures
-    kind = "Reproduction"
-    folder = "reproduction"
-    kinds = KINDS
-    template = "reproduction.html.j2"
-    record_file = "reproduction.json"
-    judged_by = ("states", "discovery", "response")
+    def simulated(self, result: Reproduction | ReproductionFigures) -> bool:
+        """Return True: the paper's joints are not at hand."""
+        return True
 
-    def gather(self, result: Reproduction | ReproductionFigures) -> ReproductionFigures:
-        """Return what is drawn."""
-        return result if isinstance(result, ReproductionFigures) else figures_of(result)
+    def drawn_from(self, result: Reproduction) -> ReproductionFigures:
+        """Return what is drawn of a reproduction."""
+        time = np.linspace(-0.005, 0.02, 501)
+        values = np.where(time < 0, 0.0, result.pulse.rig.excitation(np.maximum(time, 0.0)))
+        return ReproductionFigures(
+            joints=tuple(
+                JointFigures(joint.table.joint, tuple(map(_one_period, joint.loops)), joint.surface)
+                for joint in result.joints
+            ),
+            linear=result.linear,
+            force=np.stack([time, values]),
+            plain=thinned(result.pulse.plain).runs[0],
+            richer=thinned(result.pulse.richer).runs[0],
+        )
 
     def tables(self, result: Reproduction) -> tuple[TextTable, ...]:
         """Return Tables 1 and 2, and what the printed ones show."""
         checks = check_table(result.checks)
-        rows = tuple((f"{row[0]}, {row[1]}", *row[2:]) for row in checks.rows)
-        columns = (f"{checks.columns[0]}, {checks.columns[1]}", *checks.columns[2:])
-        return (
-            *map(joint_table, result.joints),
-            TextTable("printed", f"{checks.title}.", columns, rows),
-        )
+        # Of two columns that only together name a row, one.
+        rows = tuple((f"{table}, {parameter}", *others) for table, parameter, *others in checks.rows)
+        columns = (", ".join(checks.columns[:2]), *checks.columns[2:])
+        joints = tuple(map(joint_table, result.joints))
+        return *joints, replace(checks, title=f"{checks.title}.", columns=columns, rows=rows)
 
-    def content(self, result: Reproduction, data: ReproductionFigures, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows."""
+    def page(
+        self, result: Reproduction, data: ReproductionFigures, show: Blocks, folder: Path | None
+    ) -> Page:
+        """Return how near the paper it comes, its tables and figures, what they show and what not."""
         furthest = max(float(joint.largest_error.max()) for joint in result.joints)
         plain, richer = result.pulse.plain, result.pulse.richer
         every = "Every parameter comes" if furthest < 1 else "Not every parameter comes"
-        return {
-            "title": "The paper's joints from virtual tests",
-            "within": furthest < 1,
-            "headline": f"{every} back within the paper's standard deviations.",
-            "reason": "Everything here is simulated from the paper's printed values: it shows that the pipeline from "
-            "strains to tables holds, not that a real joint is like that.",
-            "facts": [
-                ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),
-                (
-                    "Amplitude",
-                    percent(plain.amplitude_rms_error),
-                    f"the paper prints {PULSE.amplitude_rms_error:g}",
+        badge, word = ("confirmed", "within") if furthest < 1 else ("refuted", "outside")
+        period = milliseconds(PULSE.mean_period_difference)
+        both = f"{percent(richer.amplitude_rms_error)}, {milliseconds(richer.mean_period_difference)}"
+        facts = [
+            ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),
+            (
+                "Amplitude",
+                percent(plain.amplitude_rms_error),
+                f"the paper prints {PULSE.amplitude_rms_error:g}",
+            ),
+            ("Period", milliseconds(plain.mean_period_difference), f"the paper prints {period}"),
+            ("With friction that gives way", both, "amplitude, period: what the model lacks shows"),
+        ]
+        *joints, printed = self.tables(result)
+        name = "The paper's joints from virtual tests"
+        return Page(
+            name,
+            "The paper's tables and figures again",
+            name,
+            (
+                show.verdict(f"{every} back within the paper's standard deviations.", badge, word),
+                show.paragraph(
+                    "Everything here is simulated from the paper's printed values: it shows that the pipeline from "
+                    "strains to tables holds, not that a real joint is like that.",
+                    "reason",
                 ),
-                (
-                    "Period",
-                    milliseconds(plain.mean_period_difference),
-                    f"the paper prints {milliseconds(PULSE.mean_period_difference)}",
+                show.facts(facts),
+            ),
+            (
+                section(
+                    "tables",
+                    "Identified, and the paper's value in brackets",
+                    "Tables 1, 2",
+                    show.paragraph(_LEGEND),
+                    *map(show.table, joints),
                 ),
-                (
-                    "With friction that gives way",
-                    f"{percent(richer.amplitude_rms_error)}, {milliseconds(richer.mean_period_difference)}",
-                    "amplitude, period: what the model lacks shows",
+                section(
+                    "joints",
+                    "Loops and force–state maps",
+                    "Loops and maps",
+                    show.pictures("figure-05", "figure-06", "figure-07"),
                 ),
-            ],
-            "legend": _LEGEND,
-            "statements": result.statements,
-            "payload": {
+                section(
+                    "pulse",
+                    "The pulse on two beams with the joint between them",
+                    "Pulse",
+                    show.curves("Virtual test and identified model over time"),
+                    show.pictures("figure-09", "figure-10", "figure-11", "amplitude-and-period"),
+                ),
+                section(
+                    "printed",
+                    "What the paper's printed tables show",
+                    "Printed tables",
+                    show.paragraph(f"“!”: {_MARKS}"),
+                    show.table(printed),
+                ),
+                section(
+                    "limits",
+                    "What this shows, and what it cannot",
+                    "What it shows",
+                    show.items(list(map(sentence, result.statements))),
+                ),
+            ),
+            {
                 "loops": response_payload(
                     [replace(getattr(data, truth), name=name) for truth, name in TRUTHS.items()]
                 )
             },
-        }
+        )
 
     def files(self, result: Reproduction, data: ReproductionFigures) -> dict[str, str]:
         """Return everything as one page of Markdown, and the tables as CSV."""
@@ -122,27 +369,24 @@ class ReproductionView(View[Reproduction, ReproductionFigures]):
 
 def joint_table(joint: JointReproduction) -> TextTable:
     """Return a table of the paper: identified, and the paper's value in brackets."""
-    columns = [
-        f"{symbol} [{f'1e{power} ' if power > 1 else ''}{pretty_unit(unit)}]"
-        for symbol, unit, power in zip(SYMBOLS, UNITS, _POWERS, strict=True)
+    powers = [power if power > 1 else 0 for power in _POWERS]
+    units = [
+        f"{f'1e{power} ' if power else ''}{pretty_unit(u)}" for u, power in zip(UNITS, powers, strict=True)
     ]
-    scale = 10.0 ** np.array([power if power > 1 else 0 for power in _POWERS])
+    columns = (f"{symbol} [{unit}]" for symbol, unit in zip(SYMBOLS, units, strict=True))
 
     def cells(values: Any) -> list[str]:
-        return [_four_digits(value) for value in np.asarray(values) / scale]
+        return [_four_digits(value) for value in np.asarray(values) / 10.0 ** np.array(powers)]
 
     paper = joint.table
-    rows: list[tuple[str, ...]] = []
-    for label, ours, theirs in (
-        *((f"{f:g} Hz", r, p) for f, r, p in zip(FREQUENCIES, joint.rows, paper.rows, strict=True)),
-        ("average", joint.average, paper.average),
-        ("deviation", joint.deviation, paper.deviation),
-    ):
-        rows.append((label, *(f"{a} ({b})" for a, b in zip(cells(ours), cells(theirs), strict=True))))
-    rows.append(("furthest", *(f"{value:.2f}" for value in joint.largest_error)))
-    rows.append(("paper's way, 3 Hz", *cells(joint.paper_fit.coefficients)))
-    title = f"Table {paper.number}: {paper.joint}."
-    return TextTable(f"table-{paper.number}", title, ("", *columns), tuple(rows))
+    lines = [(f"{f:g} Hz", r, p) for f, r, p in zip(FREQUENCIES, joint.rows, paper.rows, strict=True)]
+    lines += [("average", joint.average, paper.average), ("deviation", joint.deviation, paper.deviation)]
+    rows = (
+        *((label, *map("{} ({})".format, cells(ours), cells(theirs))) for label, ours, theirs in lines),
+        ("furthest", *(f"{value:.2f}" for value in joint.largest_error)),
+        ("paper's way, 3 Hz", *cells(joint.paper_fit.coefficients)),
+    )
+    return TextTable(f"table-{paper.number}", f"Table {paper.number}: {paper.joint}.", ("", *columns), rows)
 
 
 def _four_digits(value: float) -> str:
@@ -176,44 +420,53 @@ def check_table(checks: Sequence[TableCheck]) -> TextTable:
 
 def page_text(result: Reproduction, captions: Mapping[str, str]) -> str:
     """Return everything as one Markdown page; `captions` of the figures by name."""
-    parts = ["# The paper's tables and figures from virtual tests", ""]
-    parts += [f"- {sentence}" for sentence in result.statements]
-    for joint in result.joints:
-        table = joint_table(joint)
-        parts += ["", f"## {table.title[:-1]}", "", _LEGEND, "", table.markdown()]
-    parts += ["", "## What the printed tables show", "", check_table(result.checks).markdown(), ""]
-    parts += [
-        "`!`: does not follow from the printed rows. *Possible*: the largest change that the four values leave "
-        "possible at 5 % risk.",
-        "",
-    ]
-    parts += ["## Figures", ""]
-    parts += [f"![{caption}](figures/{name}.svg)\n\n{caption}\n" for name, caption in captions.items()]
-    return "\n".join(parts)
+    tables = [(table.title[:-1], _LEGEND, table.markdown()) for table in map(joint_table, result.joints)]
+    tables.append(("What the printed tables show", check_table(result.checks).markdown(), f"`!`: {_MARKS}"))
+    pictures = (f"![{caption}](figures/{name}.svg)\n\n{caption}" for name, caption in captions.items())
+    return "\n\n".join(
+        [
+            "# The paper's tables and figures from virtual tests",
+            "\n".join(f"- {text}" for text in result.statements),
+            *("\n\n".join((f"## {title}", *parts)) for title, *parts in tables),
+            "## Figures",
+            *pictures,
+            "",
+        ]
+    )
 
 
 def tables_csv(result: Reproduction) -> str:
     """Return Tables 1 and 2, identified and printed, as CSV."""
-    columns = ("table", "joint", "frequency_hz", "term", "symbol", "unit")
-    rows = [
-        (joint.table.number, joint.table.joint, f, term, symbol, unit, *map(repr, map(float, numbers)))
-        for joint in result.joints
-        for f, *values in zip(FREQUENCIES, joint.rows, joint.errors, joint.table.rows, strict=True)
-        for term, symbol, unit, *numbers in zip(TERMS, SYMBOLS, UNITS, *values, strict=True)
-    ]
-    return csv_text((*columns, "identified", "standard_error", "paper"), rows)
+    return csv_records(
+        [
+            {
+                "table": joint.table.number,
+                "joint": joint.table.joint,
+                "frequency_hz": f,
+                "term": term,
+                "symbol": symbol,
+                "unit": unit,
+                "identified": ours,
+                "standard_error": error,
+                "paper": theirs,
+            }
+            for joint in result.joints
+            for f, *values in zip(FREQUENCIES, joint.rows, joint.errors, joint.table.rows, strict=True)
+            for term, symbol, unit, ours, error, theirs in zip(TERMS, SYMBOLS, UNITS, *values, strict=True)
+        ]
+    )
 
 
 def show_checks(checks: Sequence[TableCheck], findings: Sequence[str]) -> None:
     """Print what the paper's printed tables show."""
     _print_table(check_table(checks))
     console = terminal(WIDTH, markup=False)
-    for sentence in findings:
-        console.print(f"- {sentence}")
+    for text in findings:
+        console.print(f"- {text}")
 
 
 def _print_table(table: TextTable) -> None:
     console = terminal(WIDTH, markup=False)
     console.print(table.title)
-    console.print(terminal_table(table.columns, table.rows, wraps=True))
+    console.print(terminal_table(table, wraps=True))
     console.print()

@@ -1,43 +1,126 @@
-"""Joints inside a structure: their laws and how well its sensors show them, on a terminal, as a page, as files."""
+"""Joints inside a structure: their laws and how well its sensors show them, in words, pictures, files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_discovery import RigDiscovery
-from sindyjoint.reporting.equation import mathml
-from sindyjoint.reporting.figures.structure_joints import KINDS, RecoveredLoop, StructureFigures
-from sindyjoint.reporting.page import markup
-from sindyjoint.reporting.style import amount
-from sindyjoint.reporting.tables import model_table
-from sindyjoint.reporting.text_table import TextTable, print_whole, terminal, terminal_table
+from sindyjoint.numeric import Array
+from sindyjoint.reporting.equation import mathml, model_table
+from sindyjoint.reporting.figure import Axes, Kind, by_name, each, fixed
+from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
+from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
+from sindyjoint.reporting.tables import Console, TextTable, print_table
 from sindyjoint.reporting.view import FINDING, View
 
+# Loss of a sensor at which the scale of the picture ends.
+MOST = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class RecoveredLoop:
+    """Angle and moment of a joint over a period of its strongest run, rad and N·m, and the law's moment there."""
+
+    joint: str
+    run: str
+    angle: Array
+    moment: Array
+    law: Array
+
+
+@dataclass(frozen=True, eq=False)
+class StructureFigures:
+    """What the pictures are drawn from.
+
+    Parameters
+    ----------
+    rig : str
+    joints, sensors : tuple of str
+    worth : ndarray, shape (joints, sensors)
+        By what factor the error of a joint's moment grows without a sensor; at most a hundred.
+    loops : tuple of RecoveredLoop
+    simulated : bool
+    """
+
+    rig: str
+    joints: tuple[str, ...]
+    sensors: tuple[str, ...]
+    worth: Array
+    loops: tuple[RecoveredLoop, ...]
+    simulated: bool = False
+
+
+def worth(data: StructureFigures, ax: Axes) -> Axes:
+    """Draw for each joint and sensor by what factor the moment's error grows without the sensor."""
+    shown = np.clip(data.worth, 1.0, MOST)
+    ax.imshow(np.log(shown), cmap="Blues", vmin=0.0, vmax=np.log(MOST), aspect="auto")
+    for row, values in enumerate(data.worth):
+        for column, value in enumerate(values):
+            text = f"{value:.2g}" if value < 100 else "∞"
+            ax.text(
+                column, row, text, ha="center", va="center", color="white" if value > 3 else INK, fontsize=7
+            )
+    ax.set_xticks(range(len(data.sensors)), list(data.sensors), rotation=30, ha="right")
+    ax.set_yticks(range(len(data.joints)), list(data.joints))
+    ax.grid(False)
+    ax.set_title("Growth of the moment's error without the sensor")
+    return ax
+
+
+def _loop(loop: RecoveredLoop, ax: Axes) -> Axes:
+    ax.plot(1e3 * loop.angle, loop.moment, color=PALETTE[0], label="recovered")
+    if loop.law.size:
+        ax.plot(1e3 * loop.angle, loop.law, ".", color=ACCENT, markersize=2, label="found law, moving")
+    ax.set(xlabel="Angle (mrad)", ylabel="Moment (N m)", title=f"{loop.joint}, {loop.run}")
+    ax.legend(loc="upper left")
+    return ax
+
+
+KINDS = by_name(
+    Kind(
+        "recovered",
+        "Recovered loops",
+        "Moment of each joint over its angle, recovered from the structure's sensors, in a period of the run that "
+        "moves it most, or in the first second of one that does not repeat; dots: the moment of the law found, "
+        "where the joint moves.",
+        each(lambda data: data.loops, _loop),
+    ),
+    Kind(
+        "worth",
+        "What each sensor is worth",
+        "By what factor the standard error of a joint's moment grows when a sensor is taken away (1: it adds nothing; "
+        "∞: without it the joint is not determined).",
+        fixed(worth),
+        wide=True,
+        height=lambda data: 1.3 + 0.35 * len(data.joints),
+    ),
+)
+
+
 POINTS = 400  # of a loop in the picture
-TERM_COLUMNS = ("Kind", "Term", "Symbol", "Of", "Value", "Unit", "95 % interval")
+TERMS = ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval")
 
 
-class StructureJointsView(View[RigDiscovery, StructureFigures]):
+class StructureJointsView(
+    View[RigDiscovery, StructureFigures],
+    results=(RigDiscovery, StructureFigures),
+    data=StructureFigures,
+    kind="StructureJoints",
+    folder="structure",
+    kinds=KINDS,
+    record_file="structure.json",
+    judged_by=FINDING,
+):
     """The laws of the joints inside a structure."""
 
-    results = (RigDiscovery, StructureFigures)
-    data = StructureFigures
-    kind = "StructureJoints"
-    folder = "structure"
-    kinds = KINDS
-    template = "structure.html.j2"
-    record_file = "structure.json"
-    judged_by = FINDING
-
-    def gather(self, result: RigDiscovery | StructureFigures) -> StructureFigures:
-        """Return what is drawn."""
-        if isinstance(result, StructureFigures):
-            return result
+    def drawn_from(self, result: RigDiscovery) -> StructureFigures:
+        """Return the loops, and what each sensor is worth."""
         return StructureFigures(
             result.test.name,
             tuple(each.joint for each in result.seen),
@@ -49,19 +132,17 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
 
     def tables(self, result: RigDiscovery) -> tuple[TextTable, ...]:
         """Return the terms of every law, how each joint is shown, and the structure's numbers."""
-        terms = [
-            (law.kind, *cells)
-            for law in result.laws if law.discovery is not None for cells in model_table(law.discovery.model).rows
-        ]  # fmt: skip
-        seen = [
+        models = {law.kind: law.discovery.model for law in result.laws if law.discovery is not None}
+        terms = {kind: model_table(model).take(*TERMS) for kind, model in models.items()}
+        seen = tuple(
             (
-                each.joint,
-                amount(each.largest_angle, "rad"),
-                f"{100 * each.angle_error:.2g} %",
-                f"{100 * each.moment_error:.2g} %",
+                one.joint,
+                amount(one.largest_angle, "rad"),
+                f"{100 * one.angle_error:.2g} %",
+                f"{100 * one.moment_error:.2g} %",
             )
-            for each in result.seen
-        ]
+            for one in result.seen
+        )
         update = result.update
         numbers = () if update is None else tuple(
             (name, f"± {100 * stated:.2g} %", f"{100 * change:+.2f} %", f"± {100 * error:.2g} %")
@@ -70,56 +151,78 @@ class StructureJointsView(View[RigDiscovery, StructureFigures]):
             )
         )  # fmt: skip
         return (
-            TextTable("terms", "Terms by kind of joint", TERM_COLUMNS, tuple(terms)),
+            TextTable(
+                "terms", "Terms by kind of joint", ("Kind", *TERMS),
+                tuple((kind, *row) for kind, table in terms.items() for row in table.rows), text=("Unit",),
+            ),
             TextTable(
                 "joints", "Standard errors of the strongest harmonic, of the run that shows the joint best.",
-                ("Joint", "Recovered angle", "Error of angle", "Error of moment"), tuple(seen),
+                ("Joint", "Recovered angle", "Error of angle", "Error of moment"), seen,
             ),
             TextTable("numbers", "Numbers of the structure", ("Number", "Stated", "Change", "Known to"), numbers),
         )  # fmt: skip
 
-    def content(self, result: RigDiscovery, data: StructureFigures, folder: Path | None) -> dict[str, Any]:
-        """Return what the page shows."""
-        return {
-            "title": f"{result.test.name}: the law of its joints",
-            "laws": [
-                {
-                    "kind": law.kind,
-                    "equation": markup(mathml(law.discovery.model)) if law.discovery and law.found else "",
-                    "page": f"{place_of_law(law)}/report.html" if law.discovery is not None else "",
-                    "words": law_words(law),
-                    "verdict": verdict_words(law),
-                }
-                for law in result.laws
-            ],
-            "misfit": _misfit(result),
-            "refined": _refined(result),
-        }
-
-    def show(self, result: RigDiscovery) -> None:
-        """Print laws, joints, the structure's numbers and warnings."""
-        from rich.markup import escape
-
-        console = terminal()
-        simulated = " (simulated)" if result.simulated else ""
-        console.print(
-            f"[bold]{escape(result.test.name)}{simulated}[/]: {len(result.recoveries)} run(s), "
-            f"{len(result.test.sensors)} sensor(s), {len(result.seen)} joint(s)"
+    def page(self, result: RigDiscovery, data: StructureFigures, show: Blocks, folder: Path | None) -> Page:
+        """Return each law, its terms, and how the joints were recovered."""
+        terms, joints, numbers = self.tables(result)
+        said = markup("<b>{}</b>: {}"), markup(' (<a href="{}/report.html">its page</a>)')
+        laws = []
+        for law in result.laws:
+            there = "" if law.discovery is None else said[1].format(place_of_law(law))
+            laws.append(show.verdict(said[0].format(law.kind, law_words(law)) + there))
+            if law.discovery and law.found:
+                laws.append(show.equation(markup(mathml(law.discovery.model))))
+            laws.append(show.paragraph(sentence(verdict_words(law))))
+        how = (
+            "The joints are cut open; their moments are unknown inputs of the linear rest, and follow from the sensors "
+            "at each harmonic by least squares weighted with their noise. "
         )
+        return Page(
+            f"{data.rig}: the law of its joints",
+            "Joints inside a structure",
+            data.rig,
+            laws,
+            (
+                section(
+                    "laws",
+                    "Laws",
+                    "Laws",
+                    show.table(terms) if terms.rows else "",
+                    show.paragraph(_refined(result)),
+                    show.pictures("recovered"),
+                ),
+                section(
+                    "recovery",
+                    "Recovery",
+                    "Recovery",
+                    show.paragraph(how + _misfit(result)),
+                    show.table(joints),
+                    show.pictures("worth"),
+                    show.table(numbers) if numbers.rows else "",
+                    show.warnings(result.warnings),
+                ),
+            ),
+        )
+
+    def about(self, result: RigDiscovery) -> str:
+        """Return how many runs, sensors and joints there are."""
+        simulated = " (simulated)" if result.simulated else ""
+        many = f"{len(result.recoveries)} run(s), {len(result.test.sensors)} sensor(s), {len(result.seen)} joint(s)"
+        return f"[bold]{escape(result.test.name)}{simulated}[/]: {many}"
+
+    def show_result(self, result: RigDiscovery, console: Console) -> None:
+        """Print laws, joints and the structure's numbers."""
         for law in result.laws:
             console.print(f"\n[bold]{escape(law.kind)}[/]: {escape(law_words(law))}")
             if law.discovery is not None and law.found:
-                console.print(f"  {escape(law.discovery.model.equation())}")
-                console.print(f"  {escape(verdict_words(law))}")
+                console.print(f"  {law.discovery.model.equation()}\n  {verdict_words(law)}", markup=False)
         for table in self.tables(result):
             if table.rows:
                 console.print(f"\n[bold]{escape(table.title)}[/]")
-                print_whole(terminal_table([column.lower() for column in table.columns], table.rows), console)
+                print_table(table.headed(), console)
         console.print(f"\n{_misfit(result)}")
         if _refined(result):
             console.print(_refined(result))
-        for warning in result.warnings:
-            console.print(f"- {escape(warning)}")
 
     def details(self, result: RigDiscovery) -> Iterator[str]:
         """Yield what each run recovered."""
@@ -165,9 +268,9 @@ def verdict_words(law: JointLaw) -> str:
 
 def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
     for law in result.laws:
-        for joint in dict.fromkeys(each.joint for each in law.recovered):
-            own = [each for each in law.recovered if each.joint == joint]
-            state = max(own, key=lambda each: float(np.ptp(each.states.angle))).states
+        for joint in dict.fromkeys(one.joint for one in law.recovered):
+            own = [one for one in law.recovered if one.joint == joint]
+            state = max(own, key=lambda one: float(np.ptp(one.states.angle))).states
             rows = np.arange(0, int(state.sample_rate / (state.frequency or 1.0)) + 1)
             rows = rows[:: max(1, rows.size // POINTS)]
             shown, model = (
@@ -188,7 +291,7 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
 
 def _refined(result: RigDiscovery) -> str:
     notes = () if result.refinement is None else result.refinement.notes
-    return "".join(f"{note[0].upper()}{note[1:]}." for note in notes)
+    return "".join(map(sentence, notes))
 
 
 def _misfit(result: RigDiscovery) -> str:

@@ -75,9 +75,6 @@ function shownNumber(text) {
 
 function sortKeys(cells) {
   const shown = cells.map((cell) => cell.textContent.trim());
-  if (cells.every((cell) => "value" in cell.dataset)) {
-    return cells.map((cell) => parseFloat(cell.dataset.value)).map((value) => (Number.isNaN(value) ? -Infinity : value));
-  }
   const numbers = shown.map(shownNumber);
   const isNumeric = shown.every((text, index) => numbers[index] !== undefined || text === "–" || text === "");
   return isNumeric ? numbers.map((value) => value ?? -Infinity) : shown.map((text) => text.toLowerCase());

@@ -6,11 +6,11 @@ from collections import Counter
 from collections.abc import Iterator
 
 from sindyjoint.files.units import unit_ratio
+from sindyjoint.inputs import ColumnUnit
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
-from sindyjoint.source import ColumnUnit
 
 
 def find_unit_mismatches(campaign: Campaign, words: Words) -> Iterator[Finding]:

@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from sindyjoint.inputs import Source
 from sindyjoint.mechanics.rig_test import BASE, DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.detectors.lines import strongest_line
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.profile import Channel, Periods, cut_periods
-from sindyjoint.source import Source
 
 OF_QUANTITY = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 

@@ -1,0 +1,252 @@
+"""What a target represents of a model, and how well: the fidelity table, and rows that several targets share."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.element import JointElement, states_along
+from sindyjoint.equation.formula import compile_terms, variable_symbols
+from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.export.parts import GIVE, RAMP, Curve, Parts, contribution, total
+from sindyjoint.export.text import ALL_TERMS, Fidelity, words_of
+from sindyjoint.numeric import Array
+from sindyjoint.states.policy import POLICY as STATES
+
+LEVELS, PHASES = 10, 720
+# A cycle is gone through so often, or until its internal states repeat.
+ROUNDS = 50
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """Harmonic motions that fill the tested range, on which representations are judged.
+
+    Parameters
+    ----------
+    angle, rate : ndarray, shape (levels, phases)
+        One whole cycle per row, rad and rad/s, from a tenth of the tested range to all of it. No rate is zero.
+    step : float
+        s between phases.
+    """
+
+    angle: Array
+    rate: Array
+    step: float
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Where the rate is large enough to say on which side friction is: the states that errors are taken over."""
+        return np.abs(self.rate) >= STATES.periodic_rate_share * np.abs(self.rate).max(axis=1, keepdims=True)
+
+    @classmethod
+    def of(cls, model: JointModel) -> Cycles:
+        """Return the cycles up to the largest angle and rate of the test of the model."""
+        level = np.linspace(1 / LEVELS, 1, LEVELS)[:, None]
+        phase = (np.arange(PHASES) + 0.5) * 2 * np.pi / PHASES
+        fitted = model.fitted
+        step = 2 * np.pi * fitted.angle / fitted.rate / PHASES
+        return cls(level * fitted.angle * np.sin(phase), level * fitted.rate * np.cos(phase), step)
+
+    def term(self, term: ModelTerm) -> Array:
+        """Moment of one term over the cycles; zero for one in the acceleration or an input, which no cycle defines."""
+        if variable_symbols()[2] in term.expression.free_symbols or term.inputs:
+            return np.zeros(self.angle.shape)
+        return contribution(term, self.angle, self.rate)
+
+    def states(self, element: JointElement) -> Array:
+        """Return internal states of an element over the cycles once they repeat, shape (n_states, levels, phases)."""
+        form = element.form
+        levels = [
+            states_along(form, element.values, angle, rate, self.step, ROUNDS)
+            for angle, rate in zip(self.angle, self.rate, strict=True)
+        ]
+        return np.stack(levels, axis=1)
+
+    def element(self, element: JointElement) -> Array:
+        """Return the moment of an element over the cycles once they repeat."""
+        return column_moments(element, self.angle, self.rate, self.states(element)) @ element.coefficients
+
+    def slider(self, limit: Array, stiffness: float) -> Array:
+        """Moment of a spring-slider (Jenkins) friction element over the cycles once they repeat.
+
+        Parameters
+        ----------
+        limit : ndarray, shape (levels, phases), or (n, levels, phases) of several
+            Moment at which it slides; not negative.
+        stiffness : float
+            While it sticks, N·m/rad.
+        """
+        moment = np.zeros(limit.shape)
+        step = stiffness * np.diff(self.angle, axis=1, prepend=self.angle[:, -1:])
+        last = np.clip(stiffness * self.angle[:, -1], -limit[..., -1], limit[..., -1])
+        for i in [*range(self.angle.shape[1])] * 2:  # the first round forgets the start
+            last = np.clip(last + step[:, i], -limit[..., i], limit[..., i])
+            moment[..., i] = last
+        return moment
+
+
+def column_moments(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
+    """Return the columns of an element at states, shape (..., n_columns)."""
+    form = element.form
+    columns = compile_terms([column.expression for column in form.columns], form.arguments)
+    flat = [angle.ravel(), rate.ravel(), *(state.ravel() for state in states)]
+    values = [float(value) for value in element.values]
+    return np.asarray(columns(*flat, *values)).reshape(*angle.shape, len(form.columns))
+
+
+@dataclass(frozen=True, eq=False)
+class Represented:
+    """What a target does with one term or element.
+
+    Parameters
+    ----------
+    how : str
+        For the table.
+    moment : ndarray, shape (levels, phases), or None
+        Represented moment over the cycles; ``None`` for what is not carried.
+    """
+
+    how: str
+    moment: Array | None
+
+
+Rows = dict[str, Represented]
+
+
+def fidelity_table(
+    model: JointModel, cycles: Cycles, represented: Mapping[str, Represented], total: Array | None = None
+) -> tuple[Fidelity, ...]:
+    """Compare what a target represents with the model.
+
+    Parameters
+    ----------
+    model : JointModel
+    cycles : Cycles
+    represented : mapping of str to :class:`~sindyjoint.export.parts.Represented`
+        By id; every term and every element must be there.
+    total : ndarray, shape (levels, phases), optional
+        Moment of the exported form as written, rounding included; otherwise the sum over the terms.
+    """
+    rows, moving, reference = [], cycles.moving, model.fitted.moment_rms
+    exact, carried = np.zeros(cycles.angle.shape), np.zeros(cycles.angle.shape)
+    parts: list[tuple[ModelTerm | JointElement, Array]] = [(term, cycles.term(term)) for term in model.terms]
+    for term, moment in [*parts, *((each, cycles.element(each)) for each in model.elements)]:
+        item = represented[term.id]
+        given = np.zeros_like(moment) if item.moment is None else item.moment
+        exact, carried = exact + moment, carried + given
+        errors = shares((given - moment)[moving], reference)
+        rows.append(Fidelity(term.id, term.symbol, item.how, item.moment is not None, *errors))
+    errors = shares(((carried if total is None else total) - exact)[moving], reference)
+    symbol, complete = "M" if model.joint.motion == "rotation" else "F", all(row.carried for row in rows)
+    return (*rows, Fidelity(ALL_TERMS, symbol, "the exported form as a whole", complete, *errors))
+
+
+def shares(difference: Array, reference: float) -> tuple[float, float]:
+    """Return RMS and largest difference as shares of the RMS moment of the test."""
+    return (
+        float(np.sqrt(np.mean(difference**2))) / reference,
+        float(np.max(np.abs(difference))) / reference,
+    )
+
+
+def elastic_curve(parts: Parts, count: int) -> Curve:
+    """Tabulate the elastic part over the tested range at an odd number of points."""
+    nodes = parts.elastic_nodes(count)
+    return Curve(nodes, total(parts.elastic, nodes, 0.0))
+
+
+def elastic_rows(parts: Parts, cycles: Cycles, nodes: Array, how: str) -> Rows:
+    """Return what a table at the nodes makes of each elastic term."""
+    return {
+        term.id: Represented(how, Curve(nodes, contribution(term, nodes, 0.0))(cycles.angle))
+        for term in parts.elastic
+    }
+
+
+def rate_curve(parts: Parts, terms: tuple[ModelTerm, ...]) -> Curve:
+    """Tabulate terms of the rate; a jump at zero rate becomes a ramp."""
+    # Denser towards zero, where friction ramps up.
+    positive = np.unique(np.concatenate([np.geomspace(RAMP, 1, 16), np.linspace(0.05, 1, 20)]))
+    nodes = parts.model.fitted.rate * np.concatenate([-positive[::-1], [0.0], positive])
+    return Curve(nodes, total(terms, 0.0, nodes))
+
+
+def rate_rows(parts: Parts, terms: tuple[ModelTerm, ...], cycles: Cycles, nodes: Array, how: str) -> Rows:
+    """Return what a table at the nodes makes of each term of the rate."""
+    rate = words_of(parts.model).rate
+    jump = f", its jump a ramp up to {RAMP:g} of the tested {rate}; creeps instead of sticking"
+    return {
+        term.id: Represented(
+            how + (jump if jump_of(term, float(nodes.max())) else ""),
+            Curve(nodes, contribution(term, 0.0, nodes))(cycles.rate),
+        )
+        for term in terms
+    }
+
+
+def jump_of(term: ModelTerm, rate: float) -> float:
+    """Half the jump of a term of the rate at zero rate, N·m, with an accuracy of 1e-9 of the tested rate."""
+    ahead, behind = contribution(term, 0.0, np.array([1e-9, -1e-9]) * rate)
+    half = (ahead - behind) / 2
+    size = np.abs(contribution(term, 0.0, rate))
+    return float(half) if abs(half) > 1e-6 * max(float(size), abs(half)) else 0.0
+
+
+def viscous_rows(parts: Parts, cycles: Cycles, how: str) -> Rows:
+    """Return rows for terms in proportion to the rate, which a dashpot carries exactly."""
+    return {term.id: Represented(how, cycles.term(term)) for term in parts.viscous}
+
+
+def inertial_rows(parts: Parts) -> Rows:
+    """Return rows for inertia, which belongs to the masses of a structure, not to the joint's elements."""
+    return {
+        term.id: Represented(
+            "not carried: the inertia of the test article belongs to the masses of the structure"
+            if term.id == INERTIA
+            else "not carried: a formula of the acceleration",
+            None,
+        )
+        for term in parts.inertial
+    }
+
+
+def left_out(terms: tuple[ModelTerm, ...], why: str) -> Rows:
+    """Return rows for terms that are not carried."""
+    return {term.id: Represented(f"not carried: {why}", None) for term in terms}
+
+
+def inertia_note(model: JointModel) -> tuple[str, ...]:
+    """Return the note on the inertia of the test, where it is known."""
+    if model.inertia == 0:
+        return ()
+    return (
+        f"the moving inertia of the test, {model.inertia:.6g} {words_of(model).inertia_unit}, is not in the joint's "
+        "elements: it belongs to the masses of the structure around it",
+    )
+
+
+def range_note(model: JointModel, beyond: str) -> str:
+    """Return the note on the tested range."""
+    fitted = model.fitted
+    unit = words_of(model).angle_unit
+    return f"tables cover the tested range, {fitted.angle:.6g} {unit} and {fitted.rate:.6g} {unit}/s; beyond, {beyond}"
+
+
+def sliding_rows(parts: Parts, cycles: Cycles, how: str) -> Rows:
+    """Return rows for Coulomb friction as a stiff spring in series with a slider, which a target calls ``how``."""
+    if not parts.friction > 0:
+        return left_out(parts.coulomb, "friction must not be negative")
+    limit = np.full(cycles.angle.shape, parts.friction)
+    slider = cycles.slider(limit, parts.stuck_stiffness)
+    how += f"; sticks as a spring that gives way by {GIVE:g} of the tested {words_of(parts.model).angle}"
+    return {term.id: Represented(how, slider * term.coefficient / parts.friction) for term in parts.coulomb}
+
+
+def sliding_note(model: JointModel, stiffness: float, more: str = "") -> tuple[str, ...]:
+    """Return the note on the spring of sticking friction, where there is any."""
+    note = f"while it sticks, friction is a spring of {stiffness:.6g} {words_of(model).stiffness_unit}{more}"
+    return (note,) if stiffness > 0 else ()

@@ -1,0 +1,329 @@
+"""What a figure is: a name, how to read it, panels, their axes and places; and its drawing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.reporting.equation import split_symbol
+from sindyjoint.reporting.style import INK, plain, prefixed, pretty_unit, style
+from sindyjoint.text import power_of_ten, quantities, superscript
+
+if TYPE_CHECKING:
+    import matplotlib.axes
+    import matplotlib.figure
+
+Axes: TypeAlias = "matplotlib.axes.Axes"
+Figure: TypeAlias = "matplotlib.figure.Figure"
+Panel: TypeAlias = "Callable[[Any, Axes], Axes]"
+
+MOST_PANELS = 6
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A figure: its name, what it shows, and the panels it is made of.
+
+    Parameters
+    ----------
+    name, title : str
+    caption : str
+        One sentence that says how to read it; also what a screen reader says.
+    panels : callable
+        Result → panels to draw, in order; none: the result has nothing of this kind.
+    part : bool
+        Whether it is a single panel of another kind.
+    wide : bool
+        Whether a single panel takes the whole width.
+    height : callable, optional
+        Result → height of a panel in inches; default: by its width.
+    projection : str, optional
+        Of the axes: ``"3d"``.
+    columns : int, optional
+        Of panels; default: by their number.
+    """
+
+    name: str
+    title: str
+    caption: str
+    panels: Callable[[Any], list[Panel]]
+    part: bool = False
+    wide: bool = False
+    height: Callable[[Any], float] | None = None
+    projection: str | None = None
+    columns: int | None = None
+
+
+def nothing(ax: Axes, sentence: str) -> Axes:
+    """Say in the picture why there is none."""
+    ax.set_axis_off()
+    ax.text(0.5, 0.5, sentence, ha="center", va="center", wrap=True, transform=ax.transAxes)
+    return ax
+
+
+def fixed(*panels: Panel) -> Callable[[Any], list[Panel]]:
+    """Return what gives the same panels for every result."""
+    return lambda data: list(panels)
+
+
+def each(
+    items: Callable[[Any], Sequence[Any]], draw: Callable[[Any, Axes], Axes]
+) -> Callable[[Any], list[Panel]]:
+    """Return what gives a panel for each of some items of a result; ``draw`` draws one item."""
+    return lambda data: [lambda _, ax, item=item: draw(item, ax) for item in items(data)]  # type: ignore[misc]
+
+
+def spread(items: Sequence[Any], most: int = MOST_PANELS) -> list[Any]:
+    """Return at most ``most`` of the items, evenly over the sequence, first and last among them."""
+    if len(items) <= most:
+        return list(items)
+    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))]
+
+
+def by_name(*kinds: Kind) -> dict[str, Kind]:
+    """Return the kinds of figure of a result by their names, in order."""
+    return {kind.name: kind for kind in kinds}
+
+
+def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Figure:
+    """Return the panels of a kind of figure as one figure of a width in inches, free of any global state."""
+    columns = 1 if width < 5 or len(panels) == 1 else chosen.columns or (3 if len(panels) > 4 else 2)
+    rows = math.ceil(len(panels) / columns)
+    cell = width / columns if len(panels) > 1 or chosen.wide else min(width, 4.6)
+    height = chosen.height(data) if chosen.height else max(2.0, min(0.78 * cell, 2.7))
+    with style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(cell * columns, rows * height))
+        grid = figure.add_gridspec(rows, columns)
+        for index, panel in enumerate(panels):
+            row, column = divmod(index, columns)
+            # Of an odd number of panels in two columns the last takes the whole row.
+            single = columns == 2 and index == len(panels) - 1 and column == 0
+            cell_spec = grid[row, :] if single else grid[row, column]
+            _plain_ticks(panel(data, figure.add_subplot(cell_spec, projection=chosen.projection)))
+        arrange(figure, rows, columns)
+    return figure
+
+
+def bars(
+    ax: Axes,
+    names: Sequence[str],
+    values: Sequence[float],
+    end: float,
+    label: str,
+    color: Any,
+    written: str = "",
+    height: float = 0.8,
+) -> Axes:
+    """Draw bars from top to bottom on an axis from zero to ``end``; ``written`` formats the values behind them."""
+    ax.barh(range(len(names)), values, height=height, color=color)
+    for row, value in enumerate(values):
+        if written:
+            ax.text(value + 0.008 * end, row, written.format(value), va="center", color=INK)
+    ax.set(
+        yticks=range(len(names)),
+        yticklabels=names,
+        ylim=(len(names) - 0.5, -0.5),
+        xlim=(0, end),
+        xlabel=label,
+    )
+    return ax
+
+
+def _plain_ticks(ax: Axes) -> None:
+    """Keep to six ticks, and to text that is no mathematics: drawing spends its time on ticks."""
+    from matplotlib.ticker import AutoLocator, LogFormatter, MaxNLocator
+
+    class Powers(LogFormatter):
+        """Numbers of a logarithmic axis; which of them stand there is matplotlib's choice."""
+
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return power_of_ten(x) if super().__call__(x, pos) else ""
+
+    for axis in (ax.xaxis, ax.yaxis):
+        if isinstance(axis.get_major_locator(), AutoLocator):
+            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
+        if axis.get_scale() == "log":
+            axis.set_major_formatter(Powers())
+            axis.set_minor_formatter(Powers())
+
+
+PAD = 3.0  # points, round a panel with all its labels
+TITLE_PAD, TITLE_LINE = 5.0, 10.0  # points
+SCALE_TEXT = 12.0  # points, for a common factor of the numbers that stands above the axis
+
+
+def colour_scale(ax: Axes, field: Any, label: str) -> None:
+    """Put the scale of a coloured field to the right of its panel."""
+    ax.figure.colorbar(field, cax=ax.inset_axes((1.03, 0.0, 0.035, 1.0)), label=label)
+
+
+def arrange(figure: Figure, rows: int, columns: int) -> None:
+    """Place the panels of a grid so that no label is cut off, their frames equal in size and aligned."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    # Left and right of each column, above and below each row, as shares of the sheet.
+    sides, levels = np.zeros((columns, 2)), np.zeros((rows, 2))
+    for ax in figure.axes:
+        left, right, above, below = _margins(ax, renderer)
+        place = _place(ax)
+        row, column = place.rowspan, place.colspan
+        sides[column.start, 0] = max(sides[column.start, 0], left)
+        sides[column.stop - 1, 1] = max(sides[column.stop - 1, 1], right)
+        levels[row.start, 0] = max(levels[row.start, 0], above)
+        levels[row.stop - 1, 1] = max(levels[row.stop - 1, 1], below)
+    sides, levels = sides / figure.bbox.width, levels / figure.bbox.height
+    width = max((1 - sides.sum()) / columns, 0.02)
+    height = max((1 - levels.sum()) / rows, 0.02)
+    starts = np.concatenate([[0.0], np.cumsum(sides.sum(axis=1) + width)])
+    tops = 1 - np.concatenate([[0.0], np.cumsum(levels.sum(axis=1) + height)])
+    for ax in figure.axes:
+        place = _place(ax)
+        row, column = place.rowspan, place.colspan
+        x0 = starts[column.start] + sides[column.start, 0]
+        x1 = starts[column.stop] - sides[column.stop - 1, 1]
+        y0 = tops[row.stop] + levels[row.stop - 1, 1]
+        y1 = tops[row.start] - levels[row.start, 0]
+        ax.set_position((x0, y0, x1 - x0, y1 - y0))
+
+
+def _place(ax: Axes) -> Any:
+    """Return which rows and columns of the grid a panel takes."""
+    place = ax.get_subplotspec()
+    assert place is not None
+    return place
+
+
+def _margins(ax: Axes, renderer: Any) -> tuple[float, float, float, float]:
+    """Return what stands left, right, above and below the frame of a panel, pixels."""
+    point = ax.figure.dpi / 72
+    frame = ax.get_window_extent(renderer)
+    title = ax.get_title(loc="left")
+    above = (TITLE_PAD + TITLE_LINE * (1 + title.count("\n"))) * point if title else 0.0
+    boxes = [frame]
+    if ax.name == "3d":
+        # What stands round its box lies within its frame.
+        axes: list[Any] = []
+    else:
+        axes = [ax.xaxis, ax.yaxis] if ax.axison else []
+    boxes += [box for part in (*axes, *ax.child_axes) if (box := part.get_tightbbox(renderer)) is not None]
+    if axes and ax.yaxis.get_offset_text().get_text():
+        ax.set_title(title, pad=TITLE_PAD + SCALE_TEXT)
+        above += SCALE_TEXT * point
+    pad = PAD * point
+    return (
+        frame.x0 - min(box.x0 for box in boxes) + pad,
+        max(box.x1 for box in boxes) - frame.x1 + pad,
+        max(above, max(box.y1 for box in boxes) - frame.y1) + pad,
+        frame.y0 - min(box.y0 for box in boxes) + pad,
+    )
+
+
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+def time_label(without_time: bool, motion: str) -> str:
+    """Return what an axis of time is called; of samples without time it is the path that they travel."""
+    return f"Travelled path ({quantities(motion).angle_unit})" if without_time else "Time (s)"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """An axis: the quantity on it, the unit with the prefix that suits it, and the factor to that from SI."""
+
+    name: str
+    unit: str
+    factor: float = 1.0
+    symbol: str = ""
+
+    @property
+    def label(self) -> str:
+        """What stands at the axis of a picture."""
+        unit = f"({self.unit})" if self.unit not in ("", "1") else ""
+        return " ".join(part for part in (self.name, self.symbol, unit) if part)
+
+    def to_dict(self) -> dict[str, str]:
+        """Return what the drawings of a page say of the axis."""
+        return {"name": self.name, "symbol": self.symbol, "unit": self.unit}
+
+
+def scaled(name: str, values: Any, unit: str, symbol: str = "") -> Scale:
+    """Return the axis of a quantity, for values in an SI unit."""
+    factor, shown = prefixed(float(np.nanmax(np.abs(values))), unit)
+    return Scale(name, shown, factor, symbol)
+
+
+def angle_scale(motion: str, values: Any) -> Scale:
+    """Return the axis of angles (displacements)."""
+    q = quantities(motion)
+    return scaled(q.angle, values, q.angle_unit, q.angle_symbol)
+
+
+def rate_scale(model: JointModel, values: Any) -> Scale:
+    """Return the axis of rates; along a path without time it is the direction of motion."""
+    q = quantities(model.joint.motion)
+    if model.fitted.quasi_static:
+        return Scale("Direction", "1", symbol=f"d{q.angle_symbol}/ds")
+    return scaled(q.rate, values, q.rate_unit, q.rate_symbol)
+
+
+def moment_scale(motion: str, values: Any, name: str = "") -> Scale:
+    """Return the axis of transfer moments (forces), or of another moment by its name."""
+    q = quantities(motion)
+    return scaled(name or q.transfer, values, q.moment_unit)
+
+
+def coloured_cells(
+    ax: Axes,
+    axes: Sequence[tuple[Any, Scale]],
+    values: Any,
+    colours: str,
+    limits: tuple[float, float],
+    label: str,
+) -> None:
+    """Draw a field over cells, given by the edges on two axes, with its scale unless that has no label.
+
+    Empty cells stay empty.
+    """
+    (x, across), (y, up) = axes
+    low, high = limits
+    # Cells as vectors with their seams show through in some viewers; a picture inside the vector file does not.
+    mesh = ax.pcolormesh(
+        x * across.factor, y * up.factor, np.ma.masked_invalid(values.T), cmap=colours, vmin=low, vmax=high,
+        rasterized=True,
+    )  # fmt: skip
+    ax.grid(False)
+    if label:
+        colour_scale(ax, mesh, label)
+    ax.set(xlabel=across.label, ylabel=up.label)
+
+
+def short_numbers(values: Any) -> Any:
+    """Return numbers to four digits for a drawing of a page, lists of lists as the array was; null for what is none."""
+    if isinstance(values, np.ndarray | list | tuple):
+        return [short_numbers(value) for value in values]
+    return float(f"{values:.4g}") if np.isfinite(values) else None
+
+
+def scale_of(value: float, unit: str) -> tuple[float, str]:
+    """Return a power of ten for large coefficients; a prefix would hide the powers of the unit."""
+    power = int(np.floor(np.log10(abs(value)))) if value else 0
+    if -1 <= power < 5:
+        return 1.0, pretty_unit(unit)
+    power = 3 * (power // 3)
+    return 10.0**-power, f"10{superscript(power)} {pretty_unit(unit)}"
+
+
+def math_symbol(symbol: str) -> str:
+    """Return a term's symbol with its index lowered; text that is not such a symbol stays as it is."""
+    head, tail = split_symbol(symbol)
+    if tail.isdigit() or not tail:
+        return plain(head + tail.translate(SUBSCRIPTS))
+    return f"${head}_{{{tail}}}$" if head.isalpha() and tail.isalnum() else plain(symbol)

@@ -1,0 +1,283 @@
+"""Pictures of a campaign's diagnosis: its gap, where it lies, what it is made of, before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.diagnosis.falling import reported_together
+from sindyjoint.diagnosis.result import Diagnosis, RunGap
+from sindyjoint.numeric import Array
+from sindyjoint.reporting.figure import (
+    Axes,
+    Kind,
+    Panel,
+    Scale,
+    angle_scale,
+    bars,
+    by_name,
+    coloured_cells,
+    fixed,
+    moment_scale,
+    rate_scale,
+    spread,
+    time_label,
+)
+from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
+from sindyjoint.text import percent, quantities, spelled
+
+MOST_RIVALS = 4
+FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
+
+
+def gap_height(result: Diagnosis) -> float:
+    """Return the height of the picture of the gap, inches: a bar is as thick whatever the number of steps."""
+    return 1.5 + 0.4 * (1 + len(result.steps))
+
+
+def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw the moment and response gap of the model alone and after each step, down to the noise floor.
+
+    The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
+    """
+    motion = result.model.joint.motion
+    groups = reported_together(result.steps)
+    labels = ["\n".join(f"+ {spelled(step.effect, motion)}" for step in group) for group in groups]
+    gaps = [result.initial, *(group[-1].gap_after for group in groups)]
+    called = {"moment": quantities(motion).moment.lower(), "response": "response"}
+    shares = {name: 100 * np.array([getattr(gap, name) for gap in gaps]) for name in called}
+    # What is not known is NaN: a simulation that failed, a moment that no sensor gave.
+    shares = {name: values for name, values in shares.items() if np.isfinite(values).any()}
+    floors = {name: 100 * getattr(result.noise_floor, name) for name in shares}
+    shown = [value for values in shares.values() for value in values if value > 0]
+    # A floor of mere rounding would be all that a picture shows; the legend states it.
+    known = [*shown, *(floor for floor in floors.values() if shown and floor > min(shown) / FAR**2)] or [1.0]
+    far = max(known) > FAR * min(known)
+    low, thick = 0.5 * min(known) if far else 0.0, 0.8 / max(len(shares), 1)
+    for index, (name, values) in enumerate(shares.items()):
+        rows = np.arange(values.size) + (index - 0.5 * (len(shares) - 1)) * thick
+        look: Any = {"color": PALETTE[index], "label": f"{called[name]} gap"}
+        ax.barh(rows, values - low, left=low, height=0.9 * thick, **look)
+        for row, value in zip(rows, values, strict=True):
+            if np.isfinite(value):
+                ax.text(value, row, f" {percent(value / 100)}", va="center", color=INK)
+        if np.isfinite(floors[name]):
+            below = "" if floors[name] in known else ", below the axis"
+            label = f"noise floor of the {called[name]}, {percent(floors[name] / 100)}{below}"
+            ax.axvline(floors[name], color=PALETTE[index], ls=DASHES[1], label=label)
+    ax.set(
+        xscale="log" if far else "linear", xlim=(low, (2.5 if far else 1.25) * max(known)), yticks=range(len(gaps)),
+        yticklabels=["model alone", *labels], ylim=(len(gaps) - 0.5, -0.5), xlabel="relative RMS (%)",
+        title="Gap between model and measurement",
+    )  # fmt: skip
+    legend_above(ax, 2 * len(shares))
+    return ax
+
+
+def budget_parts(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw what the first gap is made of, in mean square."""
+    names = ("state", "history", "run", "processing", "noise")
+    total = result.budget.total or 1.0
+    shares = [100 * getattr(result.budget, name) / total for name in names]
+    bars(ax, names, shares, 112, "share of the mean square gap (%)", [*PALETTE[:4], MUTED], "{:.1f} %")
+    ax.set_title("Budget of the first gap")
+    return ax
+
+
+def rivals_height(result: Diagnosis) -> float:
+    """Return the height of the picture of the rivals, inches: a bar is as thick whatever their number."""
+    return 1.1 + 0.28 * sum(1 + len(step.rivals[:MOST_RIVALS]) for step in result.steps)
+
+
+def rivals(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw the probability of the named effect of each step and of its rivals."""
+    rows, motion = [], result.model.joint.motion
+    for index, step in enumerate(result.steps):
+        rows.append((f"{index + 1}. {spelled(step.effect, motion)}", step.probability, PALETTE[0]))
+        rows += [(f"    {spelled(name, motion)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
+    labels, values, colours = zip(*rows, strict=True)
+    bars(ax, labels, values, 1.08, "probability", colours, "{:.2f}", 0.6)
+    ax.set_title("Named effects and their rivals")
+    return ax
+
+
+def where(result: Diagnosis, ax: Axes) -> Axes:
+    """Draw the regions that hold more of the gap than their share of the samples."""
+    regions = list(result.where)
+    labels = [plain(fill(shortened(region.words.partition(":")[0], 60), 26)) for region in regions]
+    shares = [100 * region.share for region in regions]
+    bars(ax, labels, shares, 100, "share of the mean square gap (%)", PALETTE[0], height=0.6)
+    ax.set_title("Where the gap lies")
+    return ax
+
+
+CELLS = 24
+SHOWN = 2  # runs
+
+
+def maps(result: Diagnosis) -> list[Panel]:
+    """Return the maps of the residual before and, where effects were added, after."""
+    before = partial(_map, runs=result.before, title="Residual of the model alone", scale=not result.after)
+    after = partial(_map, runs=result.after, title="Residual with the effects, same colours", scale=True)
+    panels: list[Panel] = [before, after]
+    return panels[: bool(result.before) * (1 + bool(result.after))]
+
+
+def overlays(result: Diagnosis) -> list[Panel]:
+    """Return measured and modelled curves and residuals of the runs of the largest and the smallest amplitude."""
+    after = {run.run: run for run in result.after}
+    runs = spread(sorted(result.before, key=lambda run: -float(np.ptp(run.angle))), SHOWN)
+    return [
+        partial(draw, before=run, after=after.get(run.run)) for run in runs for draw in (_loop, _residual)
+    ]
+
+
+def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> Axes:
+    """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before."""
+    motion = result.model.joint.motion
+    edges = [_edges(result.before, name) for name in ("angle", "rate")]
+    limit = float(np.nanmax(np.abs(_cells(result.before, edges)))) or 1.0
+    z = moment_scale(motion, limit)
+    axes = list(zip(edges, (angle_scale(motion, edges[0]), rate_scale(result.model, edges[1])), strict=True))
+    label = f"mean of measured less model ({z.unit})" if scale else ""
+    shown = _cells(runs, edges) * z.factor
+    coloured_cells(ax, axes, shown, DIVERGING, (-limit * z.factor, limit * z.factor), label)
+    ax.set_title(title)
+    return ax
+
+
+def _edges(runs: Sequence[RunGap], name: str) -> Array:
+    values = np.concatenate([getattr(run, name) for run in runs])
+    low, high = float(values.min()), float(values.max())
+    if name == "rate":
+        # Zero rate is an edge, so that no cell averages over the friction step.
+        low, high = -max(-low, high), max(-low, high)
+    return np.linspace(low, high if high > low else low + 1.0, CELLS + 1)
+
+
+def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
+    """Return the mean residual of every cell, NaN where there is nothing, shape (n, n)."""
+    angle, rate, residual = (
+        np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "residual")
+    )
+    bins = [edges[0], edges[1]]
+    count, *_ = np.histogram2d(angle, rate, bins)
+    total, *_ = np.histogram2d(angle, rate, bins, weights=residual)
+    mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return mean
+
+
+_MEASURED = {"color": PALETTE[0], "lw": 2.4, "alpha": 0.45}
+_BEFORE: dict[str, Any] = {"color": PALETTE[1], "lw": 0.9, "ls": (0, (4, 1.5))}
+_AFTER = {"color": INK, "lw": 0.8}
+
+
+def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+    """Draw the measured moment and the models' over the angle; over time where the run has no frequency."""
+    q = quantities(result.model.joint.motion)
+    # What the rows are: less the inertia's moment, unless the inertia is among the terms.
+    name = q.moment if "inertia" in result.model.ids else q.transfer
+    scale = moment_scale(result.model.joint.motion, before.measured, name)
+    curves = [
+        (before, before.measured, "measured", _MEASURED),
+        (before, before.model, "model alone", _BEFORE),
+    ]
+    curves += [] if after is None else [(after, after.model, "with the effects", _AFTER)]
+    _curves(result, ax, scale, curves)
+    legend_above(ax, 2, columns=2)
+    return ax
+
+
+def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+    """Draw the residuals of a run together with its noise."""
+    scale = moment_scale(result.model.joint.motion, before.residual, "Measured less model")
+    noise, of = 2 * before.noise * scale.factor, "noise of the mean period" if before.repeats else "noise"
+    ax.axhspan(-noise, noise, color=MUTED, alpha=0.2, lw=0, label=f"{of}, ±2σ")
+    curves = [(before, before.residual, "residual of the model alone", _BEFORE)]
+    curves += [] if after is None else [(after, after.residual, "residual with the effects", _AFTER)]
+    _curves(result, ax, scale, curves)
+    legend_above(ax, 3)
+    return ax
+
+
+def _curves(
+    result: Diagnosis, ax: Axes, scale: Scale, curves: Sequence[tuple[RunGap, Array, str, Any]]
+) -> None:
+    """Draw curves of a run, each in its pieces, which have one entry in the legend."""
+    motion, run = result.model.joint.motion, curves[0][0]
+    across = angle_scale(motion, [float(np.abs(each.angle).max()) for each in result.before])
+    for each, values, label, look in curves:
+        for x, y in _pieces(each, values * scale.factor, across.factor):
+            ax.plot(x, y, **look)
+        ax.plot([], [], label=label, **look)
+    time = time_label(result.model.fitted.quasi_static, motion)
+    where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
+    title = plain(shortened(where if run.repeats else run.run))
+    ax.set(xlabel=across.label if run.frequency > 0 else time, ylabel=scale.label, title=title)
+
+
+def _pieces(run: RunGap, values: Array, factor: float) -> list[tuple[Array, Array]]:
+    """Return curves to draw: of a mean period by direction of motion, of another run by unbroken parts of a segment.
+
+    Samples in which the joint sticks are no part of either, and no line crosses them.
+    """
+    time, rate = run.time[: run.curve], run.rate[: run.curve]
+    cut = np.diff(time) > 1.5 * np.median(np.diff(time))
+    if run.repeats:
+        cut |= np.diff(np.sign(rate)) != 0
+    x = run.angle * factor if run.frequency > 0 else run.time
+    return [(x[part], values[part]) for part in np.split(np.arange(run.curve), np.flatnonzero(cut) + 1)]
+
+
+KINDS = by_name(
+    Kind(
+        "gap",
+        "Gap by step",
+        "Gap between model and measurement before and after each named effect, with the noise floor.",
+        fixed(gap_by_step),
+        wide=True,
+        height=gap_height,
+    ),
+    Kind(
+        "maps",
+        "Maps before and after",
+        "Mean of measured less model over cells of angle and rate, with the model alone and with the effects, in "
+        "the same colours.",
+        maps,
+    ),
+    Kind(
+        "overlay",
+        "Runs before and after",
+        "Some runs with the model alone and with the effects, and the residual of either with the noise. "
+        "Coefficients are those of the fit to all runs.",
+        overlays,
+    ),
+    Kind(
+        "where",
+        "Where the gap lies",
+        "Regions of the motion that hold more of the first gap than their share of the samples.",
+        lambda result: [where] if result.where else [],
+        wide=True,
+    ),
+    Kind(
+        "budget",
+        "Budget of the gap",
+        "What the first gap is made of: effects of the joint without internal state and its coefficients (state), "
+        "hysteresis in the joint (history), differences between runs, what lies outside the joint or is not explained "
+        "(run), processing and time step, noise.",
+        lambda result: [budget_parts] if result.budget.total == result.budget.total else [],
+        wide=True,
+    ),
+    Kind(
+        "rivals",
+        "Rivals",
+        "Probability of each named effect, and of the effects that would explain nearly as much.",
+        lambda result: [rivals] if result.steps else [],
+        wide=True,
+        height=rivals_height,
+    ),
+)

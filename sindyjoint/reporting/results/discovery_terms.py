@@ -1,0 +1,369 @@
+"""Pictures of why these terms, coefficients by frequency and over inputs; all figures of a discovery."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.equation.model import JointModel
+from sindyjoint.judgement.comparison import Comparison
+from sindyjoint.judgement.over_inputs import CoefficientOver, OverInput
+from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
+from sindyjoint.reporting.figure import (
+    Axes,
+    Kind,
+    Panel,
+    Scale,
+    angle_scale,
+    by_name,
+    colour_scale,
+    fixed,
+    math_symbol,
+    moment_scale,
+    nothing,
+    scale_of,
+    spread,
+)
+from sindyjoint.reporting.results.discovery_data import ReportData
+from sindyjoint.reporting.results.discovery_states import (
+    cut_at_centre,
+    cut_at_zero_rate,
+    loop_groups,
+    loops,
+    map_counts,
+    map_moment,
+    map_residual,
+    residual_phase,
+    residual_time,
+)
+from sindyjoint.reporting.style import (
+    ACCENT,
+    DASHES,
+    DIVERGING,
+    FIXED_INK,
+    FIXED_PAPER,
+    INK,
+    MUTED,
+    PALETTE,
+    RULE,
+    plain,
+    pretty_unit,
+)
+from sindyjoint.text import in_words_of, spelled
+
+# A parameter counts as the same at two frequencies when it differs by less than this.
+EQUIVALENCE = 0.10
+
+
+def path(data: ReportData, ax: Axes) -> Axes:
+    """Draw the residual and the held-out error over the number of terms kept, and the chosen model."""
+    from matplotlib.ticker import MaxNLocator, NullLocator
+
+    if not data.path:
+        return nothing(ax, data.selection_reason)
+    size = [len(step.terms) for step in data.path]
+    fitted, held_out = (
+        np.array([getattr(step, n) for step in data.path]) for n in ("residual_rms", "held_out_rms")
+    )
+    scale = moment_scale(data.model.joint.motion, fitted, "RMS")
+    look: Any = {"color": PALETTE[0], "marker": "o", "markersize": 3}
+    ax.plot(size, fitted * scale.factor, **look, label="residual of the fit")
+    if np.isfinite(held_out).any():
+        look |= {"color": PALETTE[1], "marker": "s", "linestyle": "--"}
+        ax.plot(size, held_out * scale.factor, **look, label="held-out error")
+    floor = data.model.fitted.noise_floor
+    if np.isfinite(floor) and floor > 0:
+        ax.axhline(floor * scale.factor, color=MUTED, linewidth=1.6, zorder=1, label="noise floor")
+    if data.chosen is not None:
+        ax.axvline(size[data.chosen], color=INK, linewidth=0.8, linestyle=":")
+    title = f"Path of models{_chosen_note(data, 'dotted')}"
+    ax.set(yscale="log", xlabel="Terms kept", ylabel=scale.label, title=title)
+    ax.yaxis.set_minor_locator(NullLocator())
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.legend(loc="best")
+    return ax
+
+
+def threshold(data: ReportData, ax: Axes) -> Axes:
+    """Draw how many terms survive a threshold on the unique share."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    if not data.path:
+        return nothing(ax, data.selection_reason)
+    # A model stands for every threshold up to its weakest term; larger models with weaker terms come first.
+    limit = np.maximum.accumulate(np.array([max(step.threshold, 1e-9) for step in data.path]))
+    edges = np.concatenate([[limit[0] / 3], limit])
+    ax.stairs([len(step.terms) for step in data.path], edges, baseline=None, color=PALETTE[0], linewidth=1.2)
+    if data.chosen is not None:
+        low = limit[data.chosen - 1] if data.chosen else edges[0]
+        if limit[data.chosen] > low:
+            ax.axvspan(low, limit[data.chosen], color=PALETTE[4], alpha=0.25, linewidth=0)
+    title = f"Terms over the threshold{_chosen_note(data, 'shaded')}"
+    ax.set(xscale="log", xlabel="Threshold (unique share of the RMS)", ylabel="Terms kept", title=title)
+    ax.xaxis.set_minor_locator(NullLocator())
+    ax.xaxis.set_major_locator(LogLocator(numticks=7))
+    return ax
+
+
+def _chosen_note(data: ReportData, mark: str) -> str:
+    return "" if data.chosen is None else f" ({mark}: the chosen {len(data.path[data.chosen].terms)})"
+
+
+def coefficient(data: ReportData, ax: Axes, term: str) -> Axes:
+    """Draw one coefficient for each single frequency, with 95 % intervals, a ±10 % band and the paper's values."""
+    index, groups = data.model.ids.index(term), data.groups
+    item = data.model.terms[index]
+    values = np.array([group.coefficients[index] for group in groups])
+    errors = np.array([group.standard_errors[index] for group in groups])
+    published = paper_values(data.model.joint.name, item.id)
+    shown = [(i + 0.18, published[g.group]) for i, g in enumerate(groups) if g.group in published]
+    estimates = np.arange(len(groups)), values, errors
+    unit = _estimates(ax, estimates, (item.coefficient, EQUIVALENCE), shown, item.unit)
+    if len(groups) > 6:
+        ax.tick_params(axis="x", rotation=60)
+    ax.set(
+        xticks=range(len(groups)), xticklabels=[plain(group.group) for group in groups],
+        xlim=(-0.6, len(groups) - 0.4), ylabel=f"{math_symbol(item.symbol)}" + (f" ({unit})" if unit else ""),
+        title=plain(in_words_of(data.model.joint.motion, item.name)),
+    )  # fmt: skip
+    return ax
+
+
+def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
+    """Draw a coefficient by frequency, with 95 % intervals, the margin of equivalence and the answer of its tests."""
+    frequencies = np.array(test.frequencies)
+    published, aside = paper_values(result.joint, test.name), 0.03 * float(np.ptp(frequencies))
+    shown = [(f + aside, published[at]) for f in frequencies if (at := f"{f:.4g} Hz") in published]
+    estimates = frequencies, np.array(test.estimates), np.array(test.standard_errors)
+    unit = _estimates(ax, estimates, (test.mean, test.margin), shown, result.units.get(test.name, ""))
+    ax.margins(x=0.12)
+    title = plain(f"{spelled(test.name, result.motion)}\n{test.answer}")
+    ax.set(xlabel="Frequency (Hz)", ylabel=unit, title=title)
+    return ax
+
+
+def _estimates(
+    ax: Axes,
+    estimates: tuple[Any, Any, Any],
+    band: tuple[float, float],
+    published: Sequence[tuple[float, float]],
+    unit: str,
+) -> str:
+    """Draw values with 95 % intervals over a centre and its relative margin, with crosses; return the unit shown.
+
+    The band is shown whole, and points outside it, with some room; never an interval that leaves the page.
+    """
+    factor, shown = scale_of(band[0], unit)
+    (x, values, errors), centre, margin = estimates, band[0] * factor, band[1]
+    values, errors = values * factor, errors * abs(factor)
+    ax.axhspan(*sorted((centre * (1 - margin), centre * (1 + margin))), color=RULE, alpha=0.6, lw=0)
+    ax.axhline(centre, color=INK, linewidth=0.8)
+    ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
+    crosses = [(at, y * factor) for at, y in published]
+    if crosses:
+        ax.plot(*zip(*crosses, strict=True), ls="none", marker="x", markersize=4, color=ACCENT)
+    reach = [centre * (1 - 1.5 * EQUIVALENCE), centre * (1 + 1.5 * EQUIVALENCE), *(y for _, y in crosses)]
+    reach += [*(values - 2.2 * errors), *(values + 2.2 * errors)]
+    reach = [value for value in reach if np.isfinite(value) and abs(value) < 10 * abs(centre) + 1e-300]
+    low, high = min(reach), max(reach)
+    if high > low:
+        ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
+    return shown
+
+
+def paper_values(joint: str, term: str) -> dict[str, float]:
+    """Return what the paper's table says of a term, by frequency; nothing for a joint or a term that is not in it.
+
+    Examples
+    --------
+    >>> paper_values("inter-panel joint", "linear_damping")["4 Hz"]
+    49.0
+    >>> paper_values("other hinge", "linear_damping")
+    {}
+    """
+    for table in TABLES:
+        if table.joint == joint.strip().lower() and term in TERMS:
+            return {f"{f:.4g} Hz": value for f, value in zip(FREQUENCIES, table.column(term), strict=True)}
+    return {}
+
+
+def covariance(data: ReportData, ax: Axes) -> Axes:
+    """Draw the correlation of the coefficients' errors."""
+    model = data.model
+    matrix = correlation(model)
+    mesh = ax.imshow(matrix, cmap=DIVERGING, vmin=-1, vmax=1)
+    names = [math_symbol(term.symbol) for term in model.terms]
+    ax.set(xticks=range(len(names)), xticklabels=names, yticks=range(len(names)), yticklabels=names)
+    ax.grid(False)
+    if len(names) <= 9:
+        for (row, column), value in np.ndenumerate(matrix):
+            colour = FIXED_PAPER if abs(value) > 0.6 else FIXED_INK
+            ax.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
+    colour_scale(ax, mesh, "correlation")
+    ax.set_title("Correlation of the coefficients' errors")
+    return ax
+
+
+def correlation(model: JointModel) -> Any:
+    """Return the correlation matrix of a model's coefficients, shape (k, k); the diagonal is one."""
+    matrix = np.array(model.covariance, dtype=float).reshape(len(model.terms), len(model.terms))
+    size = np.sqrt(np.diag(matrix))
+    size[size == 0] = 1.0
+    scaled = matrix / np.outer(size, size)
+    np.fill_diagonal(scaled, 1.0)
+    return scaled
+
+
+POINTS = 13
+# Points of a cycle of the law.
+CYCLE = 401
+
+
+def drawn_over(data: ReportData) -> list[tuple[OverInput, CoefficientOver]]:
+    """Return the coefficients that are drawn over an input: those that have something to show."""
+    pairs = [(over, row) for over in data.over for row in over.coefficients]
+    return spread([(over, row) for over, row in pairs if row.levels or len(set(row.values)) > 1])
+
+
+def _law_at(data: ReportData, over: OverInput, value: float) -> JointModel:
+    """Return the law at a value of an input, in the unit of its table."""
+    given = next(known for known in data.model.inputs if known.name == over.name)
+    return data.model.at(**{over.name: given.zero + given.factor * value})
+
+
+def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> Axes:
+    """Draw one cycle of the law, through the largest tested angle and rate, at the values of its table."""
+    fitted, motion = data.model.fitted, data.model.joint.motion
+    phase = np.linspace(0, 2 * np.pi, CYCLE)
+    angle, rate = fitted.angle * np.sin(phase), fitted.rate * np.cos(phase)
+    moments = [_law_at(data, over, value).moment(angle, rate) for value in over.values]
+    x, y = angle_scale(motion, fitted.angle), moment_scale(motion, moments)
+    for moment, heading, colour, dash in zip(moments, over.headings, PALETTE, DASHES, strict=False):
+        ax.plot(angle * x.factor, moment * y.factor, color=colour, ls=dash, label=plain(pretty_unit(heading)))
+    title = plain(f"the law over {over.label}\none cycle to the largest {x.name.lower()}")
+    ax.set(xlabel=x.label, ylabel=y.label, title=title)
+    ax.set_ylim(top=1.5 * y.factor * float(np.max(moments)))
+    look: Any = {"frameon": False, "columnspacing": 0.8, "handlelength": 1.4, "handletextpad": 0.4}
+    ax.legend(loc="upper center", ncols=len(moments), **look)
+    return ax
+
+
+def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: CoefficientOver) -> Axes:
+    """Draw a coefficient of the law over an input, with its 95 % interval, and the fits to single levels."""
+    shown = np.linspace(over.values[0], over.values[-1], POINTS)
+    laws = [_law_at(data, over, float(value)) for value in shown]
+    terms = [
+        (law[row.id].coefficient, law[row.id].standard_error) if row.id in law else (0.0, 0.0) for law in laws
+    ]
+    values, errors = np.array(terms).T
+    factor, unit = scale_of(float(np.abs(values).max()), row.unit)
+    low, high = (factor * (values + side * errors) for side in (-1.96, 1.96))
+    ax.fill_between(shown, low, high, color=PALETTE[0], alpha=0.25, lw=0)
+    ax.plot(shown, factor * values, color=PALETTE[0])
+    if row.levels:
+        own, wide = factor * np.array(row.estimates), 1.96 * abs(factor) * np.array(row.level_errors)
+        ax.errorbar(row.levels, own, yerr=wide, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[1])
+    ax.margins(x=0.06, y=0.15)
+    ax.set(
+        xlabel=plain(Scale(over.label, pretty_unit(over.unit)).label),
+        ylabel=f"{math_symbol(row.symbol)}" + (f" ({unit})" if unit else ""),
+        title=plain(f"{data.model[row.id].name}" + (f"\n{over.dependence(row)}" if row.answer else "")),
+    )
+    return ax
+
+
+def _residual(data: ReportData) -> list[Panel]:
+    periodic = any(loop.residual_over_phase.size for loop in data.loops)
+    return [map_residual, *[residual_phase] * periodic, residual_time]
+
+
+def _inputs(data: ReportData) -> list[Panel]:
+    laws: list[Panel] = [partial(law_at_values, over=over) for over in data.over if data.model.terms]
+    return laws + [partial(coefficient_over, over=over, row=row) for over, row in drawn_over(data)]
+
+
+def _fit(data: ReportData) -> list[Panel]:
+    # The middle of the frequencies: neither the slowest nor the one that is hardest to follow.
+    groups = list(loop_groups(data))
+    return [partial(loops, group=groups[len(groups) // 2])]
+
+
+_WHOLE = (
+    Kind(
+        "fit",
+        "Model over measurement",
+        "Transfer moment over angle of the runs at one frequency; black dots are the model where the joint moves.",
+        _fit,
+    ),
+    Kind(
+        "map",
+        "Force–state map",
+        "Transfer moment averaged over cells of angle and rate, samples per cell, and cuts through the map: at "
+        "zero rate the friction shows as a step, at the middle angle as a jump of the line.",
+        fixed(map_moment, map_counts, cut_at_zero_rate, cut_at_centre),
+    ),
+    Kind(
+        "loops",
+        "Moment–angle loops",
+        "One period of each run, transfer moment over angle; black dots are the model where the joint moves.",
+        lambda data: [partial(loops, group=group) for group in spread(list(loop_groups(data)))],
+    ),
+    Kind(
+        "residual",
+        "Residual",
+        "Residual over angle and rate, over the phase of the cycle, and over time. Structure that stands above the "
+        "noise floor is an effect that the model lacks.",
+        _residual,
+    ),
+    Kind(
+        "path",
+        "Choice of the terms",
+        "Fit residual and held-out error over the number of terms, and the number of terms over the threshold.",
+        fixed(path, threshold),
+    ),
+    Kind(
+        "coefficients",
+        "Coefficients by frequency, or by part of the record",
+        "The chosen terms fitted to each single frequency (or part), with 95 % intervals, the bias of the "
+        "processing taken out where it is known. Line: all together. Grey: ±10 %. Crosses: the paper's "
+        "tables, where the joint is one of the paper's.",
+        lambda data: [partial(coefficient, term=term) for term in data.model.ids if data.groups],
+    ),
+    Kind(
+        "inputs",
+        "Coefficients over the inputs",
+        "The law at the values of the table, and each coefficient that depends on an input or was tested for it: the "
+        "line is the law with its 95 % interval, points are fits to the runs of a single level.",
+        _inputs,
+    ),
+    Kind(
+        "covariance",
+        "Covariance",
+        "Correlation of the coefficients' errors; near ±1 the data cannot distinguish two terms.",
+        lambda data: [covariance] if data.model.terms else [],
+    ),
+)
+
+_PARTS: dict[str, tuple[str, Panel]] = {
+    "map-moment": ("Averaged transfer moment over angle and rate, with the model's contours.", map_moment),
+    "map-counts": ("Moving samples in every cell of the force–state map.", map_counts),
+    "map-rest": ("Cut through the force–state map at zero rate, with the friction step.", cut_at_zero_rate),
+    "map-centre": ("Cut through the force–state map at the middle angle.", cut_at_centre),
+    "residual-map": ("Mean residual over angle and rate.", map_residual),
+    "residual-phase": ("Mean residual over the phase of the cycle.", residual_phase),
+    "residual-time": ("RMS residual over time.", residual_time),
+    "path-error": ("Fit residual and held-out error over the number of terms.", path),
+    "path-threshold": ("Number of terms over the threshold.", threshold),
+}
+
+KINDS = {
+    **by_name(*_WHOLE),
+    **{
+        name: Kind(name, name.replace("-", ", "), caption, fixed(panel), part=True)
+        for name, (caption, panel) in _PARTS.items()
+    },
+}
