@@ -1,19 +1,22 @@
-"""A campaign that was checked: its findings, what is used of it, and what every result on it has to say first."""
+"""Data that were checked: their findings, what is used of them, and what every result on them has to say first."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.record import Campaign, Motion, Run
 from sindyjoint.soundness.checked import Checked, check_accepted, list_faults, require_sound
-from sindyjoint.soundness.faults import find_faults
+from sindyjoint.soundness.faults import find_faults, find_rig_faults
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.soundness.masking import mask_campaign
-from sindyjoint.soundness.words import Words, words_of
+from sindyjoint.soundness.masking import fill_test, mask_campaign
+from sindyjoint.soundness.record import Record, record_of_structure
+from sindyjoint.soundness.words import Words, words_of, words_of_rig
 from sindyjoint.text import list_some
 
-__all__ = ["Check", "check_accepted", "check_campaign", "require_sound"]
+__all__ = ["Check", "RigCheck", "check_accepted", "check_campaign", "check_rig_test", "require_sound"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -37,6 +40,11 @@ class Check(Checked):
     warnings: tuple[str, ...] = ()
 
     @property
+    def measured(self) -> Campaign:
+        """The campaign."""
+        return self.campaign
+
+    @property
     def name(self) -> str:
         """Of the joint."""
         return self.campaign.joint.name
@@ -45,11 +53,6 @@ class Check(Checked):
     def motion(self) -> Motion:
         """Of the joint."""
         return self.campaign.joint.motion
-
-    @property
-    def simulated(self) -> bool:
-        """Whether the runs come from a virtual test."""
-        return self.campaign.simulated
 
     @property
     def words(self) -> Words:
@@ -61,10 +64,51 @@ class Check(Checked):
         """The runs."""
         return self.campaign.runs
 
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RigCheck(Checked):
+    """The check of a structure's test.
+
+    Parameters
+    ----------
+    test : RigTest
+        As it was read.
+    soundness : Soundness
+    usable : RigTest
+        Its samples at fault filled in, where they can be.
+    warnings : tuple of str
+        What every result on it says first: accepted faults, those that bias, what is filled in.
+    """
+
+    test: RigTest = field(repr=False)
+    soundness: Soundness
+    usable: RigTest
+    warnings: tuple[str, ...] = ()
+
     @property
-    def excitations(self) -> Sequence[tuple[float | None, str | None]]:
-        """Frequency and level of the runs that are used for identification."""
-        return [(run.frequency, run.level) for run in self.campaign.identification_runs]
+    def measured(self) -> RigTest:
+        """The test."""
+        return self.test
+
+    @property
+    def name(self) -> str:
+        """Of the structure."""
+        return self.test.name
+
+    @property
+    def motion(self) -> Motion:
+        """Of the joints."""
+        return self.test.motion
+
+    @property
+    def words(self) -> Words:
+        """What the channels are called."""
+        return words_of_rig(self.test)
+
+    @cached_property
+    def recorded(self) -> Sequence[Record]:
+        """The runs."""
+        return [record_of_structure(self.test, run) for run in self.test.runs]
 
 
 def check_campaign(campaign: Campaign, accept: Sequence[str] = ()) -> Check:
@@ -85,12 +129,30 @@ def check_campaign(campaign: Campaign, accept: Sequence[str] = ()) -> Check:
     check_accepted(accept)
     soundness = Soundness(find_faults(campaign), tuple(dict.fromkeys(accept)))
     usable, masked = mask_campaign(campaign, soundness.findings)
-    warnings = (
-        *list_faults(soundness, words_of(campaign.joint.motion), campaign.joint.motion),
-        *masked,
-        *_list_unchecked(campaign),
-    )
-    return Check(campaign, soundness, usable, warnings)
+    faults = list_faults(soundness, words_of(campaign.joint.motion), campaign.joint.motion)
+    return Check(campaign, soundness, usable, (*faults, *masked, *_list_unchecked(campaign)))
+
+
+def check_rig_test(test: RigTest, accept: Sequence[str] = ()) -> RigCheck:
+    """Return the check of a structure's test.
+
+    Parameters
+    ----------
+    test : RigTest
+        With runs.
+    accept : sequence of str
+        Ids of findings that no longer stop the work.
+
+    Raises
+    ------
+    UnknownNameError
+        For an id that no finding has.
+    """
+    check_accepted(accept)
+    soundness = Soundness(find_rig_faults(test), tuple(dict.fromkeys(accept)))
+    usable, filled = fill_test(test, soundness.findings)
+    faults = list_faults(soundness, words_of_rig(test), test.motion)
+    return RigCheck(test, soundness, usable, (*faults, *filled))
 
 
 def _list_unchecked(campaign: Campaign) -> Iterator[str]:

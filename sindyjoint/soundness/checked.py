@@ -6,27 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import ClassVar, Protocol, TypeVar
 
 from sindyjoint.errors import UnknownNameError, UnsoundError
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
-from sindyjoint.record import Motion
+from sindyjoint.record import Campaign, Motion
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.kinds import DELAY, KINDS, PHASE
+from sindyjoint.soundness.words import Words
 from sindyjoint.text import list_some, spelled
 
 C = TypeVar("C", bound="Checked")
-
-
-class ChannelWords(Protocol):
-    """What channels are called and measured in."""
-
-    def of(self, channel: str) -> str:
-        """Return a channel as a sentence names it."""
-
-    def label(self, channel: str) -> str:
-        """Return a channel as a table names it."""
-
-    def unit(self, channel: str) -> str:
-        """Return the unit of a channel."""
 
 
 class RecordedRun(Protocol):
@@ -62,6 +51,11 @@ class Checked(Shown):
     warnings: tuple[str, ...]
 
     @property
+    def measured(self) -> Campaign | RigTest:
+        """What was checked."""
+        raise NotImplementedError
+
+    @property
     def name(self) -> str:
         """Of the joint, or of the structure."""
         raise NotImplementedError
@@ -72,12 +66,7 @@ class Checked(Shown):
         raise NotImplementedError
 
     @property
-    def simulated(self) -> bool:
-        """Whether the runs come from a virtual test."""
-        raise NotImplementedError
-
-    @property
-    def words(self) -> ChannelWords:
+    def words(self) -> Words:
         """What the channels are called."""
         raise NotImplementedError
 
@@ -87,9 +76,14 @@ class Checked(Shown):
         raise NotImplementedError
 
     @property
+    def simulated(self) -> bool:
+        """Whether the runs come from a virtual test."""
+        return self.measured.simulated
+
+    @property
     def excitations(self) -> Sequence[tuple[float | None, str | None]]:
         """Frequency and level of the runs that are used for identification."""
-        raise NotImplementedError
+        return [(run.frequency, run.level) for run in self.measured.identification_runs]
 
     @property
     def stopping(self) -> tuple[Finding, ...]:
@@ -150,7 +144,7 @@ def require_sound(check: C) -> C:
     return check
 
 
-def list_faults(soundness: Soundness, words: ChannelWords, motion: Motion) -> Iterator[str]:
+def list_faults(soundness: Soundness, words: Words, motion: Motion) -> Iterator[str]:
     """Yield what was accepted, and what biases and is not left out."""
     accepted = [f for f in soundness.findings if f.severity == "stops" and f.id in soundness.accepted]
     yield from (f"accepted: {line}" for line in describe(accepted, words, motion))
@@ -159,7 +153,7 @@ def list_faults(soundness: Soundness, words: ChannelWords, motion: Motion) -> It
     )
 
 
-def describe(findings: Sequence[Finding], words: ChannelWords, motion: Motion) -> list[str]:
+def describe(findings: Sequence[Finding], words: Words, motion: Motion) -> list[str]:
     """Return a sentence for each kind of finding and channel: where, how much, what it does, what to do."""
     groups: dict[tuple[str, str | None], list[Finding]] = {}
     for finding in findings:

@@ -11,6 +11,9 @@ from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, list_some
 
+# Share of a record left out as start-up from which it is reported.
+LARGE_DROP = 0.25
+
 
 def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
     """Return one line for each question that a campaign's runs leave open.
@@ -30,7 +33,7 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         )
         lines.append(f"one run only: {held}")
     frequencies = [s.frequency for s in states if s.frequency is not None]
-    if len(frequencies) == len(states) and max(frequencies) < POLICY.same_frequency * min(frequencies):
+    if len(frequencies) == len(states) and max(frequencies) < POLICY.same * min(frequencies):
         line = "one frequency only: effects of frequency, rate and inertia cannot be distinguished"
         lines.append(in_words_of(campaign.joint.motion, line))
     ranges = [float(np.ptp(s.angle)) for s in states]
@@ -51,7 +54,7 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
             f"fewer than {POLICY.few_periods} periods in {list_some(short)}: what changes in time cannot be seen"
         )
     ends = {run.name: run.duration for run in campaign.runs}
-    late = [s.run for s in periodic if s.dropped > POLICY.large_drop * ends[s.run]]
+    late = [s.run for s in periodic if s.dropped > LARGE_DROP * ends[s.run]]
     if late:
         lines.append(
             f"{100 * max(s.dropped / ends[s.run] for s in periodic):.0f} % of the record was left out as start-up in "

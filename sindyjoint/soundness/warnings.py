@@ -87,7 +87,7 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
         power.append(float(np.mean(moment * rate)))
     # An elastic moment that is a small part of the whole may well fall: only a main part has a definite sign.
     mean_stiffness = _compute_secant_stiffness(model)
-    elastic = abs(mean_stiffness) * model.fitted.angle > POLICY.elastic_share * model.fitted.moment_rms
+    elastic = abs(mean_stiffness) * model.fitted.angle > POLICY.large_part * model.fitted.moment_rms
     backwards = elastic and mean_stiffness < 0 and max(stiffness) < 0
     feeding = bool(model.terms) and max(power) < 0
     if backwards and feeding:
@@ -184,7 +184,7 @@ def _warn_of_variety(campaign: Campaign, states: Sequence[ForceStates]) -> Itera
 
 def _warn_of_sticking(states: Sequence[ForceStates]) -> Iterator[str]:
     least = min(states, key=lambda s: s.moving_fraction)
-    if least.moving_fraction < POLICY.hardly_moving:
+    if least.moving_fraction < POLICY.large_part:
         yield f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples"
 
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from sindyjoint.soundness.cycle import MOST_HARMONICS, POINTS, Cycles
-from sindyjoint.soundness.detectors.odd_runs import Held, find_odd_runs
+from sindyjoint.soundness.law.motions import MOST_HARMONICS, POINTS, cycles_of
+from sindyjoint.soundness.law.odd_runs import Held, find_odd_runs
 from sindyjoint.soundness.words import words_of
 
 PHASE = 2 * np.pi * np.arange(POINTS) / POINTS
 PLAN = [(f, level) for f in (3.0, 4.0, 6.0) for level in (1.0, 2.0, 3.0)]
 
 
-def cycles_of(extra, plan):
+def runs_of(extra, plan):
     """Return runs at frequencies and levels; ``extra`` adds to moments of 1 to 3 Nm."""
     moments, angles = [], []
     for frequency, level in plan:
@@ -20,12 +20,12 @@ def cycles_of(extra, plan):
         moments.append(np.fft.rfft(moment + extra(frequency, level, angle, rate)) / POINTS)
         angles.append(np.fft.rfft(angle) / POINTS)
     names = tuple(f"{f:g} Hz {level:g}" for f, level in plan)
-    moment, angle = (np.array(x)[:, : MOST_HARMONICS + 1] for x in (moments, angles))
-    return Cycles(names, np.array([f for f, _ in plan]), moment, angle, np.zeros((len(plan), POINTS, 0)))
+    harmonics = np.array([moments, angles])[:, :, : MOST_HARMONICS + 1]
+    return cycles_of(names, np.array([f for f, _ in plan]), harmonics, np.zeros((len(plan), POINTS, 0)))
 
 
 def told(extra, plan=PLAN):
-    found, _ = find_odd_runs(cycles_of(extra, plan), 0.0, words_of("rotation"))
+    found, _ = find_odd_runs(runs_of(extra, plan), 0.0, words_of("rotation"))
     return [(f.id, f.run) for f in found]
 
 
@@ -64,7 +64,7 @@ def test_what_all_runs_of_a_frequency_show_is_the_joints():
 )
 def test_a_run_departs_where_the_others_can_say_what_is_expected(alike, frequency, level, departs):
     plan = [*(a for a in alike if a != (frequency, level)), (frequency, level)]
-    runs = cycles_of(only(frequency, level, cusp), plan)
+    runs = runs_of(only(frequency, level, cusp), plan)
     held = Held(runs, tuple(range(len(plan) - 1)), 0.0, 0.001)
     assert held.departs(len(plan) - 1) is departs
 

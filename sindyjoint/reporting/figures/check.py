@@ -14,7 +14,6 @@ from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE
 from sindyjoint.reporting.figures.kind import Kind, by_name, each
 from sindyjoint.reporting.figures.labels import time_label
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, shortened
-from sindyjoint.soundness.structure.recorded import StructureWords
 from sindyjoint.soundness.words import words_of
 from sindyjoint.text import quantities
 
@@ -108,7 +107,7 @@ def gather_check(check: Checked) -> CheckData:
     channels = sum(len(run.channels) for run in check.recorded)
     segments = int(np.clip(MOST_SEGMENTS // max(channels, 1), FEWEST_SEGMENTS, SEGMENTS))
     findings, words = check.soundness.findings, check.words
-    units = words.units if isinstance(words, StructureWords) else {}
+    units = words.units if words.structure else {}
     return CheckData(
         check.name,
         check.motion,

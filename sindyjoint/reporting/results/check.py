@@ -19,10 +19,9 @@ from sindyjoint.reporting.style import shortened
 from sindyjoint.reporting.tables import findings_table, terms_csv
 from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
 from sindyjoint.reporting.view import View
-from sindyjoint.soundness.check import Check
+from sindyjoint.soundness.check import Check, RigCheck
 from sindyjoint.soundness.checked import Checked
 from sindyjoint.soundness.finding import Finding, Soundness
-from sindyjoint.soundness.structure.check import RigCheck
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -11,7 +11,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding, Severity
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.structure.agreement import SMALLEST, Complex, Equations, Fault, Fit, unknowns_of
-from sindyjoint.soundness.structure.recorded import StructureWords
+from sindyjoint.soundness.words import Words
 
 # Factors that look like a unit taken for another.
 UNITS = {
@@ -55,14 +55,14 @@ class Place(NamedTuple):
         None: in all of them.
     names : sequence of str
         Of the channels.
-    words : StructureWords
+    words : Words
     main : float
         Highest main frequency of the runs, Hz.
     """
 
     run: str | None
     names: Sequence[str]
-    words: StructureWords
+    words: Words
     main: float
 
 
@@ -85,9 +85,7 @@ def describe_fault(found: Explained, before: Equations, place: Place) -> Iterato
     """Yield the finding of an explanation; none where it is smaller than what sensors are calibrated to."""
     angle, moment = _shifts(found, before)
     shift = max(angle, moment)
-    severity: Severity = (
-        "stops" if shift > POLICY.shift_stops else "biases" if shift > POLICY.shift_biases else "note"
-    )
+    severity: Severity = "stops" if shift > POLICY.unit else "biases" if shift > POLICY.bears else "note"
     said = [place.words.of(place.names[channel]) for channel in found.channels]
     better = f"{found.ratio**-0.5:.3g} times better"
     told: tuple[str, Severity, str, str] | None
@@ -124,16 +122,16 @@ def _tell_fault(
     off, turn = abs(abs(fault.gain) - 1), 2 * np.pi * main
     late, errors = abs(turn * fault.delay), found.fit.errors
     # Standard errors by the noise, and by what the fault leaves beyond it.
-    sure = POLICY.sensors_sigmas * max(1.0, found.fit.chi_squared / found.equations.degrees) ** 0.5
-    if abs(fault.gain) < POLICY.shows_nothing:
+    sure = POLICY.outstanding * max(1.0, found.fit.chi_squared / found.equations.degrees) ** 0.5
+    if abs(fault.gain) < POLICY.changed:
         shown = 100 * max(abs(fault.gain), SMALLEST)
         extent = f"the {said} shows {shown:.2g} % of what the others predict: {agree}"
         return "no_signal", "stops", extent, "check its cable, range and unit; leave it out"
     if fault.gain < 0:
-        size = "" if off < POLICY.sensors_gain else f", times {abs(fault.gain):.4g}"
+        size = "" if off < POLICY.gain else f", times {abs(fault.gain):.4g}"
         extent = f"the {said} has the other sign than the others predict{size}: {agree}"
         return "reversed_sign", "stops", extent, "turn its sign in the file, or leave it out"
-    if off >= max(POLICY.sensors_gain, sure * errors[0]) and (off >= late or late < POLICY.sensors_delay):
+    if off >= max(POLICY.gain, sure * errors[0]) and (off >= late or late < POLICY.bears):
         extent = (
             f"the {said} is {fault.gain:.4g} times what the others predict{_unit_of(fault.gain)}: {agree}"
         )
@@ -143,8 +141,8 @@ def _tell_fault(
                 ", or its part of the structure is another: with one sensor more than joints nothing tells"
             )
             return "gain_differs", "note" if severity == "note" else "biases", extent, remedy
-        return "gain_differs", "stops" if off > POLICY.sensors_unit else severity, extent, remedy
-    if late >= max(POLICY.sensors_delay, sure * errors[1] * turn):
+        return "gain_differs", "stops" if off > POLICY.unit else severity, extent, remedy
+    if late >= max(POLICY.bears, sure * errors[1] * turn):
         when = "later" if fault.delay > 0 else "earlier"
         extent = (
             f"the {said} comes {1e3 * abs(fault.delay):.3g} ms {when} than the others predict "
@@ -171,7 +169,7 @@ def _size(values: Complex) -> Array:
 
 def _unit_of(gain: float) -> str:
     """Return the unit that a factor looks like, as the end of a clause; empty for any other."""
-    known = (words for factor, words in UNITS.items() if abs(gain / factor - 1) < POLICY.sensors_gain)
+    known = (words for factor, words in UNITS.items() if abs(gain / factor - 1) < POLICY.gain)
     return next((f" (as {words})" for words in known), "")
 
 

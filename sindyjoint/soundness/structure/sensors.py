@@ -24,7 +24,7 @@ from sindyjoint.soundness.structure.agreement import (
     swapped,
 )
 from sindyjoint.soundness.structure.explained import Explained, Place, describe_fault, structure_finding
-from sindyjoint.soundness.structure.recorded import StructureWords
+from sindyjoint.soundness.words import Words
 from sindyjoint.substructure.recovery import Recovery
 
 # Runs that may have a fault of their own, at most; faults that are looked for one after the other.
@@ -55,9 +55,7 @@ def with_assumed_numbers(test: RigTest) -> RigTest:
     return replace(test, uncertain=tuple(widened))
 
 
-def find_in_sensors(
-    test: RigTest, recoveries: Sequence[Recovery], words: StructureWords
-) -> Iterator[Finding]:
+def find_in_sensors(test: RigTest, recoveries: Sequence[Recovery], words: Words) -> Iterator[Finding]:
     """Yield what drive and sensors deny of each other.
 
     Parameters
@@ -65,7 +63,7 @@ def find_in_sensors(
     test : RigTest
     recoveries : sequence of Recovery
         Of runs in which no samples are at fault.
-    words : StructureWords
+    words : Words
     """
     spare = len(test.sensors) - test.structure.n_joints
     if spare < 1:
@@ -85,7 +83,7 @@ def find_in_sensors(
         fit = fit_fault(equations)
         # Beams and masses that are not as described show in no linear way where a mode is near.
         nearer = fit_fault(moved(equations, numbered, fit.numbers))
-        if min(fit.chi_squared, nearer.chi_squared) <= POLICY.agreement * equations.degrees:
+        if min(fit.chi_squared, nearer.chi_squared) <= POLICY.clearly * equations.degrees:
             return
         found = _best_explanation(equations, fit, mains, spare)
         if found is None:
@@ -108,7 +106,7 @@ def _main_frequency(equations: Equations, run: int) -> float:
 def _odd_runs(fit: Fit, equations: Equations) -> list[int | None]:
     """Return the runs that agree worst, each of which may have a fault of its own, and None for all runs."""
     per = fit.by_run / np.maximum(np.bincount(equations.run), 1)
-    odd = [int(r) for r in np.argsort(-per)[:ODD_RUNS] if per[r] > POLICY.odd_run * np.median(per)]
+    odd = [int(r) for r in np.argsort(-per)[:ODD_RUNS] if per[r] > (1 + POLICY.large_part) * np.median(per)]
     return [None, *odd] if len(per) > 1 else [None]
 
 
@@ -123,7 +121,7 @@ def _best_explanation(
         ratio = fit.chi_squared / clean.degrees / (before.chi_squared / equations.degrees)
         known.append(Explained(kind, which, run, fit, clean, ratio, spare > 1))
 
-    longest = POLICY.longest_turn / max(mains)
+    longest = POLICY.large_part / max(mains)
     for run in runs:
         for channel in range(channels):
             guess = first_guess(equations, channel, run, longest)
@@ -143,10 +141,10 @@ def _best_explanation(
         for each in known
         if each.channels != best.channels and not set(each.channels) & set(best.channels)
     ]
-    clear = not rivals or rivals[0].ratio >= POLICY.clearly_better * best.ratio
-    if best.ratio <= POLICY.explained_by_one and clear:
+    clear = not rivals or rivals[0].ratio >= POLICY.clearly * best.ratio
+    if best.ratio <= POLICY.explains and clear:
         alike = [e for e in known if (e.channels, e.kind) == (best.channels, best.kind)]
-        simplest = [e for e in alike if e.run is None and e.ratio <= POLICY.as_good * best.ratio]
+        simplest = [e for e in alike if e.run is None and e.ratio <= (1 + POLICY.nearly) * best.ratio]
         plain = [e for e in simplest if e.fit.fault is None or e.fit.fault.delay == 0.0]
         return (plain or simplest or [best])[0]
     return _left_out(equations, before, channels) if spare > 1 else None
@@ -161,5 +159,5 @@ def _left_out(equations: Equations, before: Fit, channels: int) -> Explained | N
         ratio = fit.chi_squared / clean.degrees / (before.chi_squared / equations.degrees)
         found.append(Explained("left_out", (channel,), None, fit, clean, ratio))
     found.sort(key=lambda each: each.ratio)
-    clear = found[1].ratio >= POLICY.clearly_better * found[0].ratio
-    return found[0] if found[0].ratio <= POLICY.explained_by_one / 2 and clear else None
+    clear = found[1].ratio >= POLICY.clearly * found[0].ratio
+    return found[0] if found[0].ratio <= POLICY.explains / 2 and clear else None
