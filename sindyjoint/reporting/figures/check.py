@@ -20,9 +20,10 @@ from sindyjoint.text import quantities
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from sindyjoint.record import Motion
-    from sindyjoint.soundness.checked import Checked, RecordedRun
+    from sindyjoint.record import Motion, Run
+    from sindyjoint.soundness.check import Checked
     from sindyjoint.soundness.finding import Finding
+    from sindyjoint.soundness.record import Record
 
 
 RUNS_PER_FIGURE = 6
@@ -120,7 +121,7 @@ def gather_check(check: Checked) -> CheckData:
 
 
 def _gather_run(
-    run: RecordedRun, findings: list[Finding], segments: int, units: Mapping[str, str]
+    run: Run | Record, findings: list[Finding], segments: int, units: Mapping[str, str]
 ) -> CheckedRun:
     traces = []
     for name, signal in run.channels.items():

@@ -19,8 +19,7 @@ from sindyjoint.reporting.style import shortened
 from sindyjoint.reporting.tables import findings_table, terms_csv
 from sindyjoint.reporting.text_table import DASH, TextTable, csv_text, terminal_table
 from sindyjoint.reporting.view import View
-from sindyjoint.soundness.check import Check, RigCheck
-from sindyjoint.soundness.checked import Checked
+from sindyjoint.soundness.check import Check, Checked, RigCheck
 from sindyjoint.soundness.finding import Finding, Soundness
 
 if TYPE_CHECKING:
