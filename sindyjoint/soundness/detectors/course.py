@@ -67,24 +67,29 @@ def step_of(series: Array, least: float = POLICY.changed) -> Step | None:
     left, right = windows[: n - 2 * side], windows[side + 1 :]
     size = right.mean(axis=1) - left.mean(axis=1)
     scatter = np.ptp(left, axis=1) + np.ptp(right, axis=1) + POLICY.taken_for_granted
-    # Some of few periods agree by chance, and half of the windows may hold the step.
-    contrast = np.abs(size) / np.maximum(scatter, np.quantile(scatter, 0.25))
+    # Some of few periods agree by chance: no less than what two ranges of as many are by their usual differences.
+    contrast = np.abs(size) / np.maximum(scatter, side * np.median(np.abs(np.diff(series))))
     at = int(np.argmax(contrast))
     found = Step(at + side, float(size[at]), float(contrast[at]), side)
     return found if abs(found.size) > least and found.contrast > POLICY.contrast else None
 
 
-def drift_of(place: Array, series: Array, least: float, even: bool = True) -> float | None:
+def drift_of(series: Array, least: float, even: bool = True, place: Array | None = None) -> float | None:
     """Return the slope of a series, where over its places it adds up to what is reported and stands out of its scatter.
 
     Parameters
     ----------
-    place, series : ndarray, shape (p,)
+    series : ndarray, shape (p,)
     least : float
         Change over all places that is reported.
     even : bool
         Whether both halves must change alike, as a drift does and a start-up does not.
+    place : ndarray, shape (p,), optional
+        Default: the periods of a run, of which a third may be its start-up.
     """
+    if place is None:
+        place = np.arange(series.size)[series.size // 3 :]
+        series = series[place]
     half = place.size // 2
     if half < SIDE:
         return None
@@ -131,18 +136,23 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
         for name in lines:
             mean = periods[name].mean[first:last] / size[name]
             yield from _find_zero_changes(record, name, mean, (first, size[name]), words)
-        yield from _find_clock_drift(record, lines, words)
+        yield from _find_clock_drift(record, lines, words) if "moment" in lines else ()
     yield from _find_frequency(record, lines[clock], words)
 
 
 def _end_finding(record: Record, kind: str, periods: int, span: tuple[int, int], words: Words) -> Finding:
     """Return the finding; the period in which the excitation begins or ends belongs to it."""
-    extent = (
+    return words.finding(
+        kind,
+        record.name,
+        None,
+        "biases",
         f"no excitation in the {'first' if kind == 'dead_start' else 'last'} {periods} periods "
-        f"({(span[1] - span[0]) / record.sample_rate:.3g} s)"
+        f"({(span[1] - span[0]) / record.sample_rate:.3g} s)",
+        "those samples are left out; cut the file there",
+        (span,),
+        True,
     )
-    remedy = "those samples are left out; cut the file there"
-    return words.finding(kind, record.name, None, "biases", extent, remedy, (span,), True)
 
 
 def _place(record: Record, period: int) -> tuple[float, Spans]:
@@ -238,8 +248,7 @@ def _find_zero_changes(
     """Yield a zero that jumps or drifts; ``mean`` is in parts of the channel's amplitude, which ``of`` holds."""
     first, amplitude = of
     step = step_of(mean, max(POLICY.changed, _beat(record) if name == "moment" else 0.0))
-    late = slice(mean.size // 3, None)
-    slope = drift_of(np.arange(mean.size)[late], mean[late], POLICY.changed)
+    slope = drift_of(mean, POLICY.changed)
     moved = step.size if step is not None else (slope or 0.0) * mean.size
     size = f"by {moved * amplitude:.3g} {words.unit(name)} ({100 * abs(moved):.2g} % of its amplitude)"
     if step is not None:
@@ -255,11 +264,8 @@ def _find_zero_changes(
 
 def _find_clock_drift(record: Record, lines: Lines, words: Words) -> Iterator[Finding]:
     """Yield channels whose clocks differ."""
-    if "moment" not in lines:
-        return
     apart = np.unwrap(np.angle(lines["moment"] * np.conj(lines["angle"])))
-    late = slice(apart.size // 3, None)
-    slope = drift_of(np.arange(apart.size)[late], apart[late], max(POLICY.changed, _beat(record)))
+    slope = drift_of(apart, max(POLICY.changed, _beat(record)))
     if slope is None:
         return
     total = slope * apart.size
@@ -273,9 +279,7 @@ def _find_clock_drift(record: Record, lines: Lines, words: Words) -> Iterator[Fi
 
 def _find_frequency(record: Record, clock: NDArray[np.complex128], words: Words) -> Iterator[Finding]:
     """Yield a frequency other than declared."""
-    phase = np.unwrap(np.angle(clock))
-    late = slice(phase.size // 3, None)
-    slope = drift_of(np.arange(phase.size)[late], phase[late], 0.0, even=False)
+    slope = drift_of(np.unwrap(np.angle(clock)), 0.0, even=False)
     turn = (slope or 0.0) / (2 * np.pi * record.order)
     if record.declared is None or abs(turn) <= POLICY.wrong_frequency:
         return

@@ -87,11 +87,16 @@ def solve(products: Array) -> tuple[Array, float]:
     """Return coefficients and residual mean square, over the runs, of the law of some runs' products."""
     pooled = products.sum(axis=0)
     gram, right, square = pooled[:-1, :-1], pooled[:-1, -1], pooled[-1, -1]
-    norms = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scaled = gram / np.outer(norms, norms) + RIDGE * np.eye(norms.size)
-    law = np.linalg.solve(scaled, right / norms) / norms
+    law = inverted(gram) @ right
     rest = square - 2 * right @ law + law @ gram @ law
     return law, float(max(rest, 0.0)) / len(products)
+
+
+def inverted(gram: Array) -> Array:
+    """Return the inverse of products of columns, scaled to unit norm and with a ridge."""
+    norms = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scale = np.outer(norms, norms)
+    return np.asarray(np.linalg.inv(gram / scale + RIDGE * np.eye(norms.size)) / scale)
 
 
 def misfit(runs: Motions, inertia: float | None, scale: Scale | None = None) -> float:

@@ -41,7 +41,7 @@ def find_drifts(runs: Motions, alike: Motions, inertia: float | None, words: Wor
         known = np.flatnonzero(np.bincount(part, minlength=PARTS) >= FEWEST)
         if known.size < PARTS // 2:
             continue
-        slope = drift_of(known, _means(part, residual)[known], POLICY.changed)
+        slope = drift_of(_means(part, residual)[known], POLICY.changed, place=known)
         total = (slope or 0.0) * PARTS
         # Of a law that leaves much the mean moves as well, as drive and motion change along a sweep.
         if slope is None or np.var(residual) - total**2 / 12 > POLICY.nearly**2:

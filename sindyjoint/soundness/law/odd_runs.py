@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array, rms
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.soundness.law.common import Rows, Scale, least, misfit, rows_of, scale_of, solve
+from sindyjoint.soundness.law.common import Rows, Scale, inverted, least, misfit, rows_of, scale_of, solve
 from sindyjoint.soundness.law.motions import Motions
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
@@ -25,8 +25,8 @@ MISTAKES = {
     "N and lbf": 4.4482216,
     "mm and inch": 25.4,
 }
-# Places at which runs are parted by their stiffness, mistakes that are tried at each, directions of a hull.
-SPLITS, NEAREST, HULL = 3, 2, 32
+# Places at which runs are parted by their stiffness, and mistakes that are tried at each.
+SPLITS, NEAREST = 3, 2
 DRAWN = "k1, k3, c1 and M_F are drawn towards that run"
 OTHER_SIGN = "k1, c1 and M_F of this run have the other sign"
 REVERSE = "reverse the channel (gain = -1), or leave the run out"
@@ -180,36 +180,20 @@ class Held:
     def departs(self, run: int) -> bool:
         """Return whether a run departs where the others can say what is expected, and its kin does not depart alike.
 
-        No law that was fitted holds beyond the motion that it was fitted to, two runs leave open which of three is odd,
-        and what all runs of a frequency show is the joint's. A few rows at the steps of friction are no departure.
+        What is expected of a row x is as uncertain as xᵀ(XᵀX)⁻¹x of the others' rows, a run's worth of rows counting as
+        one: beyond their motion that is large. Two runs leave open which of three is odd, and what all runs of a
+        frequency show is the joint's.
         """
         swing = np.ptp(self.runs.angle, axis=1)
         if abs(np.log(swing[run] / np.median(swing))) > np.log(POLICY.another_scale):
             return True
-        rows, covered = self.rows(self.runs.take([run])), self._covered(run)
-        if len(self.alike) < POLICY.fewest or np.mean(covered) < POLICY.large_part:
+        rows, of_others = self.rows(self.runs.take([run])), self.rows(self.runs.take(self.alike)).products
+        columns = rows.columns[0]
+        leverage = np.einsum("ij,jk,ik->i", columns, inverted(of_others.sum(axis=0)[:-1, :-1]), columns)
+        if len(self.alike) < POLICY.fewest or np.median(leverage) > POLICY.another_scale:
             return False
-        left = np.sort(np.abs(rows.target[0] - rows.columns[0] @ self.law)[covered])
-        within = rms(left[: int(np.ceil((1 - POLICY.changed) * left.size))])
+        within = rms((rows.target[0] - columns @ self.law) / np.sqrt(1 + leverage))
         return within > max(POLICY.departs, POLICY.fewest * self.common) and not self._kin_too(run)
-
-    def _covered(self, run: int) -> NDArray[np.bool_]:
-        """Return the rows whose angle and rate lie in the convex hull of the others', and inputs in their range.
-
-        None where no other run has as small an amplitude: a law with memory depends on it.
-        """
-        turn = np.linspace(0, 2 * np.pi, HULL, endpoint=False)
-        ways = np.stack([np.cos(turn) / self.scale.angle, np.sin(turn) / self.scale.rate])
-        others = self.runs.take(self.alike)
-        furthest = (np.stack([others.angle.ravel(), others.rate.ravel()], axis=1) @ ways).max(axis=0)
-        own = np.stack([self.runs.angle[run], self.runs.rate[run]], axis=1) @ ways
-        low, high = np.reshape(self.scale.inputs, (-1, 2)).T
-        inputs = self.runs.inputs[run]
-        inside: NDArray[np.bool_] = np.all(own <= furthest, axis=1) & np.all(
-            (inputs >= low) & (inputs <= high), axis=1
-        )
-        smallest = float(np.ptp(others.angle, axis=1).min())
-        return inside & (smallest <= POLICY.same_level * float(np.ptp(self.runs.angle[run])))
 
     def _kin_too(self, run: int) -> bool:
         """Return whether all other runs of its frequency depart from the law of other frequencies as well."""
