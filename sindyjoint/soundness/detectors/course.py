@@ -74,7 +74,9 @@ def step_of(series: Array, least: float = POLICY.changed) -> Step | None:
     return found if abs(found.size) > least and found.contrast > POLICY.contrast else None
 
 
-def drift_of(series: Array, least: float, even: bool = True, place: Array | None = None) -> float | None:
+def drift_of(
+    series: Array, least: float, even: bool = True, place: NDArray[np.intp] | None = None
+) -> float | None:
     """Return the slope of a series, where over its places it adds up to what is reported and stands out of its scatter.
 
     Parameters
@@ -84,7 +86,7 @@ def drift_of(series: Array, least: float, even: bool = True, place: Array | None
         Change over all places that is reported.
     even : bool
         Whether both halves must change alike, as a drift does and a start-up does not.
-    place : ndarray, shape (p,), optional
+    place : ndarray of int, shape (p,), optional
         Default: the periods of a run, of which a third may be its start-up.
     """
     if place is None:
@@ -177,41 +179,39 @@ def _find_phase_steps(record: Record, lines: Lines, first: int, words: Words) ->
         return step_of(np.unwrap(np.angle(line)), least)
 
     steps = {n: step(line * np.conj(lines[clock])) for n, line in lines.items() if n != clock}
-    slipped = {name: found for name, found in steps.items() if found is not None}
+    slipped: dict[str | None, Step] = {name: found for name, found in steps.items() if found is not None}
     if not slipped:
         found = step(lines[clock])
-        return [] if found is None else [_lost_finding(record, found, per, first, words)]
-    if len(slipped) > max(1, len(steps) / 2):
+        slipped = {} if found is None else {None: found}
+    elif len(slipped) > max(1, len(steps) / 2):
         slipped = {clock: max(slipped.values(), key=lambda found: found.contrast)}
-    return [_slip_finding(record, name, found, per, first, words) for name, found in slipped.items()]
+    return [_phase_finding(record, name, found, first, words) for name, found in slipped.items()]
 
 
-def _lost_finding(record: Record, step: Step, per: float, first: int, words: Words) -> Finding:
+def _phase_finding(record: Record, channel: str | None, step: Step, first: int, words: Words) -> Finding:
+    """Return the finding of a channel that slipped, or (None) of samples that all channels lost."""
     seconds, spans = _place(record, first + step.period)
-    samples = abs(step.size) / (2 * np.pi) * per
-    return words.finding(
-        "lost_samples",
-        record.name,
-        "time",
-        "biases",
-        f"the phase of all channels jumps by {np.degrees(step.size):+.3g}° at {seconds:.3g} s, as if {samples:.3g} "
-        f"samples were {'missing' if step.size > 0 else 'inserted'}",
-        "make two runs of it, cut there; look at the buffer of the recorder",
-        spans,
-    )
-
-
-def _slip_finding(record: Record, channel: str, step: Step, per: float, first: int, words: Words) -> Finding:
-    seconds, spans = _place(record, first + step.period)
+    samples = abs(step.size) / (2 * np.pi) * record.samples_per_period / record.order
+    size = f"jumps by {np.degrees(step.size):+.3g}° at {seconds:.3g} s"
+    if channel is None:
+        which = "missing" if step.size > 0 else "inserted"
+        return words.finding(
+            "lost_samples",
+            record.name,
+            "time",
+            "biases",
+            f"the phase of all channels {size}, as if {samples:.3g} samples were {which}",
+            "make two runs of it, cut there; look at the buffer of the recorder",
+            spans,
+        )
     flipped = abs(abs(step.size) - np.pi) < 0.1 * np.pi
-    lost = "" if flipped else f", as if it lost {abs(step.size) / (2 * np.pi) * per:.3g} samples"
     return words.finding(
         "sign_flips" if flipped else "channel_slip",
         record.name,
         channel,
         "stops" if flipped else "biases",
-        f"the phase of the {words.of(channel)} against the other channels jumps by {np.degrees(step.size):+.3g}° at "
-        f"{seconds:.3g} s{lost}",
+        f"the phase of the {words.of(channel)} against the other channels {size}"
+        + ("" if flipped else f", as if it lost {samples:.3g} samples"),
         "cut the run there and reverse one part" if flipped else "make two runs of it, each with its delay",
         spans,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,9 +68,8 @@ class Motions:
 
     def filtered(self, channel: str, response: Complex) -> Motions:
         """Return mean cycles whose channel has passed a filter of a response, shape as that of :attr:`lines`."""
-        signals = {
-            n: np.fft.irfft(np.fft.rfft(getattr(self, n), axis=1) * response, POINTS, axis=1)
-            for n in _parts(channel)
+        signals: dict[str, Any] = {
+            n: np.fft.irfft(np.fft.rfft(getattr(self, n)) * response, POINTS) for n in _parts(channel)
         }
         return replace(self, **signals)
 
@@ -100,30 +100,30 @@ def cycles_of(names: Sequence[str], frequency: Array, harmonics: Complex, inputs
         Of moment and angle: mean and harmonics.
     inputs : ndarray, shape (r, POINTS, k)
     """
-    padded = np.zeros((2, len(names), POINTS // 2 + 1), dtype=complex)
-    padded[:, :, : harmonics.shape[2]] = harmonics
-    turn = 2j * np.pi * np.outer(frequency, np.arange(padded.shape[2]))
-    series = [padded[0], padded[1], padded[1] * turn, padded[1] * turn**2]
-    moment, angle, rate, acceleration = (np.fft.irfft(each, POINTS, axis=1) * POINTS for each in series)
+    turn = 2j * np.pi * np.outer(frequency, np.arange(harmonics.shape[2]))
+    series = [harmonics[0], harmonics[1], harmonics[1] * turn, harmonics[1] * turn**2]
+    moment, angle, rate, acceleration = (_cycle(each) for each in series)
     place = np.tile(np.arange(POINTS) / POINTS, (len(names), 1))
     size = np.std(moment, axis=1)
     return Motions(tuple(names), angle, rate, acceleration, moment, inputs, place, frequency, size)
 
 
+def _cycle(series: Complex) -> Array:
+    return np.asarray(np.fft.irfft(series, POINTS) * POINTS)
+
+
 def mean_cycles(records: Sequence[Record]) -> Motions:
     """Return the mean cycles of the runs that have a frequency and both channels."""
-    known = [r for r in records if r.frequency and r.samples_per_period >= 6]
-    some = [r for r in known if {"moment", "angle"} <= {c.name for c in r.alive}]
-    some = [r for r in some if _steady(r.clock, r)[1] >= POLICY.fewest]
+    known = [r for r in records if r.frequency and {"moment", "angle"} <= {c.name for c in r.alive}]
+    some = [r for r in known if r.samples_per_period >= 6 and _steady(r.clock, r)[1]]
     series = np.array([[_harmonics(r.channels[n], r) for r in some] for n in ("moment", "angle")])
-    inputs = [[_input_cycle(values, r) for values in r.run.inputs.values()] for r in some if r.run]
+    inputs = np.array([[_harmonics(x, r) for x in r.run.inputs.values()] for r in some if r.run])
+    count = inputs.shape[1] if some else 0
     return cycles_of(
         [r.name for r in some],
-        np.array([r.frequency or 0.0 for r in some]),
+        np.array([r.frequency for r in some], dtype=float),
         series.reshape(2, len(some), MOST_HARMONICS + 1),
-        np.array(inputs).reshape(len(some), -1, POINTS).transpose(0, 2, 1)
-        if some
-        else np.zeros((0, POINTS, 0)),
+        _cycle(inputs.reshape(len(some), count, MOST_HARMONICS + 1)).transpose(0, 2, 1),
     )
 
 
@@ -151,14 +151,6 @@ def _harmonics(values: Array, record: Record) -> Complex:
     found[: kept.size] = np.where(np.abs(kept) < POLICY.outstanding * floor, 0, kept)
     found[:2] = kept[:2]
     return found
-
-
-def _input_cycle(values: Array, record: Record) -> Array:
-    kept = np.zeros(POINTS // 2 + 1, dtype=complex)
-    bins, periods = _steady(values, record)
-    series = bins[::periods][: MOST_HARMONICS + 1]
-    kept[: series.size] = series
-    return np.asarray(np.fft.irfft(kept, POINTS) * POINTS)
 
 
 def samples_of(states: Sequence[ForceStates]) -> Motions:

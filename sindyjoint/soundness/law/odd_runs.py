@@ -52,7 +52,7 @@ def find_other_scales(runs: Motions, inertia: float | None, words: Words) -> tup
     mistake = min(
         MISTAKES, key=lambda name: abs(abs(np.log(factor)) - np.log(MISTAKES[name])) if factor > 0 else 0
     )
-    kind, *said = (
+    kind, extent, effect, remedy = (
         (
             "reversed_sign",
             f"its {words.of(channel)} has the other sign than in the other runs: {fits}",
@@ -68,7 +68,7 @@ def find_other_scales(runs: Motions, inertia: float | None, words: Words) -> tup
         )
     )  # fmt: skip
     odd = np.flatnonzero(group)
-    found = [Finding(kind, runs.names[i], channel, "stops", *said) for i in odd]
+    found = [Finding(kind, runs.names[i], channel, "stops", extent, effect, remedy) for i in odd]
     return found, runs.take(np.flatnonzero(~group).tolist())
 
 
