@@ -168,11 +168,9 @@ def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Wor
         scales, runs = find_other_scales(runs, inertia, words)
         found, alike = find_odd_runs(runs, inertia, words)
         # What drifts departs from the law of the others, too.
-        odd = {f.run for f in found if f.id == "run_differs"}
-        drifts = list(find_drifts(alike, alike, inertia, words)) if len(alike) else []
-        if odd:
-            some = runs.take([i for i, name in enumerate(runs.names) if name in odd])
-            drifts += find_drifts(some, alike, inertia, words)
+        explained = {f.run for f in found if f.id != "run_differs"}
+        left = runs.take([i for i, name in enumerate(runs.names) if name not in explained])
+        drifts = list(find_drifts(left, alike, inertia, words)) if len(alike) else []
     # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
     except (SindyJointError, np.linalg.LinAlgError, ValueError):
         return

@@ -84,7 +84,7 @@ class SoundnessPolicy:
         0.04, "RMS, in parts of a moment's, by which a run departs from the law of the others", source=REFEREE
     )
     explains: float = limit(
-        0.4, "what a fault, once undone, leaves of a misfit, at most, to explain it", source=REFEREE
+        0.4, "what a fault, once undone, leaves of a mean square, at most, to explain it", source=REFEREE
     )
     another_scale: float = limit(
         10.0, "ratio of two sizes from which one is in another unit, and no edge of a common range"

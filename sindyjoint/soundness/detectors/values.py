@@ -15,6 +15,8 @@ from sindyjoint.soundness.words import Words
 
 # Equal but for rounding, in ranges of the channel.
 EQUAL, AT_LIMIT = 1e-12, 1e-9
+# Share of the samples at one limit from which it is one of the law: Coulomb friction is there for half of the time.
+PLATEAU = 1 / 3
 
 
 def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
@@ -91,7 +93,7 @@ def saturated_samples(channel: Channel, sign: float) -> Mask | None:
         return None
     way = sign * ((levels[-1] if sign > 0 else levels[0]) - channel.values)
     at: Mask = way <= AT_LIMIT * channel.range
-    if channel.noise == 0 and np.mean(at) > POLICY.large_part:
+    if channel.noise == 0 and np.mean(at) > PLATEAU:
         return None
     # Noise far above the resolution rules out a standstill: it would not stay at one value.
     return at if not channel.quantised or _arrives_with_slope(way, at, channel.step) else None

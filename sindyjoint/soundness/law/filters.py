@@ -21,7 +21,7 @@ from sindyjoint.states.build import force_states
 # Corner of a high-pass, and delay and time of a low-pass in radians of the slowest run, up to which they are tried.
 HIGHEST_CORNER, LONGEST = 0.6, 0.3
 # Samples in which a delay is sought.
-ENOUGH = 40_000
+ENOUGH = 100_000
 
 
 class Undone(NamedTuple):
@@ -65,10 +65,10 @@ def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator
     if len(runs) < 2 or runs.frequency is None:
         return
     before = misfit(runs, inertia)
-    best = min(_undone(runs, inertia), key=lambda each: each.left)
-    if best.id == "channel_delay" or best.left > min(POLICY.explains * before, POLICY.departs):
-        return
     if before < POLICY.nearly * POLICY.departs:
+        return
+    best = min(_undone(runs, inertia), key=lambda each: each.left)
+    if best.id == "channel_delay" or best.left > min(np.sqrt(POLICY.explains) * before, POLICY.departs):
         return
     slowest = float(runs.frequency.min())
     gain = f"the law leaves {100 * before:.2g} % of the {words.of('moment')} as it is and {100 * best.left:.2g} % so"
@@ -127,12 +127,11 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     ----------
     campaign : Campaign
     runs : sequence of Run
-        Those that may be looked at; the first ones are, up to a number of samples.
+        Those that may be looked at; of many samples every second one is, or every third.
     words : Words
     """
-    sizes = np.cumsum([r.n_samples for r in runs])
     try:
-        every = [force_states(run) for run in runs[: max(1, int(np.count_nonzero(sizes <= ENOUGH)))]]
+        every = [force_states(run) for run in runs[:: 1 + sum(r.n_samples for r in runs) // ENOUGH]]
         states = [s for s in every if np.count_nonzero(s.moving) >= POINTS]
         delay = find_delay(states, campaign.joint.inertia, campaign.inputs) if states else None
     # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.

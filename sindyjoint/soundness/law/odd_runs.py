@@ -44,7 +44,7 @@ def find_other_scales(runs: Motions, inertia: float | None, words: Words) -> tup
     if not tried:
         return [], runs
     left, group, channel, factor = min(tried, key=lambda one: one[0])
-    if left > min(POLICY.departs, POLICY.explains * before):
+    if left > min(POLICY.departs, np.sqrt(POLICY.explains) * before):
         return [], runs
     fits = f"one law then leaves {100 * left:.2g} % of the {words.of('moment')}, {100 * before:.2g} % without"
     if group.sum() > 1:
@@ -131,7 +131,7 @@ def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
         fits.append((rest, index, min(rows.left_by(law, i) for i in index)))
     rest, index, departure = min(fits)
     common = float(np.sqrt(rest))
-    alike = common < POLICY.explains * everything
+    alike = rest < POLICY.explains * everything**2
     apart = departure > max(POLICY.departs, POLICY.fewest * common)
     return (index, common) if alike and apart else None
 
@@ -222,6 +222,7 @@ def _describe(index: int, held: Held, words: Words) -> Finding:
     name, gain, left = min(
         ("moment", gain, rms(target - gain * expected)), ("angle", turned, left), key=lambda each: each[2]
     )
+    # Of the RMS: a single number is to account for a single run.
     explained = POLICY.explains * min(departure, 1.0)
     said = f"(they agree within {100 * held.common:.2g} %, it departs by {100 * departure:.3g} %)"
     if left > explained:

@@ -83,7 +83,7 @@ def find_inertia(cycles: Motions, inertia: float | None, words: Words) -> Iterat
     if ratio < 1:
         return
     # At resonance the moment of the inertia is above the measured one, and rightly so.
-    denied = misfit(cycles, None) < POLICY.explains * misfit(cycles, inertia)
+    denied = misfit(cycles, None) ** 2 < POLICY.explains * misfit(cycles, inertia) ** 2
     yield Finding(
         "implausible_size",
         None,
