@@ -9,31 +9,9 @@ import numpy as np
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.detectors.copies import find_copies
-from sindyjoint.soundness.detectors.course import find_course
-from sindyjoint.soundness.detectors.sizes import (
-    find_coverage,
-    find_disagreement,
-    find_offsets,
-    find_sizes,
-    find_unequal_units,
-    find_unit_mismatches,
-)
-from sindyjoint.soundness.detectors.spikes import find_spikes
-from sindyjoint.soundness.detectors.tones import find_lines, find_mains, find_noise
-from sindyjoint.soundness.detectors.values import (
-    find_coarse_steps,
-    find_dead,
-    find_held,
-    find_lost,
-    find_saturation,
-)
+from sindyjoint.soundness.detectors import copies, course, sizes, spikes, tones, values
 from sindyjoint.soundness.finding import Finding, in_order
-from sindyjoint.soundness.law.drifts import find_drifts
-from sindyjoint.soundness.law.filters import find_channel_delay, find_filters
-from sindyjoint.soundness.law.motions import mean_cycles, samples_of
-from sindyjoint.soundness.law.odd_runs import find_odd_runs, find_other_scales
-from sindyjoint.soundness.law.signs import find_inertia, find_signs
+from sindyjoint.soundness.law import filters, motions, odd_runs, signs
 from sindyjoint.soundness.masking import fill_test
 from sindyjoint.soundness.record import Record, record_of, record_of_structure
 from sindyjoint.soundness.structure.sensors import find_in_sensors
@@ -76,22 +54,24 @@ def find_rig_faults(test: RigTest) -> tuple[Finding, ...]:
 def _find_in_samples(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield what single samples show, of whichever record."""
     for record in records:
-        yield from find_lost(record, words)
-        yield from find_saturation(record, words)
-        yield from find_held(record, words)
-        yield from find_coarse_steps(record, words)
-    yield from find_spikes(records, words)
+        yield from values.find_lost(record, words)
+        yield from values.find_saturation(record, words)
+        yield from values.find_held(record, words)
+        yield from values.find_coarse_steps(record, words)
+    yield from spikes.find_spikes(records, words)
 
 
 def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
     raw = [record_of_structure(test, run) for run in test.runs]
-    yield from find_unit_mismatches(raw, words)
-    dead, copies = list(find_dead(raw, words)), list(find_copies(raw, words))
+    yield from sizes.find_unit_mismatches(raw, words)
+    dead, twice = list(values.find_dead(raw, words)), list(copies.find_copies(raw, words))
     samples = list(_find_in_samples(raw, words))
     filled = fill_test(test, samples)[0]
     whole = [record_of_structure(filled, run) for run in filled.runs]
-    course = [f for record in whole for f in (*find_lines(record, words), *find_course(record, words))]
-    found = [*dead, *copies, *samples, *course]
+    along = [
+        f for record in whole for f in (*tones.find_lines(record, words), *course.find_course(record, words))
+    ]
+    found = [*dead, *twice, *samples, *along]
     yield from found
     odd = {f.run for f in found if f.severity != "note" and not f.masked and f.id != "no_signal"}
     sound = [run for run in filled.runs if run.name not in odd]
@@ -109,45 +89,45 @@ def _recovered(test: RigTest, runs: Sequence[RigRun]) -> Iterator[Recovery]:
 
 def _find_in_campaign(campaign: Campaign, words: Words) -> Iterator[Finding]:
     raw = [record_of(run) for run in campaign.runs]
-    yield from find_unequal_units(campaign, words)
-    yield from find_unit_mismatches(raw, words)
-    yield from find_dead(raw, words)
-    yield from find_sizes(raw, words)
-    yield from find_copies(raw, words)
+    yield from sizes.find_unequal_units(campaign, words)
+    yield from sizes.find_unit_mismatches(raw, words)
+    yield from values.find_dead(raw, words)
+    yield from sizes.find_sizes(raw, words)
+    yield from copies.find_copies(raw, words)
     if campaign.quasi_static:
         for record in raw:
-            yield from find_saturation(record, words)
+            yield from values.find_saturation(record, words)
         return
     samples = list(_find_in_samples(raw, words))
     yield from samples
     records = [record.bridged(samples) for record in raw]
     for record in records:
-        yield from find_disagreement(record, words)
-    lines = [finding for record in records for finding in find_lines(record, words)]
+        yield from sizes.find_disagreement(record, words)
+    lines = [finding for record in records for finding in tones.find_lines(record, words)]
     yield from lines
     whole = [r for r in records if r.name not in {f.run for f in lines}]
-    course = [finding for record in whole for finding in find_course(record, words)]
-    yield from course
-    yield from find_noise(records, words)
-    yield from find_offsets(records, words)
-    yield from find_coverage(records, words)
-    even = [r for r in whole if r.name not in {f.run for f in course}]
+    along = [finding for record in whole for finding in course.find_course(record, words)]
+    yield from along
+    yield from tones.find_noise(records, words)
+    yield from sizes.find_offsets(records, words)
+    yield from sizes.find_coverage(records, words)
+    even = [r for r in whole if r.name not in {f.run for f in along}]
     yield from _find_in_laws(campaign, even, words)
 
 
 def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield what only the law between the channels shows."""
     for record in records:
-        yield from find_mains(record, words)
-    cycles, inertia = mean_cycles(records), campaign.joint.inertia
-    signs = list(find_signs(records, cycles, inertia, words))
-    found = [*signs, *find_inertia(cycles, inertia, words)]
-    named = {finding.run for finding in signs}
+        yield from tones.find_mains(record, words)
+    cycles, inertia = motions.mean_cycles(records), campaign.joint.inertia
+    backwards = list(signs.find_signs(records, cycles, inertia, words))
+    found = [*backwards, *signs.find_inertia(cycles, inertia, words)]
+    named = {finding.run for finding in backwards}
     if None not in named:
         cycles = cycles.take([i for i, name in enumerate(cycles.names) if name not in named])
-        scales, cycles = find_other_scales(cycles, inertia, words)
-        odd, cycles = find_odd_runs(cycles, inertia, words)
-        found += [*scales, *odd, *find_filters(cycles, inertia, words)]
+        scales, cycles = odd_runs.find_other_scales(cycles, inertia, words)
+        odd, cycles = odd_runs.find_odd_runs(cycles, inertia, words)
+        found += [*scales, *odd, *filters.find_filters(cycles, inertia, words)]
     yield from found
     if any(finding.severity == "stops" for finding in found):
         return
@@ -156,7 +136,7 @@ def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -
     filtered = any(f.id in ("low_pass", "ac_coupling") for f in found)
     odd_names = {f.run for f in (*found, *broadband) if f.id != "drift"}
     sound = [r.run for r in records if r.run is not None and r.name not in odd_names and len(r.alive) > 1]
-    yield from () if filtered else find_channel_delay(campaign, sound, words)
+    yield from () if filtered else filters.find_channel_delay(campaign, sound, words)
 
 
 def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Words) -> Iterator[Finding]:
@@ -164,13 +144,13 @@ def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Wor
     inertia = campaign.joint.inertia
     alive = [r.run for r in records if r.declared is None and r.run is not None and len(r.alive) > 1]
     try:
-        runs = samples_of([force_states(run) for run in alive[:MOST_BROADBAND]])
-        scales, runs = find_other_scales(runs, inertia, words)
-        found, alike = find_odd_runs(runs, inertia, words)
+        runs = motions.samples_of([force_states(run) for run in alive[:MOST_BROADBAND]])
+        scales, runs = odd_runs.find_other_scales(runs, inertia, words)
+        found, alike = odd_runs.find_odd_runs(runs, inertia, words)
         # What drifts departs from the law of the others, too.
         explained = {f.run for f in found if f.id != "run_differs"}
         left = runs.take([i for i, name in enumerate(runs.names) if name not in explained])
-        drifts = list(find_drifts(left, alike, inertia, words)) if len(alike) else []
+        drifts = list(odd_runs.find_drifts(left, alike, inertia, words)) if len(alike) else []
     # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
     except (SindyJointError, np.linalg.LinAlgError, ValueError):
         return

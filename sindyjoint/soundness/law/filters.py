@@ -12,8 +12,7 @@ from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.soundness.law.common import least, misfit, scale_of
-from sindyjoint.soundness.law.motions import POINTS, Complex, Motions
+from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.words import Words
 from sindyjoint.states.build import force_states

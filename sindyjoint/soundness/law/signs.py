@@ -8,8 +8,7 @@ import numpy as np
 
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.soundness.law.common import misfit
-from sindyjoint.soundness.law.motions import Motions
+from sindyjoint.soundness.law.motions import Motions, misfit
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Record
 from sindyjoint.soundness.words import Words
