@@ -25,8 +25,8 @@ class SoundnessPolicy:
     )
     contrast: float = limit(
         2.5,
-        "step in a series of periods over the ranges of the four periods on either side",
-        source="of normal noise t = 14 at six degrees of freedom: 1 in 100 000",
+        "step in a series of periods over the ranges of the four periods on either side; of two, twice that",
+        source="simulated white noise has one in 5 000 series of 9 to 12 periods, none in 20 000 of 17 or more",
     )
     clearly: float = limit(
         1.5,
@@ -39,10 +39,10 @@ class SoundnessPolicy:
     )
     # How much: shares of a channel's range, amplitude or RMS.
     nearly: float = limit(0.1, "share up to which a part does not count, or two things are nearly the same")
-    large_part: float = limit(0.2, "share of a run that may be left out, or that makes a part a large one")
+    large_part: float = limit(0.2, "share of a run that may be left out, or from which a part is a large one")
     changed: float = limit(
         0.05,
-        "change of level or zero (in amplitudes) or phase (rad) along a run that is reported",
+        "change of level or zero (in amplitudes) or phase (rad) along a run, or misfit of a common law, that counts",
         source="moves a coefficient by a twentieth",
     )
     taken_for_granted: float = limit(

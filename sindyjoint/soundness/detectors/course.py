@@ -71,7 +71,8 @@ def step_of(series: Array, least: float = POLICY.changed) -> Step | None:
     contrast = np.abs(size) / np.maximum(scatter, side * np.median(np.abs(np.diff(series))))
     at = int(np.argmax(contrast))
     found = Step(at + side, float(size[at]), float(contrast[at]), side)
-    return found if abs(found.size) > least and found.contrast > POLICY.contrast else None
+    # Ranges of fewer periods say less.
+    return found if abs(found.size) > least and found.contrast > POLICY.contrast * SIDE / side else None
 
 
 def drift_of(

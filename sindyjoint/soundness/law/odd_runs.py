@@ -143,7 +143,7 @@ def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
         fits.append((rest, index, min(rows.left_by(law, i) for i in index)))
     rest, index, departure = min(fits)
     common = float(np.sqrt(rest))
-    alike = rest < POLICY.explains * everything**2
+    alike = rest < min(POLICY.explains * everything**2, POLICY.changed**2)
     apart = departure > max(POLICY.departs, POLICY.fewest * common)
     return (index, common) if alike and apart else None
 
