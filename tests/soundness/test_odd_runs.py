@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.soundness.law.motions import MOST_HARMONICS, POINTS, cycles_of
-from sindyjoint.soundness.law.odd_runs import Held, find_odd_runs
+from sindyjoint.soundness.law.odd_runs import Held, find_odd_runs, find_other_scales
 from sindyjoint.soundness.words import words_of
 
 PHASE = 2 * np.pi * np.arange(POINTS) / POINTS
@@ -79,3 +79,17 @@ def test_the_lag_of_one_run_is_told_even_where_it_swings_furthest():
         return angle - a - 0.02 * (angle**3 - a**3) + 0.03 * (rate - v) + 0.1 * (np.sign(rate) - np.sign(v))
 
     assert told(shifted) == [("channel_delay", "6 Hz 3")]
+
+
+@pytest.mark.parametrize("odd", [(2,), (0, 4, 7), (1, 3, 5, 8)])
+@pytest.mark.parametrize(
+    ("factor", "mistake"), [(180 / np.pi, "rad and deg"), (1e-3, "a unit and its thousandth")]
+)
+def test_runs_in_another_unit_are_named_with_the_mistake(odd, factor, mistake):
+    gains = np.where(np.isin(np.arange(len(PLAN)), odd), factor, 1.0)
+    runs = runs_of(lambda f, x, a, v: 0.0, PLAN).scaled("angle", gains)
+    found, rest = find_other_scales(runs, 0.0, words_of("rotation"))
+    assert [(f.id, f.run, f.channel) for f in found] == [
+        ("gain_differs", runs.names[i], "angle") for i in odd
+    ]
+    assert all(mistake in f.extent for f in found) and len(rest) == len(PLAN) - len(odd)

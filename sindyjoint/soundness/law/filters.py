@@ -9,7 +9,7 @@ import numpy as np
 
 from sindyjoint.discovery.delay import find_delay
 from sindyjoint.errors import SindyJointError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
@@ -139,8 +139,13 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     if delay is None or delay.at_limit:
         return
     usual = float(np.median([np.std(s.rate) / max(float(np.std(s.angle)), 1e-300) for s in states]))
-    size = abs(delay.time)
-    if size < POLICY.outstanding * delay.standard_error or size * usual < POLICY.bears:
+    size, moments = abs(delay.time), np.concatenate([s.moment[s.moving] for s in states])
+    # Where the law does not fit, the best delay compensates for what it lacks.
+    if (
+        delay.residual_rms > POLICY.changed * rms(moments)
+        or size < POLICY.outstanding * delay.standard_error
+        or size * usual < POLICY.bears
+    ):
         return
     yield Finding(
         "channel_delay",
