@@ -13,7 +13,7 @@ from sindyjoint.cli.progress import Progress
 from sindyjoint.cli.structure import is_rig
 
 if TYPE_CHECKING:
-    from sindyjoint.soundness.checked import Checked
+    from sindyjoint.soundness.check import Checked
 
 
 @with_blocks

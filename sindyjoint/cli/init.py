@@ -13,7 +13,7 @@ from sindyjoint.cli.options import AsJson
 
 if TYPE_CHECKING:
     from sindyjoint.files.drafting.assignment import Question
-    from sindyjoint.soundness.checked import Checked
+    from sindyjoint.soundness.check import Checked
 
 SHOWN = 8  # findings
 
@@ -74,8 +74,8 @@ def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
     """Check what was written, and draw all runs beside it."""
     from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
-    from sindyjoint.reporting.results.check import TOGETHER
     from sindyjoint.reporting.registry import draw
+    from sindyjoint.reporting.results.check import TOGETHER
     from sindyjoint.reporting.style import figure_bytes
     from sindyjoint.workflows.check import check
 

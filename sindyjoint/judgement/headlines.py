@@ -18,9 +18,8 @@ from sindyjoint.judgement.headline import (
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
 from sindyjoint.response.verification import Verification, seen_words
-from sindyjoint.soundness.checked import Checked
+from sindyjoint.soundness.check import Checked, RigCheck
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.soundness.structure.check import RigCheck
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import ORDER, Colour, Light, Trust
 

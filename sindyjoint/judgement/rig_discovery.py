@@ -16,8 +16,8 @@ from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.shown import Shown
+from sindyjoint.soundness.check import RigCheck
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.soundness.structure.check import RigCheck
 from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover

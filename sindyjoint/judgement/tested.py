@@ -21,8 +21,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.response.law_in_run import as_followed
 from sindyjoint.response.nuisances import corrected
 from sindyjoint.response.verify_campaign import seen_runs
-from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.checked import Checked
+from sindyjoint.soundness.check import Check, Checked
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.text import spelled

@@ -1,40 +1,26 @@
-"""All detectors, run on a campaign: one list of findings, the severest first."""
+"""All detectors, run on a campaign or on a structure's test: one list of findings, the severest first."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sindyjoint.numeric import Array
+from sindyjoint.errors import InputError, SindyJointError
+from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.cycle import cycles_of, spectra_of
-from sindyjoint.soundness.detectors.accelerometer import find_disagreement
-from sindyjoint.soundness.detectors.broadband_delay import find_broadband_delay
-from sindyjoint.soundness.detectors.broadband_law import find_broadband_faults
-from sindyjoint.soundness.detectors.copies import find_repeated_blocks, find_scaled_copies
-from sindyjoint.soundness.detectors.course import find_course
-from sindyjoint.soundness.detectors.declared_units import find_unit_mismatches
-from sindyjoint.soundness.detectors.floor import find_coarse_steps, find_mains, find_noise
-from sindyjoint.soundness.detectors.held import find_dead, find_held
-from sindyjoint.soundness.detectors.lines import find_lines
-from sindyjoint.soundness.detectors.lost import find_lost
-from sindyjoint.soundness.detectors.odd_runs import find_odd_runs
-from sindyjoint.soundness.detectors.other_scales import find_other_scales
-from sindyjoint.soundness.detectors.saturation import find_saturation
-from sindyjoint.soundness.detectors.shape import find_filters
-from sindyjoint.soundness.detectors.sizes import (
-    find_coverage,
-    find_inertia,
-    find_offsets,
-    find_signs,
-    find_sizes,
-)
-from sindyjoint.soundness.detectors.spikes import find_spikes
+from sindyjoint.soundness.detectors import copies, course, sizes, spikes, tones, values
 from sindyjoint.soundness.finding import Finding, in_order
-from sindyjoint.soundness.profile import Profile, profile_of
-from sindyjoint.soundness.spans import bridged
-from sindyjoint.soundness.words import Words, words_of
+from sindyjoint.soundness.law import filters, motions, odd_runs, signs
+from sindyjoint.soundness.masking import fill_test
+from sindyjoint.soundness.record import Record, record_of, record_of_structure
+from sindyjoint.soundness.structure.sensors import find_in_sensors
+from sindyjoint.soundness.words import Words, words_of, words_of_rig
+from sindyjoint.states.build import force_states
+from sindyjoint.substructure.recovery import Recovery, recover
+
+# Runs that do not repeat that are held against each other: time.
+MOST_BROADBAND = 24
 
 
 def find_faults(campaign: Campaign) -> tuple[Finding, ...]:
@@ -47,87 +33,126 @@ def find_faults(campaign: Campaign) -> tuple[Finding, ...]:
     ----------
     campaign : Campaign
     """
-    words = words_of(campaign.joint.motion)
     with np.errstate(all="ignore"):
-        return in_order(_find_all(campaign, words))
+        return in_order(_find_in_campaign(campaign, words_of(campaign.joint.motion)))
 
 
-def _find_all(campaign: Campaign, words: Words) -> Iterator[Finding]:
-    raw = [profile_of(run) for run in campaign.runs]
-    yield from find_unit_mismatches(campaign, words)
-    yield from find_dead(raw, words)
-    yield from find_sizes(raw, words)
+def find_rig_faults(test: RigTest) -> tuple[Finding, ...]:
+    """Return what is wrong with the data of a structure, the severest first.
+
+    Samples are looked at first; those that can be filled in are, before runs are looked at as a whole, and runs at
+    fault are left out before channels are held against each other.
+
+    Parameters
+    ----------
+    test : RigTest
+    """
+    with np.errstate(all="ignore"):
+        return in_order(_find_in_test(test, words_of_rig(test)))
+
+
+def _find_in_samples(records: Sequence[Record], words: Words) -> Iterator[Finding]:
+    """Yield what single samples show, of whichever record."""
+    for record in records:
+        yield from values.find_lost(record, words)
+        yield from values.find_saturation(record, words)
+        yield from values.find_held(record, words)
+        yield from values.find_coarse_steps(record, words)
+    yield from spikes.find_spikes(records, words)
+
+
+def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
+    raw = [record_of_structure(test, run) for run in test.runs]
+    yield from sizes.find_unit_mismatches(raw, words)
+    dead, twice = list(values.find_dead(raw, words)), list(copies.find_copies(raw, words))
+    samples = list(_find_in_samples(raw, words))
+    filled = fill_test(test, samples)[0]
+    whole = [record_of_structure(filled, run) for run in filled.runs]
+    along = [
+        f for record in whole for f in (*tones.find_lines(record, words), *course.find_course(record, words))
+    ]
+    found = [*dead, *twice, *samples, *along]
+    yield from found
+    odd = {f.run for f in found if f.severity != "note" and not f.masked and f.id != "no_signal"}
+    sound = [run for run in filled.runs if run.name not in odd]
+    yield from find_in_sensors(test, list(_recovered(test, sound)), words)
+
+
+def _recovered(test: RigTest, runs: Sequence[RigRun]) -> Iterator[Recovery]:
+    """Yield what is recovered of runs; what is too short for it is for the recovery to say."""
+    for run in runs:
+        try:
+            yield recover(test, run)
+        except InputError:
+            continue
+
+
+def _find_in_campaign(campaign: Campaign, words: Words) -> Iterator[Finding]:
+    raw = [record_of(run) for run in campaign.runs]
+    yield from sizes.find_unequal_units(campaign, words)
+    yield from sizes.find_unit_mismatches(raw, words)
+    yield from values.find_dead(raw, words)
+    yield from sizes.find_sizes(raw, words)
+    yield from copies.find_copies(raw, words)
     if campaign.quasi_static:
-        yield from find_scaled_copies(raw, words)
-        for profile in raw:
-            yield from find_saturation(profile, words)
+        for record in raw:
+            yield from values.find_saturation(record, words)
         return
-    for run in campaign.runs:
-        yield from find_lost(run)
-    yield from find_repeated_blocks(raw, words)
-    yield from find_scaled_copies(raw, words)
-    samples = [finding for profile in raw for finding in _find_in_samples(profile, words)]
-    samples += find_spikes(raw, words)
+    samples = list(_find_in_samples(raw, words))
     yield from samples
-    profiles = [_bridged(profile, samples) for profile in raw]
-    for profile in profiles:
-        yield from find_disagreement(profile, words)
-    lines = [finding for profile in profiles for finding in find_lines(profile, words)]
+    records = [record.bridged(samples) for record in raw]
+    for record in records:
+        yield from sizes.find_disagreement(record, words)
+    lines = [finding for record in records for finding in tones.find_lines(record, words)]
     yield from lines
-    unusable = {finding.run for finding in lines}
-    whole = [p for p in profiles if p.run.name not in unusable]
-    course = [finding for profile in whole for finding in find_course(profile, words)]
-    yield from course
-    yield from find_noise(profiles, words)
-    yield from find_offsets(profiles, words)
-    yield from find_coverage(profiles, words)
-    uneven = {finding.run for finding in course}
-    even = [p for p in whole if p.run.name not in uneven]
-    laws = list(_find_in_laws(campaign, even, words))
-    yield from laws
-    if any(finding.severity == "stops" for finding in laws):
-        return
-    broadband = list(find_broadband_faults(campaign, [p.run for p in even], words))
-    yield from broadband
-    odd = {finding.run for finding in broadband if finding.id != "drift"}
-    yield from find_broadband_delay(campaign, [p.run for p in even if p.run.name not in odd], words)
+    whole = [r for r in records if r.name not in {f.run for f in lines}]
+    along = [finding for record in whole for finding in course.find_course(record, words)]
+    yield from along
+    yield from tones.find_noise(records, words)
+    yield from sizes.find_offsets(records, words)
+    yield from sizes.find_coverage(records, words)
+    even = [r for r in whole if r.name not in {f.run for f in along}]
+    yield from _find_in_laws(campaign, even, words)
 
 
-def _find_in_samples(profile: Profile, words: Words) -> Iterator[Finding]:
-    yield from find_saturation(profile, words)
-    yield from find_held(profile, words)
-    yield from find_coarse_steps(profile, words)
-
-
-def _find_in_laws(campaign: Campaign, profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
+def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield what only the law between the channels shows."""
-    spectra = [spectra_of(p) for p in profiles]
-    for profile, spectrum in zip(profiles, spectra, strict=True):
-        yield from find_mains(profile, spectrum, words)
-    cycles = cycles_of(profiles, spectra)
-    inertia = campaign.joint.inertia
-    signs = list(find_signs(profiles, cycles, inertia, words))
-    yield from signs
-    yield from find_inertia(cycles, campaign, words)
-    named = {finding.run for finding in signs}
-    if None in named or not len(cycles):
+    for record in records:
+        yield from tones.find_mains(record, words)
+    cycles, inertia = motions.mean_cycles(records), campaign.joint.inertia
+    backwards = list(signs.find_signs(records, cycles, inertia, words))
+    found = [*backwards, *signs.find_inertia(cycles, inertia, words)]
+    named = {finding.run for finding in backwards}
+    if None not in named:
+        cycles = cycles.take([i for i, name in enumerate(cycles.names) if name not in named])
+        scales, cycles = odd_runs.find_other_scales(cycles, inertia, words)
+        odd, cycles = odd_runs.find_odd_runs(cycles, inertia, words)
+        found += [*scales, *odd, *filters.find_filters(cycles, inertia, words)]
+    yield from found
+    if any(finding.severity == "stops" for finding in found):
         return
-    cycles = cycles.take([i for i, name in enumerate(cycles.names) if name not in named])
-    scales, cycles = find_other_scales(cycles, inertia, words)
-    yield from scales
-    odd, alike = find_odd_runs(cycles, inertia, words)
-    yield from odd
-    yield from find_filters(alike, inertia, words)
+    broadband = list(_find_in_broadband(campaign, records, words))
+    yield from broadband
+    filtered = any(f.id in ("low_pass", "ac_coupling") for f in found)
+    odd_names = {f.run for f in (*found, *broadband) if f.id != "drift"}
+    sound = [r.run for r in records if r.run is not None and r.name not in odd_names and len(r.alive) > 1]
+    yield from () if filtered else filters.find_channel_delay(campaign, sound, words)
 
 
-def _bridged(profile: Profile, findings: Iterable[Finding]) -> Profile:
-    """Return the profile of a run with straight lines across the samples that are to be left out."""
-    run = profile.run
-    changes: dict[str, Array] = {}
-    for finding in findings:
-        if finding.run == run.name and finding.spans and finding.channel and finding.id != "saturation":
-            values = changes.get(finding.channel, run.channels[finding.channel])
-            changes[finding.channel] = bridged(values, finding.spans)
-    if not changes:
-        return profile
-    return profile_of(run.with_channels(changes))
+def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Words) -> Iterator[Finding]:
+    """Yield runs without a frequency that have another gain or law than the others, and those that drift."""
+    inertia = campaign.joint.inertia
+    alive = [r.run for r in records if r.declared is None and r.run is not None and len(r.alive) > 1]
+    try:
+        runs = motions.samples_of([force_states(run) for run in alive[:MOST_BROADBAND]])
+        scales, runs = odd_runs.find_other_scales(runs, inertia, words)
+        found, alike = odd_runs.find_odd_runs(runs, inertia, words)
+        # What drifts departs from the law of the others, too.
+        explained = {f.run for f in found if f.id != "run_differs"}
+        left = runs.take([i for i, name in enumerate(runs.names) if name not in explained])
+        drifts = list(odd_runs.find_drifts(left, alike, inertia, words)) if len(alike) else []
+    # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
+    except (SindyJointError, np.linalg.LinAlgError, ValueError):
+        return
+    drifting = {f.run for f in drifts}
+    yield from (*scales, *drifts, *(f for f in found if f.run not in drifting))

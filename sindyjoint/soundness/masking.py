@@ -1,4 +1,4 @@
-"""What is left out of every fit: samples at fault are marked and bridged, a dead tail is cut."""
+"""What is left out of every fit: samples at fault are marked and bridged, or filled in; dead ends are cut."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.soundness.finding import Finding
-from sindyjoint.soundness.policy import POLICY
+from sindyjoint.soundness.record import Mask, marked_of, spans_of
 from sindyjoint.states.noise import difference_noise
 from sindyjoint.text import list_some
 
-Mask = NDArray[np.bool_]
-
-SATURATION = "saturation"
+SATURATION, ENDS = "saturation", ("dead_start", "dead_tail")
+# Noise levels from the limit of a saturated channel within which its running mean must not come for a sample to be
+# used: noise outwards is cut off there, of 1 in 40 samples at two levels; three cost a quarter more.
+CENSORED = 2.0
 # Fewest samples on either side of a gap from which a cubic across it is estimated.
 FEWEST_BESIDE = 4
 # A gap that is a longer share of the period than this is filled from the other periods.
@@ -41,18 +43,57 @@ def mask_campaign(campaign: Campaign, findings: Sequence[Finding]) -> tuple[Camp
     runs = tuple(mask_run(run, by_run[run.name]) for run in campaign.runs)
     if all(new is old for new, old in zip(runs, campaign.runs, strict=True)):
         return campaign, ()
-    counts: dict[str, dict[str, int]] = {}
-    for new, old in zip(runs, campaign.runs, strict=True):
-        if new is not old:
-            for kind in dict.fromkeys(f.id for f in by_run[old.name]):
-                left = _find_samples(old, [f for f in by_run[old.name] if f.id == kind])
-                counts.setdefault(kind, {})[old.name] = int(np.count_nonzero(left))
-    return campaign.with_runs(runs), tuple(_word_masked(kind, runs) for kind, runs in counts.items())
+    changed = [run for new, run in zip(runs, campaign.runs, strict=True) if new is not run]
+    counts = {
+        f.id: {
+            run.name: int(np.count_nonzero(_find_samples(run, of_kind)))
+            for run in changed
+            if (of_kind := [g for g in by_run[run.name] if g.id == f.id])
+        }
+        for run in changed
+        for f in by_run[run.name]
+    }
+    return campaign.with_runs(runs), tuple(_say(kind, some, "left out") for kind, some in counts.items())
 
 
-def _word_masked(kind: str, counts: dict[str, int]) -> str:
+def _say(kind: str, counts: dict[str, int], done: str) -> str:
     samples = sum(counts.values())
-    return f"{samples} sample{'s' * (samples > 1)} of {list_some(list(counts))} left out: {kind.replace('_', ' ')}"
+    return (
+        f"{samples} sample{'s' * (samples > 1)} of {list_some(list(counts))} {done}: {kind.replace('_', ' ')}"
+    )
+
+
+def fill_test(test: RigTest, findings: Sequence[Finding]) -> tuple[RigTest, tuple[str, ...]]:
+    """Return a structure's test whose samples at fault are filled in, its dead ends cut, and a sentence for each kind.
+
+    Parameters
+    ----------
+    test : RigTest
+    findings : sequence of Finding
+        Those with ``masked`` set count.
+    """
+    masked = [f for f in findings if f.masked and f.spans]
+    names = [DRIVE, *(sensor.name for sensor in test.sensors)]
+    runs = tuple(_fill_run(run, [f for f in masked if f.run == run.name], names) for run in test.runs)
+    counts: dict[str, dict[str, int]] = {}
+    for f in masked:
+        of_kind = counts.setdefault(f.id, {})
+        of_kind[str(f.run)] = of_kind.get(str(f.run), 0) + sum(b - a for a, b in f.spans)
+    said = (_say(kind, some, "left out" if kind in ENDS else "filled in") for kind, some in counts.items())
+    return replace(test, runs=runs) if masked else test, tuple(said)
+
+
+def _fill_run(run: RigRun, masked: Sequence[Finding], names: Sequence[str]) -> RigRun:
+    if not masked:
+        return run
+    signals, n = run.signals.copy(), run.drive.size
+    period = None if run.frequency is None else run.sample_rate / run.frequency
+    for number, name in enumerate(names):
+        spans = [span for f in masked if f.channel == name for span in f.spans]
+        signals[number] = bridge(signals[number], ~marked_of(spans, n), period)
+    known = np.flatnonzero(~marked_of([span for f in masked if f.id in ENDS for span in f.spans], n))
+    kept = slice(int(known[0]), int(known[-1]) + 1) if known.size >= MINIMUM_SAMPLES else slice(None)
+    return replace(run, drive=signals[0, kept], responses=signals[1:, kept])
 
 
 def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
@@ -73,7 +114,7 @@ def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
     signals: dict[str, Any] = {}
     for name, signal in run.channels.items():
         spans = [span for f in findings if f.channel in (name, None) for span in f.spans]
-        signals[name] = bridge(signal[kept], ~_mark(spans, run.n_samples)[kept], period)
+        signals[name] = bridge(signal[kept], ~marked_of(spans, run.n_samples)[kept], period)
     valid = valid[kept]
     # First the whole run's channels, which are as long as its marks; then these.
     fresh = replace(run, valid=None, inputs={}).with_channels(signals)
@@ -81,16 +122,9 @@ def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
     return replace(fresh, valid=None if valid.all() else valid, inputs=inputs)
 
 
-def _mark(spans: Sequence[tuple[int, int]], n: int) -> Mask:
-    marked = np.zeros(n, dtype=bool)
-    for start, stop in spans:
-        marked[max(start, 0) : stop] = True
-    return marked
-
-
 def _find_samples(run: Run, findings: Sequence[Finding]) -> Mask:
     """Return the samples that are left out because of some findings."""
-    out = _mark([span for f in findings for span in f.spans], run.n_samples)
+    out = marked_of([span for f in findings for span in f.spans], run.n_samples)
     for finding in findings:
         if finding.id == SATURATION and finding.channel in run.channels:
             out |= _find_censored(run, finding)
@@ -105,12 +139,12 @@ def _find_censored(run: Run, finding: Finding) -> Mask:
     nearer to the limit than twice the noise.
     """
     signal = run.channels[str(finding.channel)]
-    margin = POLICY.censored_sigmas * difference_noise(signal)
+    margin = CENSORED * difference_noise(signal)
     half = int(AVERAGED * run.sample_rate / main_frequency(signal, run.sample_rate))
     mean = np.convolve(
         np.pad(signal, half, mode="edge"), np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid"
     )
-    clipped = signal[_mark(finding.spans, signal.size)]
+    clipped = signal[marked_of(finding.spans, signal.size)]
     middle = 0.5 * (signal.max() + signal.min())
     out = np.zeros(signal.size, dtype=bool)
     if np.any(clipped > middle):
@@ -136,8 +170,7 @@ def bridge(signal: Array, valid: Mask, period: float | None = None) -> Array:
     """
     filled = signal.copy()
     good = np.flatnonzero(valid)
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], valid, [True]]).astype(np.int8)))
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in spans_of(~valid):
         gap = np.arange(start, stop)
         if period is not None and gap.size > LONG_GAP * period:
             filled[gap] = _fill_from_periods(signal, valid, gap, period)

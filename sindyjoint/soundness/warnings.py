@@ -1,4 +1,4 @@
-"""Warnings reported with a result: each is one sentence with the number that caused it."""
+"""What is said beside a result: warnings, and what a campaign cannot show, each with the number that caused it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
-from sindyjoint.text import in_words_of, quantities
+from sindyjoint.text import in_words_of, list_some, quantities
 
 OFFSET_FAMILY = ("constant_moment", "quadratic_stiffness")
+# Share of a record left out as start-up from which it is reported.
+LARGE_DROP = 0.25
 
 
 def list_warnings(
@@ -27,41 +29,55 @@ def list_warnings(
 ) -> Iterator[str]:
     """Yield the warnings that hold for a result."""
     yield from campaign.warnings
-    if model.fitted.misfit <= EQUATION.tolerated_misfit:
+    if delay is not None and delay.significant and model.fitted.misfit <= EQUATION.tolerated_misfit:
         # Where the law does not fit, the best delay compensates for what the law lacks.
-        yield from _warn_of_delay(delay, model, aligned)
+        yield _word_delay(delay, model, aligned)
     yield from warn_of_negative_inertia(model)
     yield from _warn_of_signs(states, model)
     yield from _warn_of_softening(model)
-    yield from _warn_of_offsets(model)
+    load, path = channel_words(model)
+    if any(term in model for term in OFFSET_FAMILY):
+        yield (
+            f"zero error of the {path}, quadratic stiffness and preload (or unequal Coulomb levels, or zero error of "
+            f"the {load}) form one family: these data determine two numbers of it, not three; gain errors and "
+            "gravity are never visible in such tests"
+        )
     yield from _warn_of_variety(campaign, states)
     if indistinct:
         yield f"left out, because on these runs they are combinations of other candidates: {', '.join(indistinct)}"
-    yield from _warn_of_sticking(states)
-    yield from _warn_of_misfit(model)
+    least = min(states, key=lambda s: s.moving_fraction)
+    if least.moving_fraction < POLICY.large_part:
+        yield f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples"
+    fitted = model.fitted
+    if model.terms and fitted.misfit > EQUATION.tolerated_misfit:
+        rest = "is not the model's (how much of it is noise could not be measured)"
+        if np.isfinite(fitted.noise_floor):
+            floor = 100 * (fitted.noise_floor / fitted.moment_rms)
+            rest = f"is neither model nor noise (noise floor {floor:.1f} %)"
+        explained = 100 * (1 - (fitted.residual_rms / fitted.moment_rms) ** 2)
+        yield (
+            f"the model explains {explained:.1f} % of the mean square {load}; {100 * fitted.misfit:.1f} % of the RMS "
+            f"{load} {rest}: hysteresis, play or another effect outside this library is likely"
+        )
 
 
-def _warn_of_delay(delay: ChannelDelay | None, model: JointModel, aligned: bool) -> Iterator[str]:
-    if delay is None or not delay.significant:
-        return
+def _word_delay(delay: ChannelDelay, model: JointModel, aligned: bool) -> str:
     size = f"{1e3 * abs(delay.time):.3f} ± {1e3 * delay.standard_error:.3f} ms"
     direction = "lags" if delay.time > 0 else "leads"
-    moment, angle = channel_words(model)
+    load, path = channel_words(model)
     if delay.at_limit:
-        yield (
-            f"the delay between {moment} and {angle} is not determined: the search ended at its limit of "
+        return (
+            f"the delay between {load} and {path} is not determined: the search ended at its limit of "
             f"{1e3 * abs(delay.time):.0f} ms"
         )
-        return
     if aligned:
-        yield f"the {moment} {direction} the {angle} by {size}; the channels were aligned"
-        return
+        return f"the {load} {direction} the {path} by {size}; the channels were aligned"
     effect = ""
     if "linear_stiffness" in model:
-        bias = delay.time * model["linear_stiffness"].coefficient
-        effect = f", which shifts the viscous damping by about {-bias:.3g} {_get_damping_unit(model)}"
-    yield (
-        f"the {moment} seems to {direction[:-1]} the {angle} by {size}{effect}: check the common trigger, or run "
+        bias = -delay.time * model["linear_stiffness"].coefficient
+        effect = f", which shifts the viscous damping by about {bias:.3g} {_get_damping_unit(model)}"
+    return (
+        f"the {load} seems to {direction[:-1]} the {path} by {size}{effect}: check the common trigger, or run "
         "again with --align"
     )
 
@@ -80,15 +96,15 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
     """Elastic stiffness and dissipation that are negative in every run point to a reversed channel."""
     stiffness, power = [], []
     for state in states:
-        rows = state.moving
-        moment = state.transfer_moment(model.inertia)[rows]
-        angle, rate = state.angle[rows] - np.mean(state.angle), state.rate[rows]
+        moment = state.transfer_moment(model.inertia)[state.moving]
+        angle, rate = state.angle[state.moving] - np.mean(state.angle), state.rate[state.moving]
         stiffness.append(float(np.mean((moment - moment.mean()) * angle)))
         power.append(float(np.mean(moment * rate)))
-    # An elastic moment that is a small part of the whole may well fall: only a main part has a definite sign.
-    mean_stiffness = _compute_secant_stiffness(model)
-    elastic = abs(mean_stiffness) * model.fitted.angle > POLICY.elastic_share * model.fitted.moment_rms
-    backwards = elastic and mean_stiffness < 0 and max(stiffness) < 0
+    # The secant: an elastic moment that is a small part of the whole may well fall, only a main part has a sign.
+    top, load_and_path = model.fitted.angle, channel_words(model)
+    rise = float(np.diff(model.moment(np.array([-top, top]), np.zeros(2)))[0]) if top > 0 else 0.0
+    main = 0.5 * abs(rise) > POLICY.large_part * model.fitted.moment_rms
+    backwards = main and rise < 0 and max(stiffness) < 0
     feeding = bool(model.terms) and max(power) < 0
     if backwards and feeding:
         yield "stiffness and dissipation are both negative in every run: the sign of one channel seems reversed"
@@ -96,10 +112,9 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
         line = "the elastic stiffness is negative in every run: a channel may be reversed, or the inertia too large"
         yield in_words_of(model.joint.motion, line)
     elif feeding:
-        load, motion = channel_words(model)
         yield (
             "the joint gives off energy in every run (negative dissipation): a channel may be reversed or the "
-            f"{load} may lead the {motion} in time"
+            f"{load_and_path[0]} may lead the {load_and_path[1]} in time"
         )
     else:
         yield from warn_of_negative_damping(model)
@@ -109,12 +124,11 @@ def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
     """Warn of a viscous damping that feeds energy into a joint that dissipates on the whole."""
     if "linear_damping" not in model or model["linear_damping"].interval95[1] >= 0:
         return
-    moment, angle = channel_words(model)
     rate = quantities(model.joint.motion).rate.lower()
     yield (
         f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {_get_damping_unit(model)}: the "
-        f"{moment} falls as the {rate} grows, as friction does that is larger near standstill (Stribeck); beyond the "
-        "tested range the model gives off energy"
+        f"{channel_words(model)[0]} falls as the {rate} grows, as friction does that is larger near standstill "
+        "(Stribeck); beyond the tested range the model gives off energy"
     )
 
 
@@ -130,13 +144,6 @@ def warn_of_negative_inertia(model: JointModel) -> Iterator[str]:
     )
 
 
-def _compute_secant_stiffness(model: JointModel) -> float:
-    """Secant stiffness over the tested range, N·m/rad."""
-    top = model.fitted.angle
-    ends = model.moment(np.array([top, -top]), np.zeros(2))
-    return float((ends[0] - ends[1]) / (2 * top)) if top > 0 else 0.0
-
-
 def _warn_of_softening(model: JointModel) -> Iterator[str]:
     """Warn where the elastic moment reaches zero tangent inside the tested range."""
     top = model.fitted.angle
@@ -144,31 +151,18 @@ def _warn_of_softening(model: JointModel) -> Iterator[str]:
         return
     angle = np.linspace(-top, top, 401)
     tangent = np.gradient(model.moment(angle, np.zeros_like(angle)), angle)
-    if tangent[200] <= 0:
-        return
     beyond = np.abs(angle[tangent <= 0])
-    if beyond.size:
-        unit = quantities(model.joint.motion).angle_unit
-        moment, _ = channel_words(model)
+    if tangent[200] > 0 and beyond.size:
+        unit, moment = quantities(model.joint.motion).angle_unit, channel_words(model)[0]
         yield (
             f"the elastic {moment} softens to zero tangent at {beyond.min():.3g} {unit}, inside the tested range of "
             f"{top:.3g} {unit}: a {moment}-driven joint snaps through there"
         )
 
 
-def _warn_of_offsets(model: JointModel) -> Iterator[str]:
-    if any(term in model for term in OFFSET_FAMILY):
-        moment, angle = channel_words(model)
-        yield (
-            f"zero error of the {angle}, quadratic stiffness and preload (or unequal Coulomb levels, or zero error of "
-            f"the {moment}) form one family: these data determine two numbers of it, not three; gain errors and "
-            "gravity are never visible in such tests"
-        )
-
-
 def _warn_of_variety(campaign: Campaign, states: Sequence[ForceStates]) -> Iterator[str]:
     frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
-    if len(states) == 1 and states[0].frequency is not None:
+    if len(states) == 1 and frequencies:
         yield (
             "one periodic run only: on it stiffness terms look alike, and so do damping and friction; at least three "
             "levels at three frequencies distinguish them"
@@ -182,24 +176,49 @@ def _warn_of_variety(campaign: Campaign, states: Sequence[ForceStates]) -> Itera
         yield in_words_of(campaign.joint.motion, line)
 
 
-def _warn_of_sticking(states: Sequence[ForceStates]) -> Iterator[str]:
-    least = min(states, key=lambda s: s.moving_fraction)
-    if least.moving_fraction < POLICY.hardly_moving:
-        yield f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples"
+def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
+    """Return one line for each question that a campaign's runs leave open.
 
-
-def _warn_of_misfit(model: JointModel) -> Iterator[str]:
-    fitted = model.fitted
-    if model.terms and fitted.misfit > EQUATION.tolerated_misfit:
-        explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2
-        moment, _ = channel_words(model)
-        unknown = "how much of it is noise could not be measured"
-        if np.isfinite(fitted.noise_floor):
-            rest = f"is neither model nor noise (noise floor {100 * (fitted.noise_floor / fitted.moment_rms):.1f} %)"
-        else:
-            rest = f"is not the model's ({unknown})"
-        yield (
-            f"the model explains {100 * explained:.1f} % of the mean square {moment}; "
-            f"{100 * fitted.misfit:.1f} % of the RMS {moment} {rest}: hysteresis, play or another effect "
-            "outside this library is likely"
+    Parameters
+    ----------
+    campaign : Campaign
+    states : sequence of ForceStates
+        Of the runs that may be used for identification, whole.
+    """
+    lines = [*campaign.warnings]
+    if len(states) == 1:
+        held = (
+            "the runs kept for validation are all there is to check it"
+            if campaign.validation_runs
+            else "nothing could be held out, the gaps are those of segments of that run"
         )
+        lines.append(f"one run only: {held}")
+    frequencies = [s.frequency for s in states if s.frequency is not None]
+    if len(frequencies) == len(states) and max(frequencies) < POLICY.same * min(frequencies):
+        line = "one frequency only: effects of frequency, rate and inertia cannot be distinguished"
+        lines.append(in_words_of(campaign.joint.motion, line))
+    ranges = [float(np.ptp(s.angle)) for s in states]
+    periodic = [s for s in states if s.method == "periodic"]
+    if len(periodic) == len(states) and max(ranges) < POLICY.same_level * min(ranges):
+        lines.append("one level only: effects of amplitude cannot be distinguished")
+    if campaign.quasi_static:
+        lines.append("the noise was estimated from neighbouring samples of the path, not from repetition")
+    elif not periodic:
+        lines.append("no run repeats: noise was estimated from the spectrum, not from repetition")
+    short = [
+        s.run
+        for s in periodic
+        if s.frequency and s.n_samples * s.frequency < POLICY.few_periods * s.sample_rate
+    ]
+    if short:
+        lines.append(
+            f"fewer than {POLICY.few_periods} periods in {list_some(short)}: what changes in time cannot be seen"
+        )
+    ends = {run.name: run.duration for run in campaign.runs}
+    late = [s.run for s in periodic if s.dropped > LARGE_DROP * ends[s.run]]
+    if late:
+        lines.append(
+            f"{100 * max(s.dropped / ends[s.run] for s in periodic):.0f} % of the record was left out as start-up in "
+            f"{list_some(late)}: what changed in that time was not examined"
+        )
+    return lines

@@ -1,55 +1,175 @@
-"""What the channels of a joint are called and measured in, by its kind of motion."""
+"""What the channels of a joint or of a structure are called and measured in, and what a fault of them does."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from sindyjoint.mechanics.rig_test import BASE, DRIVE, RigTest
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Motion
+from sindyjoint.soundness.finding import Finding, Severity
+from sindyjoint.soundness.record import Spans
+
+OF_QUANTITY = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
+MOMENT, OTHER, STRUCTURE = "moment", "", "structure"
+DRIVEN = "the drive is wrong by that: all that is recovered of the joints, k1, k3, c1 and M_F"
+SHOWN = "the recovered angles and moments are wrong by what this sensor adds to them: k1, k3, c1 and M_F"
+TWICE = (
+    "the same evidence counts twice: every interval (k1, c1, M_F ...) is too narrow, and nothing is held out"
+)
+STILL = "a mean over motion and standstill: k1, c1 and M_F are of an amplitude that never was"
+LEVELS = "periods of two levels are averaged: k3 is lost in k1, M_F and c1 exchange"
+#: By fault: what it does as one of the moment, of any other channel of a joint, of a channel of a structure.
+EFFECTS: dict[str, dict[str, str]] = {
+    "frozen_channel": {
+        OTHER: "no coefficient can come from such a run, and all are drawn towards zero",
+        STRUCTURE: "exact zeros outweigh every other sensor: all that is recovered is drawn towards zero",
+    },
+    "no_signal": {STRUCTURE: "{shown}"},
+    "saturation": {
+        MOMENT: "lowers the largest {moment}: softens the law, k1 and k3 come out too small",
+        OTHER: "cuts the crests of the motion: k1, k3 and every derivative (c1, inertia) are wrong",
+        STRUCTURE: "its harmonics are too small, and others appear; {shown}",
+    },
+    "dropouts": {
+        MOMENT: "pulls k1 and M_F towards zero",
+        OTHER: "makes motion look like sticking and spoils the derivatives: c1, M_F and k1",
+        STRUCTURE: "pulls its harmonics towards zero; {shown}",
+    },
+    "spikes": {
+        MOMENT: "raise the noise floor and shift every coefficient, M_F and k1 most",
+        OTHER: "spoil the derivatives: c1, the inertia and every interval",
+        STRUCTURE: "raise the noise at all harmonics; {shown}",
+    },
+    "coarse_quantisation": {
+        OTHER: "steps follow the motion and do not average out: shifts k1, k3 and M_F",
+        STRUCTURE: "steps follow the motion and do not average out; {shown}",
+    },
+    "few_samples_per_period": {
+        OTHER: "few harmonics remain: k3 and c1 carry an error of the processing",
+        STRUCTURE: "few harmonics remain: the corners of friction, and with them M_F and c1, are hardly seen",
+    },
+    "repeated_block": {
+        OTHER: "the time runs wrong from there on: k1, c1 and the noise floor are of a mean of two phases",
+        STRUCTURE: "the time runs wrong from there on: what is recovered is a mean of two phases, its noise too large",
+    },
+    "duplicate_run": {OTHER: TWICE},
+    "scaled_copy": {
+        OTHER: "one recording counts as two levels: k1 and k3 follow from a run that was never made",
+        STRUCTURE: TWICE,
+    },
+    "dead_start": {OTHER: STILL},
+    "dead_tail": {OTHER: STILL},
+    "lost_samples": {
+        OTHER: "periods are averaged out of phase: k1, k3, c1 and M_F come out wrong, and the noise floor too large",
+        STRUCTURE: "periods are averaged out of phase: k1, c1 and M_F come out wrong, and the noise too large",
+    },
+    "channel_slip": {
+        OTHER: "shifts c1 by about k1 times that delay",
+        STRUCTURE: "two halves of the run contradict each other: all that is recovered of it is their mean",
+    },
+    "sign_flips": {
+        OTHER: "the sign of k1, c1 and M_F changes within the run",
+        STRUCTURE: "two halves of the run contradict each other: all that is recovered of it is their mean",
+    },
+    "gain_changes": {
+        OTHER: "every coefficient (k1, c1, M_F) is a mean of two gains, or of two states of the joint",
+        STRUCTURE: "what is recovered of the run is a mean of two gains",
+    },
+    "level_changes": {OTHER: LEVELS},
+    "zero_jumps": {
+        MOMENT: "adds to the noise floor and, through the mean, to k2 and the unequal parts of M_F",
+        OTHER: "adds to the noise floor; through the mean k1, k2 and k3 are of another zero",
+    },
+    "clock_drift": {OTHER: "a delay that grows shifts c1 by about k1 times its mean"},
+    "excess_noise": {
+        MOMENT: "widens the intervals of all coefficients",
+        OTHER: "noise of the motion draws k1 and c1 towards zero",
+    },
+    "mains_hum": {
+        MOMENT: "raises the noise floor; where the mains is a harmonic of the excitation, shifts k3 and M_F",
+        OTHER: "its derivatives are larger still: spoils c1 and the inertia",
+    },
+    "unit_mismatch": {
+        MOMENT: "k1, c1 and M_F are wrong by that factor",
+        OTHER: "k1 and c1 are wrong by that factor, k3 by its cube",
+        STRUCTURE: "{shown}",
+    },
+}
+EFFECTS |= {
+    "frozen_segment": EFFECTS["dropouts"],
+    "drift": {**EFFECTS["zero_jumps"], "None": EFFECTS["zero_jumps"][MOMENT]},
+}
 
 
 @dataclass(frozen=True)
 class Words:
-    """Names and units of the channels of one kind of motion, and the coefficients that a fault shifts.
+    """Names and units of channels.
 
     Parameters
     ----------
-    moment, angle, rate : str
-    moment_unit, angle_unit : str
+    units : mapping of str to str
+        By channel.
+    names : mapping of str to str
+        What sentences and tables call channels, where another name than their own.
+    structure : bool
+        Whether they are those of a structure.
     """
 
-    moment: str
-    angle: str
-    rate: str
-    moment_unit: str
-    angle_unit: str
+    units: Mapping[str, str]
+    names: Mapping[str, str]
+    structure: bool = False
 
-    def of(self, channel: str) -> str:
-        """Return the name of a channel, such as ``"displacement"`` for ``"angle"``."""
-        known = {"moment": self.moment, "angle": self.angle, "rate": self.rate}
-        sensors = {MEASURED_ANGLE: f"{self.angle} sensor", MEASURED_RATE: f"{self.rate} sensor"}
-        return (known | sensors).get(channel, channel)
+    def of(self, channel: str | None) -> str:
+        """Return the name of a channel as a sentence has it, such as ``"displacement"`` for ``"angle"``."""
+        if self.structure and channel not in (DRIVE, "time"):
+            return f"sensor {channel!r}"
+        return self.label(str(channel))
 
     def label(self, channel: str) -> str:
         """Return the name of a channel as a table has it."""
-        return self.of(channel)
+        return self.names.get(channel, channel)
 
     def unit(self, channel: str) -> str:
         """Return the unit of a channel."""
-        angle = self.angle_unit
-        units = {
-            "moment": self.moment_unit,
-            "angle": angle,
-            "rate": f"{angle}/s",
-            "acceleration": f"{angle}/s^2",
-        }
-        units |= {MEASURED_ANGLE: angle, MEASURED_RATE: f"{angle}/s"}
-        return units.get(channel, "s")
+        return self.units.get(channel, "s")
 
+    def effect(self, kind: str, channel: str | None) -> str:
+        """Return what a fault of a channel does to the law."""
+        known = EFFECTS[kind]
+        text = known.get(STRUCTURE if self.structure else str(channel), known.get(OTHER, ""))
+        return text.format(moment=self.label(MOMENT), shown=DRIVEN if channel == DRIVE else SHOWN)
 
-ROTATION = Words("moment", "angle", "rate", "N*m", "rad")
-TRANSLATION = Words("force", "displacement", "velocity", "N", "m")
+    def finding(
+        self,
+        kind: str,
+        run: str | None,
+        channel: str | None,
+        severity: Severity,
+        extent: str,
+        remedy: str,
+        spans: Spans = (),
+        masked: bool = False,
+    ) -> Finding:
+        """Return a finding with what such a fault does."""
+        return Finding(
+            kind, run, channel, severity, extent, self.effect(kind, channel), remedy, spans, masked
+        )
 
 
 def words_of(motion: Motion) -> Words:
-    """Return the words of a kind of motion."""
-    return ROTATION if motion == "rotation" else TRANSLATION
+    """Return the words of a joint's kind of motion."""
+    load, path, speed, moment, angle = (
+        ("moment", "angle", "rate", "N*m", "rad") if motion == "rotation"
+        else ("force", "displacement", "velocity", "N", "m")
+    )  # fmt: skip
+    units = {"moment": moment, "angle": angle, "rate": f"{angle}/s", "acceleration": f"{angle}/s^2"}
+    names = {"moment": load, "angle": path, "rate": speed}
+    names |= {MEASURED_ANGLE: f"{path} sensor", MEASURED_RATE: f"{speed} sensor"}
+    return Words(units | {MEASURED_ANGLE: angle, MEASURED_RATE: f"{angle}/s"}, names)
+
+
+def words_of_rig(test: RigTest) -> Words:
+    """Return what the channels of a structure's test are called."""
+    drive = "m/s^2" if test.at == BASE else "N"
+    return Words({DRIVE: drive} | {s.name: OF_QUANTITY[s.quantity] for s in test.sensors}, {}, True)

@@ -11,8 +11,7 @@ from sindyjoint.errors import checks_options
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import is_rig_test, load_rig_test
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import Check, check_accepted, check_campaign
-from sindyjoint.soundness.structure.check import RigCheck, check_rig_test
+from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 

@@ -305,7 +305,7 @@ def diagnose_rig(
     from sindyjoint.diagnosis.structure.records import runs_problem
     from sindyjoint.judgement.rig_discovery import described
     from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.soundness.structure.check import check_rig_test
+    from sindyjoint.soundness.check import check_rig_test
 
     say = progress or (lambda stage: None)
     known_effects = _known_effects(library, effects, max_effects)

@@ -307,7 +307,7 @@ def discover_rig(
     from sindyjoint.judgement.rig_discovery import of_data
     from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.soundness.structure.check import check_rig_test
+    from sindyjoint.soundness.check import check_rig_test
 
     say = progress or (lambda stage: None)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)

@@ -30,9 +30,8 @@ from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import seen_runs, verify_campaign
 from sindyjoint.response.verify_rig import PLACEHOLDERS, verify_rig
-from sindyjoint.soundness.check import check_campaign, require_sound
+from sindyjoint.soundness.check import check_campaign, check_rig_test, require_sound
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.soundness.structure.check import check_rig_test
 from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.text import percent
 from sindyjoint.threads import single_threaded

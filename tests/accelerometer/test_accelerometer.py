@@ -10,9 +10,9 @@ from sindyjoint.accelerometer.smoother import integrated_twice
 from sindyjoint.errors import InputError
 from sindyjoint.measured import measured_run
 from sindyjoint.record import MEASURED_ANGLE, Campaign, Joint
-from sindyjoint.soundness.detectors.accelerometer import find_disagreement
-from sindyjoint.soundness.profile import profile_of
-from sindyjoint.soundness.words import ROTATION
+from sindyjoint.soundness.detectors.sizes import find_disagreement
+from sindyjoint.soundness.record import record_of
+from sindyjoint.soundness.words import words_of
 from sindyjoint.states import force_states
 
 RATE, FREQUENCY = 1000.0, 4.0
@@ -186,7 +186,7 @@ def test_gain_and_delay_between_the_sensors_are_found(gain, delay):
     found = disagreement(fusion.angle, fusion.acceleration, RATE, fusion.angle_noise, fusion.noise)
     assert found[0] == pytest.approx(gain, abs=5e-3)
     assert found[2] == pytest.approx(delay, abs=5e-5)
-    findings = list(find_disagreement(profile_of(run), ROTATION))
+    findings = list(find_disagreement(record_of(run), words_of("rotation")))
     expected = [] if (gain, delay) == (1.0, 0.0) else ["stops" if gain < 0 else "biases"]
     assert [each.severity for each in findings] == expected
     if delay:

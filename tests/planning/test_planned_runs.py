@@ -17,7 +17,7 @@ from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, highest_l
 from sindyjoint.planning.search import Choice, best_runs
 from sindyjoint.record import Campaign, Joint
 from sindyjoint.response.model_law import model_law
-from sindyjoint.soundness.detectors.lines import main_line
+from sindyjoint.soundness.detectors.tones import main_line
 from sindyjoint.soundness.faults import find_faults
 from sindyjoint.soundness.policy import POLICY as SOUNDNESS
 from tests.equation.test_element import JENKINS, with_elements
@@ -177,7 +177,7 @@ def test_the_high_tone_of_a_planned_run_is_no_disagreement_of_its_channels():
         INTER_PANEL, [PlannedRun("angle", "two-tone-3", 8.0, 6e-5, "rad", 4.0)], Sensors(2000.0, 0.01)
     ).runs[0]
     moment, share = main_line(run.moment, run.sample_rate, 8.0)
-    assert moment == pytest.approx(24.0) and share < SOUNDNESS.line_share
+    assert moment == pytest.approx(24.0) and share < SOUNDNESS.unit
     assert not {each.id for each in find_faults(Campaign(Joint(), (run,)))} & {"channels_disagree"}
     slow = replace(run, angle=6e-5 * np.sin(2 * np.pi * 8.0 * run.time))
     assert "channels_disagree" in {each.id for each in find_faults(Campaign(Joint(), (slow,)))}

@@ -8,10 +8,7 @@ from scipy.signal import lfilter
 
 from sindyjoint.numeric import delayed
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.detectors.broadband_delay import find_broadband_delay
-from sindyjoint.soundness.detectors.broadband_law import find_broadband_faults
 from sindyjoint.soundness.faults import find_faults
-from sindyjoint.soundness.words import words_of
 from tests.diagnosis.hidden_effects import hide_in_noise
 
 
@@ -65,8 +62,7 @@ def late_friction(angle, rate, step):
 
 
 def test_friction_that_comes_late_is_no_delay():
-    campaign = prescribed(tones, late_friction)
-    assert list(find_broadband_delay(campaign, campaign.runs, words_of("rotation"))) == []
+    assert delays(prescribed(tones, late_friction)) == []
 
 
 def test_damping_of_each_direction_is_no_drift_of_a_sweep():
@@ -75,4 +71,4 @@ def test_damping_of_each_direction_is_no_drift_of_a_sweep():
         lambda t, index: (0.6, 1.0)[index % 2] * np.sin(2 * np.pi * (1 + 0.9 * t) * t),
         lambda angle, rate, step: angle + 0.01 * rate + 0.005 * np.abs(rate) + 0.1 * np.sign(rate),
     )
-    assert list(find_broadband_faults(swept, swept.runs, words_of("rotation"))) == []
+    assert list(find_faults(swept)) == []

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.detectors.broadband_law import find_broadband_faults
-from sindyjoint.soundness.words import words_of
+from sindyjoint.soundness.faults import find_faults
 
 RATE, DURATION, NOISE = 400.0, 10.0, 0.01
 
@@ -33,7 +32,7 @@ LINE = np.arange(RUNS[0].n_samples) / RUNS[0].n_samples
 def found(**changes):
     """Return what is said of the runs, the fourth of them changed."""
     runs = tuple(replace(run, **changes) if index == 3 else run for index, run in enumerate(RUNS))
-    return list(find_broadband_faults(Campaign(Joint(inertia=0.0), runs), runs, words_of("rotation")))
+    return list(find_faults(Campaign(Joint(inertia=0.0), runs)))
 
 
 def test_nothing_is_said_of_sound_runs():

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 
 import sindyjoint.soundness
+from sindyjoint.soundness.words import EFFECTS
 from tests.doors.inventory import GOLDEN
 
 KINDS = list(json.loads(GOLDEN.read_text(encoding="utf-8"))["faults"])
@@ -23,6 +24,10 @@ def test_the_list_of_ids_is_complete():
 def test_every_finding_in_the_code_has_a_known_id():
     for path in FOLDER.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Finding":
+            called = (
+                getattr(node.func, "id", getattr(node.func, "attr", "")) if isinstance(node, ast.Call) else ""
+            )
+            if called in ("Finding", "finding"):
                 ids = [n.value for n in ast.walk(node.args[0]) if isinstance(n, ast.Constant)]
                 assert all(name in KINDS for name in ids), (path.name, ids)
+                assert called == "Finding" or all(name in EFFECTS for name in ids), (path.name, ids)

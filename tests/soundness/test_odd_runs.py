@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from sindyjoint.soundness.cycle import MOST_HARMONICS, POINTS, Cycles
-from sindyjoint.soundness.detectors.odd_runs import Held, find_odd_runs
+from sindyjoint.soundness.law.motions import MOST_HARMONICS, POINTS, cycles_of
+from sindyjoint.soundness.law.odd_runs import Held, find_odd_runs, find_other_scales
 from sindyjoint.soundness.words import words_of
 
 PHASE = 2 * np.pi * np.arange(POINTS) / POINTS
 PLAN = [(f, level) for f in (3.0, 4.0, 6.0) for level in (1.0, 2.0, 3.0)]
 
 
-def cycles_of(extra, plan):
+def runs_of(extra, plan):
     """Return runs at frequencies and levels; ``extra`` adds to moments of 1 to 3 Nm."""
     moments, angles = [], []
     for frequency, level in plan:
@@ -20,12 +20,12 @@ def cycles_of(extra, plan):
         moments.append(np.fft.rfft(moment + extra(frequency, level, angle, rate)) / POINTS)
         angles.append(np.fft.rfft(angle) / POINTS)
     names = tuple(f"{f:g} Hz {level:g}" for f, level in plan)
-    moment, angle = (np.array(x)[:, : MOST_HARMONICS + 1] for x in (moments, angles))
-    return Cycles(names, np.array([f for f, _ in plan]), moment, angle, np.zeros((len(plan), POINTS, 0)))
+    harmonics = np.array([moments, angles])[:, :, : MOST_HARMONICS + 1]
+    return cycles_of(names, np.array([f for f, _ in plan]), harmonics, np.zeros((len(plan), POINTS, 0)))
 
 
 def told(extra, plan=PLAN):
-    found, _ = find_odd_runs(cycles_of(extra, plan), 0.0, words_of("rotation"))
+    found, _ = find_odd_runs(runs_of(extra, plan), 0.0, words_of("rotation"))
     return [(f.id, f.run) for f in found]
 
 
@@ -64,7 +64,7 @@ def test_what_all_runs_of_a_frequency_show_is_the_joints():
 )
 def test_a_run_departs_where_the_others_can_say_what_is_expected(alike, frequency, level, departs):
     plan = [*(a for a in alike if a != (frequency, level)), (frequency, level)]
-    runs = cycles_of(only(frequency, level, cusp), plan)
+    runs = runs_of(only(frequency, level, cusp), plan)
     held = Held(runs, tuple(range(len(plan) - 1)), 0.0, 0.001)
     assert held.departs(len(plan) - 1) is departs
 
@@ -79,3 +79,17 @@ def test_the_lag_of_one_run_is_told_even_where_it_swings_furthest():
         return angle - a - 0.02 * (angle**3 - a**3) + 0.03 * (rate - v) + 0.1 * (np.sign(rate) - np.sign(v))
 
     assert told(shifted) == [("channel_delay", "6 Hz 3")]
+
+
+@pytest.mark.parametrize("odd", [(2,), (0, 4, 7), (1, 3, 5, 8)])
+@pytest.mark.parametrize(
+    ("factor", "mistake"), [(180 / np.pi, "rad and deg"), (1e-3, "a unit and its thousandth")]
+)
+def test_runs_in_another_unit_are_named_with_the_mistake(odd, factor, mistake):
+    gains = np.where(np.isin(np.arange(len(PLAN)), odd), factor, 1.0)
+    runs = runs_of(lambda f, x, a, v: 0.0, PLAN).scaled("angle", gains)
+    found, rest = find_other_scales(runs, 0.0, words_of("rotation"))
+    assert [(f.id, f.run, f.channel) for f in found] == [
+        ("gain_differs", runs.names[i], "angle") for i in odd
+    ]
+    assert all(mistake in f.extent for f in found) and len(rest) == len(PLAN) - len(odd)

@@ -10,7 +10,7 @@ from sindyjoint.errors import UnknownNameError, UnsoundError
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.rig_test import RigRun, RigTest, Sensor
 from sindyjoint.mechanics.structure import Hinge, Structure
-from sindyjoint.soundness.structure.check import check_rig_test
+from sindyjoint.soundness.check import check_rig_test
 from sindyjoint.workflows.check import check
 from sindyjoint.workflows.discover import discover_rig
 from tests.soundness.rig_faults import RIG_FAULTS, found, inject

@@ -5,7 +5,7 @@ import pytest
 
 from sindyjoint.record import Run
 from sindyjoint.soundness.detectors.spikes import find_spikes
-from sindyjoint.soundness.profile import profile_of
+from sindyjoint.soundness.record import record_of
 from sindyjoint.soundness.words import words_of
 
 RATE = 1000.0
@@ -18,7 +18,7 @@ def spiked(at, values):
     angle = ANGLE + 1e-6 * np.random.default_rng(1).standard_normal(TIME.size)
     angle[at] = values
     run = Run("run", 100 * ANGLE, angle, RATE, frequency=3.0)
-    return [(f.id, f.channel) for f in find_spikes([profile_of(run)], words_of("rotation"))]
+    return [(f.id, f.channel) for f in find_spikes([record_of(run)], words_of("rotation"))]
 
 
 def test_a_joint_that_jumps_back_and_forth_on_its_way_in_has_no_spikes():
@@ -45,4 +45,4 @@ def test_a_blow_that_stops_the_motion_is_no_spike(stops, ids):
     moment = np.sin(TIME) + 0.01 * noise[0]
     moment[2000] += 4
     run = Run("run", moment, angle + 1e-5 * noise[1], RATE)
-    assert [(f.id, f.channel) for f in find_spikes([profile_of(run)], words_of("rotation"))] == ids
+    assert [(f.id, f.channel) for f in find_spikes([record_of(run)], words_of("rotation"))] == ids

@@ -49,8 +49,11 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.mechanics.actuator import Actuator
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.identifiability import identifiability_notes
-from sindyjoint.soundness.warnings import warn_of_negative_damping, warn_of_negative_inertia
+from sindyjoint.soundness.warnings import (
+    identifiability_notes,
+    warn_of_negative_damping,
+    warn_of_negative_inertia,
+)
 from sindyjoint.states import ForceStates, campaign_states, one_after_another
 from sindyjoint.text import in_words_of
 

@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
-from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion, Run
 from sindyjoint.reporting.equation import terms_csv
 from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, Provenance, provenance, section, sentence
@@ -35,11 +35,9 @@ from sindyjoint.reporting.tables import (
     terminal_table,
 )
 from sindyjoint.reporting.view import View
-from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.checked import Checked, RecordedRun
+from sindyjoint.soundness.check import Check, Checked, RigCheck
 from sindyjoint.soundness.finding import Finding, Soundness
-from sindyjoint.soundness.structure.check import RigCheck
-from sindyjoint.soundness.structure.recorded import StructureWords
+from sindyjoint.soundness.record import Record
 from sindyjoint.soundness.words import words_of
 from sindyjoint.text import quantities
 from sindyjoint.trust import Trust
@@ -111,8 +109,8 @@ def gather_check(check: Checked) -> CheckData:
     return CheckData(check.name, check.motion, check.soundness.verdict, runs)
 
 
-def _gather_run(check: Checked, run: RecordedRun, segments: int) -> CheckedRun:
-    units = check.words.units if isinstance(check.words, StructureWords) else {}
+def _gather_run(check: Checked, run: Run | Record, segments: int) -> CheckedRun:
+    units = check.words.units if check.words.structure else {}
     extremes = {name: find_extremes(signal, segments) for name, signal in run.channels.items()}
     traces = (
         Trace(name, places / run.sample_rate, run.channels[name][places], units.get(name, ""))

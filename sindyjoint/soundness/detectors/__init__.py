@@ -1,1 +1,1 @@
-"""One detector of faulty data per file: each takes a run or a campaign and returns its findings."""
+"""One detector for each fault of channels, whether the record is of a joint or of a structure."""

@@ -11,15 +11,21 @@ from numpy.typing import NDArray
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY
-from sindyjoint.soundness.profile import Profile
+from sindyjoint.soundness.record import Channel, Record
 from sindyjoint.soundness.words import Words
 
-Indices = NDArray[np.intp]
-# Samples that the search for scaled copies looks at.
-LOOKED_AT = 4096
+Block = tuple[int, int, int]
+# Samples that the search for scaled copies looks at, and the deviation from a constant ratio that rounding leaves.
+LOOKED_AT, PROPORTIONAL = 4096, 1e-6
 
 
-def repeated_blocks(values: Array) -> list[tuple[int, int, int]]:
+def find_copies(records: Sequence[Record], words: Words) -> Iterator[Finding]:
+    """Yield what occurs twice."""
+    yield from _find_blocks(records, words)
+    yield from _find_scaled(records, words)
+
+
+def repeated_blocks(values: Array) -> list[Block]:
     """Return blocks of samples that occur twice, as (first start, second start, length).
 
     Equal neighbours in the order of size are pairs; pairs that follow each other at the same lag are a block. Samples
@@ -34,146 +40,157 @@ def repeated_blocks(values: Array) -> list[tuple[int, int, int]]:
     first, second = order[same], order[same + 1]
     fresh = np.concatenate([[True], np.diff(values) != 0])
     keep = fresh[first] & fresh[second]
-    return [block for block in _join(first[keep], second[keep]) if block[2] >= POLICY.copied_samples]
-
-
-def _join(first: Indices, second: Indices) -> list[tuple[int, int, int]]:
-    """Return pairs that follow each other at one lag, joined."""
-    if not first.size:
-        return []
-    lag = second - first
+    first, lag = first[keep], (second - first)[keep]
     order = np.lexsort((first, lag))
     first, lag = first[order], lag[order]
     breaks = np.flatnonzero((np.diff(first) != 1) | (np.diff(lag) != 0)) + 1
-    starts = np.concatenate([[0], breaks])
-    lengths = np.diff(np.append(starts, first.size))
+    starts = np.concatenate([[0], breaks, [first.size]])
     return [
-        (int(first[s]), int(first[s] + lag[s]), int(length))
-        for s, length in zip(starts, lengths, strict=True)
+        (int(first[a]), int(first[a] + lag[a]), int(b - a))
+        for a, b in zip(starts[:-1], starts[1:], strict=True)
+        if b - a >= POLICY.copied_samples
     ]
 
 
-def find_repeated_blocks(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
-    """Yield runs in which a block of samples of both channels occurs twice, within a run or in two runs."""
-    alive = [p for p in profiles if p.channels]
-    if not alive:
+def _find_blocks(records: Sequence[Record], words: Words) -> Iterator[Finding]:
+    """Yield blocks that occur twice within a run, or in two runs; which channels they are of tells what happened."""
+    names = dict.fromkeys(name for r in records for name in r.channels)
+    shared: dict[tuple[int, int], dict[str, list[Block]]] = {}
+    for name in names:
+        some = [(i, c) for i, r in enumerate(records) if (c := r.channel(name)) is not None and _tells(c)]
+        edges = np.cumsum([0, *(c.values.size for _, c in some)])
+        for a, b, length in repeated_blocks(np.concatenate([c.values for _, c in some])) if some else ():
+            i, j = (int(np.searchsorted(edges, at, side="right")) - 1 for at in (a, b))
+            block = (a - int(edges[i]), b - int(edges[j]), length)
+            shared.setdefault((some[i][0], some[j][0]), {}).setdefault(name, []).append(block)
+    for (i, j), found in shared.items():
+        yield from (
+            _within(records[i], found, words) if i == j else _between(records[i], records[j], found, words)
+        )
+
+
+def _tells(channel: Channel) -> bool:
+    """Return whether equal samples of a channel tell anything: a load is measured, a motion perhaps computed."""
+    return channel.name == "moment" or (channel.noise > 0 and not channel.quantised)
+
+
+def _within(record: Record, found: dict[str, list[Block]], words: Words) -> Iterator[Finding]:
+    """Yield blocks that all channels have twice; a run that repeats to the last digit is simulated without noise."""
+    every = [
+        (a, b, length)
+        for a, b, length in next(iter(found.values()))
+        if all(np.array_equal(c.values[a : a + length], c.values[b : b + length]) for c in record.alive)
+    ]
+    share = sum(length for _, _, length in every) / record.n_samples
+    if not every or share >= 0.5 or not any(c.noise > 0 for c in record.alive):
         return
-    edges = np.cumsum([0, *(p.run.n_samples for p in alive)])
-    main = [p.channel("moment") or p.channels[0] for p in alive]
-    blocks = repeated_blocks(np.concatenate([c.values for c in main]))
-    seen: dict[tuple[int, int], list[tuple[int, int, int]]] = {}
-    for a, b, length in blocks:
-        i, j = (int(np.searchsorted(edges, at, side="right")) - 1 for at in (a, b))
-        seen.setdefault((i, j), []).append((a - int(edges[i]), b - int(edges[j]), length))
-    for (i, j), found in seen.items():
-        one, other = alive[i], alive[j]
-        share = sum(length for _, _, length in found) / one.run.n_samples
-        spans = tuple((b, b + length) for _, b, length in found)
-        if i == j:
-            # A run that repeats to the last digit is simulated without noise.
-            noisy = any(c.noise > 0 for c in one.channels)
-            if noisy and share < POLICY.repeats_itself and _both_equal(one, other, found):
-                yield _block_finding(other, spans, share)
-        elif share >= POLICY.copied_share:
-            yield _run_finding(one, other, share, _both_equal(one, other, found), found[0], words)
-
-
-def _both_equal(one: Profile, other: Profile, blocks: Sequence[tuple[int, int, int]]) -> bool:
-    """Return whether every channel, not the moment alone, is repeated in the longest block."""
-    a, b, length = max(blocks, key=lambda block: block[2])
-    pairs = [(c.values, d.values) for c, d in zip(one.channels, other.channels, strict=False)]
-    return all(np.array_equal(x[a : a + length], y[b : b + length]) for x, y in pairs)
-
-
-def _block_finding(profile: Profile, spans: tuple[tuple[int, int], ...], share: float) -> Finding:
-    longest = max(b - a for a, b in spans)
-    masked = share <= POLICY.most_masked
-    return Finding(
+    longest = max(length for _, _, length in every)
+    yield words.finding(
         "repeated_block",
-        profile.run.name,
+        record.name,
         None,
-        "biases" if masked else "stops",
-        f"{len(spans)} block(s) of up to {longest} samples ({1e3 * longest / profile.run.sample_rate:.3g} ms) occur "
-        f"twice, {100 * share:.2g} % of the run",
-        "the time runs wrong from there on: k1, c1 and the noise floor are of a mean of two phases",
+        "biases" if share <= POLICY.large_part else "stops",
+        f"{len(every)} block(s) of up to {longest} samples ({1e3 * longest / record.sample_rate:.3g} ms) occur twice, "
+        f"{100 * share:.2g} % of the run",
         "look at the buffer of the recorder and repeat the run, or cut it there and make two runs of it",
-        spans,
-        False,
+        tuple((b, b + length) for _, b, length in every),
     )
 
 
-def _run_finding(
-    one: Profile, other: Profile, share: float, whole: bool, block: tuple[int, int, int], words: Words
-) -> Finding:
-    shift = block[1] - block[0]
-    moved = f", {1e3 * abs(shift) / other.run.sample_rate:.4g} ms apart" if shift else ""
-    if whole:
-        return Finding(
+def _between(one: Record, other: Record, found: dict[str, list[Block]], words: Words) -> Iterator[Finding]:
+    """Yield what a run has of another one: everything, or some of its channels."""
+    shares = {name: sum(length for *_, length in blocks) / one.n_samples for name, blocks in found.items()}
+    copied = [name for name, share in shares.items() if share >= POLICY.nearly]
+    if not copied:
+        return
+    a, b, length = max(found[copied[0]], key=lambda block: block[2])
+    shift = f", {1e3 * abs(b - a) / other.sample_rate:.4g} ms apart" if a != b else ""
+    share = min(shares[copied[0]], 1.0)
+    if all(
+        np.array_equal(values[a : a + length], other.channels[name][b : b + length])
+        for name, values in one.channels.items()
+        if name in other.channels
+    ):
+        yield words.finding(
             "duplicate_run",
-            other.run.name,
+            other.name,
             None,
             "biases" if share < 0.5 else "stops",
-            f"{100 * min(share, 1):.3g} % of its samples are those of run {one.run.name!r}{moved}",
-            "the same evidence counts twice: every interval (k1, c1, M_F ...) is too narrow, and nothing is held out",
+            f"{100 * share:.3g} % of its samples are those of run {one.name!r}{shift}",
             "leave one of the two runs out, or put in the run that was meant",
         )
-    return Finding(
-        "duplicate_channel",
-        other.run.name,
-        "moment",
-        "stops",
-        f"{100 * min(share, 1):.3g} % of the {words.moment} are those of run {one.run.name!r}, the "
-        f"{words.angle} is not",
-        f"the law is fitted to the {words.moment} of another motion: no coefficient can be trusted",
-        "put in the columns that were meant, or leave the run out",
-    )
+        return
+    for name in copied:
+        yield Finding(
+            "duplicate_channel",
+            other.name,
+            name,
+            "stops",
+            f"{100 * share:.3g} % of the {words.of(name)} are those of run {one.name!r}, the other channels are not",
+            "two runs are mixed: the law is fitted to the load of another motion, and no coefficient can be trusted",
+            "put in the columns that were meant, or leave the run out",
+        )
 
 
-def find_scaled_copies(profiles: Sequence[Profile], words: Words) -> Iterator[Finding]:
-    """Yield runs whose noise is that of another run, scaled: the same recording with another gain.
+def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
+    """Yield runs, or channels of a run, whose noise is that of another one, scaled: one recording with another gain.
 
-    Third differences of a channel with noise are nearly all noise, and noise of two recordings has nothing in common.
+    Noise of two recordings has nothing in common; with few samples a period friction steps, which have, are as dense.
     """
-    for name in ("moment", "angle"):
-        rows, names, signals = [], [], []
-        for p in profiles:
-            channel = p.channel(name)
-            dense = (p.samples_per_period or np.inf) >= POLICY.copied_period
-            third = noise_pattern(channel.values) if channel is not None and dense else None
-            if channel is not None and third is not None:
-                rows.append(third)
-                names.append(p)
-                signals.append(channel.values[:LOOKED_AT])
-        for i, j in combinations(range(len(rows)), 2):
-            if rows[i].size != rows[j].size or np.array_equal(signals[i], signals[j]):
+    dense = (r for r in records if r.samples_per_period >= 2 * POLICY.few_samples)
+    loud = [r for r in dense if any(c.noise > 0 for c in r.alive)]
+    for record in loud if words.structure else ():
+        for one, two in combinations(record.alive, 2):
+            gain = _gain_of_copy(one.values, two.values)
+            if gain is None and not np.array_equal(one.values, two.values):
                 continue
-            likeness = float(rows[i] @ rows[j])
-            if abs(likeness) < POLICY.copied_noise:
-                continue
-            gain = float(np.std(signals[j])) / max(float(np.std(signals[i])), 1e-300) * np.sign(likeness)
+            times = "" if gain is None else f" times {gain:.4g}, noise included"
             yield Finding(
-                "scaled_copy",
-                names[j].run.name,
-                name,
+                "duplicate_channel",
+                record.name,
+                two.name,
                 "stops",
-                f"the {words.of(name)} is that of run {names[i].run.name!r} times {gain:.4g}, noise included "
-                f"(correlation {abs(likeness):.4f})",
-                "one recording counts as two levels: k1 and k3 follow from a run that was never made",
+                f"the {words.of(two.name)} is the {words.of(one.name)}{times}",
+                "one sensor stands for two places: what is recovered bends the structure to make them move alike",
+                "put in the column that was meant, or leave that sensor out",
+            )
+    for before, after in combinations(loud, 2):
+        for one in before.alive:
+            other = after.channel(one.name)
+            gain = None if other is None or one.name == "rate" else _gain_of_copy(one.values, other.values)
+            if gain is None:
+                continue
+            yield words.finding(
+                "scaled_copy",
+                after.name,
+                one.name,
+                "stops",
+                f"the {words.of(one.name)} is that of run {before.name!r} times {gain:.4g}, noise included",
                 "leave one of the two runs out, or put in the run that was meant",
             )
 
 
-def noise_pattern(values: Array) -> Array | None:
-    """Return the normalised third differences of a channel, or None where they are no noise."""
-    third = np.diff(values[:LOOKED_AT], 3)
-    norm = float(np.linalg.norm(third))
-    if third.size < 64 or norm == 0:
+def _gain_of_copy(one: Array, other: Array) -> float | None:
+    """Return the factor by which a channel is another one, noise included; None where it is not, or is the same."""
+    if one.size != other.size or np.array_equal(one[:LOOKED_AT], other[:LOOKED_AT]):
         return None
+    one, other = one[:LOOKED_AT], other[:LOOKED_AT]
+    gain = float(one @ other) / float(one @ one)
+    if np.abs(other - gain * one).max() <= PROPORTIONAL * np.abs(other).max():
+        return gain
+    patterns = [noise_pattern(values) for values in (one, other)]
+    if patterns[0] is None or patterns[1] is None:
+        return None
+    return gain if abs(float(patterns[0] @ patterns[1])) > POLICY.copied_noise else None
+
+
+def noise_pattern(values: Array) -> NDArray[np.float64] | None:
+    """Return the normalised third differences of a channel, or None where they are no noise."""
+    third = np.diff(values, 3)
+    norm = float(np.linalg.norm(third))
     # Of white noise the third differences have the correlation −3/4 from one to the next; of a smooth signal, 1.
-    following = float(third[1:] @ third[:-1]) / norm**2
-    if following > -0.5:
+    if third.size < 64 or norm == 0 or float(third[1:] @ third[:-1]) > -0.5 * norm**2:
         return None
     # Friction steps and spikes stand out of the noise, and those of two runs may fall together.
-    usual = 1.4826 * float(np.median(np.abs(third)))
-    kept = np.where(np.abs(third) < 4 * usual, third, 0.0)
-    return kept / max(float(np.linalg.norm(kept)), 1e-300)
+    kept = np.where(np.abs(third) < POLICY.outstanding * 1.4826 * np.median(np.abs(third)), third, 0.0)
+    return np.asarray(kept / max(float(np.linalg.norm(kept)), 1e-300))

@@ -1,1 +1,1 @@
-"""Are the data of a structure sound: its channels one by one, and held against each other through the structure."""
+"""A structure's sensors held against each other: through it they over-determine what moves it."""

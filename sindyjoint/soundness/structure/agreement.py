@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ SETTLED = 1e-4  # relative change of χ² at which an iteration ends
 SMALLEST = 1e-3  # factor below which a channel shows nothing
 # Of the longest delay that is sought so many are tried, either way.
 DELAYS = 40
+# Relative error of a prediction that is taken for granted where starting values are sought.
+POOR = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,17 +81,9 @@ class Equations:
         """Real numbers that the channels show beyond the unknowns."""
         return 2 * len(self.run) * (self.design.shape[1] - self.design.shape[2])
 
-    def with_values(self, values: Complex, sigma: Array) -> Equations:
-        """Return the equations of other values."""
-        return replace(self, values=values, sigma=sigma)
-
-    def of_runs(self, kept: Sequence[int]) -> Equations:
-        """Return the lines of some runs."""
-        rows = np.isin(self.run, kept)
-        return replace(
-            self, run=self.run[rows], angular=self.angular[rows], values=self.values[rows], sigma=self.sigma[rows],
-            design=self.design[rows], slopes=self.slopes[:, rows], ends=self.ends[:, rows], angles=self.angles[rows],
-        )  # fmt: skip
+    def of(self, run: int | None) -> NDArray[np.bool_]:
+        """Return the lines of a run, or all."""
+        return np.ones(len(self.run), dtype=bool) if run is None else self.run == run
 
 
 class Fault(NamedTuple):
@@ -100,18 +94,13 @@ class Fault(NamedTuple):
     gain: float = 1.0
     delay: float = 0.0
 
-    def lines(self, equations: Equations) -> NDArray[np.bool_]:
-        """Return the lines that have it."""
-        return np.ones(len(equations.run), dtype=bool) if self.run is None else equations.run == self.run
-
     def removed(self, equations: Equations) -> Equations:
         """Return the equations without it."""
-        rows = self.lines(equations)
-        values, sigma = equations.values.copy(), equations.sigma.copy()
+        rows, values, sigma = equations.of(self.run), equations.values.copy(), equations.sigma.copy()
         gain = np.copysign(max(abs(self.gain), SMALLEST), self.gain)
         values[rows, self.channel] *= np.exp(1j * equations.angular[rows] * self.delay) / gain
         sigma[rows, self.channel] /= abs(gain)
-        return equations.with_values(values, sigma)
+        return replace(equations, values=values, sigma=sigma)
 
 
 class Fit(NamedTuple):
@@ -140,95 +129,77 @@ def equations_of(test: RigTest, recoveries: Sequence[Recovery]) -> Equations:
     """Return the strongest harmonics of runs as equations; the test's uncertain numbers are the structure's."""
     each = int(np.clip(LINES // max(len(recoveries), 1), FEWEST_LINES, MOST_LINES))
     kept = [strongest(recovery.spectra, each) for recovery in recoveries]
-    counts = [lines.size for _, lines in kept]
     angular = np.concatenate([lines for _, lines in kept])
-    design, slopes, angles = _designs(test, angular)
     ends = _ends_of(test, recoveries, [lines for _, lines in kept])
     prior = np.concatenate([[number.uncertainty for number in test.uncertain], np.ones(len(ends))])
     return Equations(
-        np.repeat(np.arange(len(kept)), counts),
+        np.repeat(np.arange(len(kept)), [lines.size for _, lines in kept]),
         angular,
         np.concatenate([spectra.amplitudes.T for spectra, _ in kept]),
         np.sqrt(np.concatenate([spectra.variance.T for spectra, _ in kept])),
-        design,
-        slopes,
+        *_designs(test, angular)[:2],
         ends,
         prior,
         np.zeros(prior.size),
-        angles,
+        _designs(test, angular)[2],
     )
 
 
 def _ends_of(test: RigTest, recoveries: Sequence[Recovery], lines: Sequence[Array]) -> Complex:
     """Return what jumps at the ends of the records add to the lines of all runs, shape (m, l, channels)."""
-    total, first, parts = sum(each.size for each in lines), 0, []
+    total, first = sum(each.size for each in lines), 0
+    parts = [np.zeros((0, total, 1 + len(test.sensors)), dtype=complex)]
     for recovery, angular in zip(recoveries, lines, strict=True):
         spectra = recovery.spectra
         if recovery.ends is not None:
-            shown = jump_columns(
-                test.structure, test.sensors, spectra.angular, 1 / spectra.frequency, spectra.amplitudes[1:]
-            )[0]
+            period, sensors = 1 / spectra.frequency, spectra.amplitudes[1:]
+            shown = jump_columns(test.structure, test.sensors, spectra.angular, period, sensors)[0]
             own = np.zeros((shown.shape[2], total, shown.shape[1]), dtype=complex)
             rows = np.searchsorted(spectra.angular, angular)
             own[:, first : first + angular.size] = shown[rows].transpose(2, 0, 1)
             parts.append(own)
         first += angular.size
-    return np.concatenate(parts) if parts else np.zeros((0, total, 1 + len(test.sensors)), dtype=complex)
+    return np.concatenate(parts)
 
 
 def moved(equations: Equations, test: RigTest, numbers: Array) -> Equations:
     """Return equations whose design stands at changed numbers of the structure, on which it depends not linearly."""
-    numbers = numbers[: len(test.uncertain)]
-    design, slopes, angles = _designs(with_numbers(test, numbers), equations.angular)
-    offset = np.concatenate([numbers, np.zeros(len(equations.ends))])
+    offset = np.where(np.arange(numbers.size) < len(test.uncertain), numbers, 0.0)
+    there = with_numbers(test, numbers[: len(test.uncertain)])
+    design, slopes, angles = _designs(there, equations.angular)
     return replace(equations, design=design, slopes=slopes, angles=angles, offset=offset)
 
 
 def _designs(test: RigTest, angular: Array) -> tuple[Complex, Complex, Complex]:
-    """Return the design, its derivatives by the structure's numbers, and the angles."""
-    design, angles = design_of(test, angular)
-    units = np.eye(len(test.uncertain))
-    slopes = [(design_of(with_numbers(test, STEP * unit), angular)[0] - design) / STEP for unit in units]
+    """Return how channels follow drive and moments, its derivatives by the structure's numbers, and the angles."""
+
+    def design_of(there: RigTest) -> tuple[Complex, Complex]:
+        transfer = open_joints(there.structure, there.at, there.sensors, angular)
+        design = np.zeros((angular.size, 1 + len(test.sensors), 1 + test.structure.n_joints), dtype=complex)
+        design[:, 0, 0] = 1.0
+        design[:, 1:] = transfer.sensors
+        return design, transfer.angles
+
+    design, angles = design_of(test)
+    units = STEP * np.eye(len(test.uncertain))
+    slopes = [(design_of(with_numbers(test, unit))[0] - design) / STEP for unit in units]
     return design, np.array(slopes).reshape(len(slopes), *design.shape), angles
 
 
-def design_of(test: RigTest, angular: Array) -> tuple[Complex, Complex]:
-    """Return how channels and joint angles follow drive and moments at some angular frequencies."""
-    transfer = open_joints(test.structure, test.at, test.sensors, angular)
-    design = np.zeros((angular.size, 1 + len(test.sensors), 1 + test.structure.n_joints), dtype=complex)
-    design[:, 0, 0] = 1.0
-    design[:, 1:] = transfer.sensors
-    return design, transfer.angles
-
-
-class _Projected(NamedTuple):
-    """The residual of equations, what of the numbers shows in it, and what projects."""
-
-    left: Complex
-    columns: Complex
-    unknowns: Complex
-    onto: Complex
-
-
-def _project(equations: Equations) -> _Projected:
-    weight = 1 / equations.sigma
-    weighted = equations.design * weight[:, :, None]
+def _solved(equations: Equations) -> tuple[Complex, Complex, Complex]:
+    """Return the residual of equations, the unknowns, and what projects on what the unknowns can show."""
+    weighted = equations.design / equations.sigma[:, :, None]
     norms = np.linalg.norm(weighted, axis=1, keepdims=True)
     norms[norms == 0] = 1.0
     inverse = np.linalg.pinv(weighted / norms, rcond=BLIND)
     onto = (weighted / norms) @ inverse
-    y = equations.values * weight
-    unknowns = (inverse @ y[:, :, None])[:, :, 0] / norms[:, 0]
-    left = y - (onto @ y[:, :, None])[:, :, 0]
-    by_numbers = np.einsum("klcu,lu->klc", equations.slopes, unknowns)
-    moved = np.concatenate([by_numbers, equations.ends]) * weight
-    columns = moved - np.einsum("lcd,kld->klc", onto, moved)
-    return _Projected(left, -columns, unknowns, onto)
+    y = (equations.values / equations.sigma)[:, :, None]
+    return (y - onto @ y)[:, :, 0], (inverse @ y)[:, :, 0] / norms[:, 0], onto
 
 
 def unknowns_of(equations: Equations) -> tuple[Complex, Complex]:
     """Return the joints' angles and moments that the channels show, each shape (l, joints)."""
-    unknowns = _project(equations).unknowns
+    unknowns = _solved(equations)[1]
     return np.einsum("lju,lu->lj", equations.angles, unknowns), unknowns[:, 1:]
 
 
@@ -243,72 +214,57 @@ def fit_fault(equations: Equations, fault: Fault | None = None, delayed: bool = 
     delayed : bool
         Whether its delay is found as well.
     """
-    k, free = equations.prior.size, 0 if fault is None else 1 + delayed
-    best: Fit | None = None
-    now = fault
-    for _ in range(ROUNDS if free else 1):
-        clean = equations if now is None else now.removed(equations)
-        projected = _project(clean)
-        columns = [*projected.columns]
-        if now is not None:
-            columns += _fault_columns(clean, projected, now)[:free]
-        flat = np.array([c.ravel() for c in columns]).reshape(len(columns), projected.left.size)
-        design = np.hstack([flat.real, flat.imag]).T
-        target = np.concatenate([projected.left.ravel().real, projected.left.ravel().imag])
-        known = np.concatenate([1 / equations.prior**2, np.zeros(free)])
-        normal = design.T @ design + np.diag(known)
-        slope = design.T @ target + known * np.concatenate([equations.offset, np.zeros(free)])
-        if free:
-            # χ² of this fault as it stands, the numbers alone free.
-            numbers = -np.linalg.solve(normal[:k, :k], slope[:k])
-        step = -np.linalg.lstsq(normal, slope, rcond=1e-14)[0]
-        numbers = numbers if free else step
-        rest = target + design[:, :k] @ numbers
-        here = _fit_of(equations, now, rest, numbers, normal, free)
-        if best is not None and here.chi_squared > (1 - SETTLED) * best.chi_squared:
-            if here.chi_squared < best.chi_squared:
-                best = here
+    best = now = _step(equations, fault, delayed)
+    for _ in range(ROUNDS - 1 if fault else 0):
+        now = _step(equations, now[1], delayed)
+        settled = now[0].chi_squared > (1 - SETTLED) * best[0].chi_squared
+        best = min(best, now, key=lambda each: each[0].chi_squared)
+        if settled:
             break
-        best = here
-        if now is not None:
-            gain = now.gain * float(np.exp(np.clip(step[k], -1, 1)))
-            now = now._replace(gain=gain, delay=now.delay + (float(step[k + 1]) if delayed else 0.0))
-    assert best is not None
-    return best
+    return best[0]
 
 
-def _fault_columns(clean: Equations, projected: _Projected, fault: Fault) -> list[Complex]:
-    """Return derivatives of the residual by ln g and by the delay."""
-    rows = fault.lines(clean)
-    own = np.where(rows, clean.values[:, fault.channel] / clean.sigma[:, fault.channel], 0)
-
-    def of(change: NDArray[Any]) -> Complex:
-        moved = np.zeros_like(projected.left)
-        moved[:, fault.channel] = change
-        return np.asarray(moved - projected.onto[:, :, fault.channel] * change[:, None])
-
-    return [of(-own), of(1j * clean.angular * own)]
-
-
-def _fit_of(
-    equations: Equations, fault: Fault | None, rest: Array, numbers: Array, normal: Array, free: int
-) -> Fit:
-    squares = (rest**2).reshape(2, len(equations.run), -1).sum(axis=(0, 2))
+def _step(equations: Equations, fault: Fault | None, delayed: bool) -> tuple[Fit, Fault | None]:
+    """Return χ² of a fault as it stands, the numbers alone free, and the fault after a step of Gauss and Newton."""
+    clean = equations if fault is None else fault.removed(equations)
+    left, unknowns, onto = _solved(clean)
+    changes = np.concatenate([np.einsum("klcu,lu->klc", clean.slopes, unknowns), clean.ends]) / clean.sigma
+    if fault is not None:
+        # By ln g and by the delay: the channel's own values turn.
+        own = np.zeros_like(left)
+        own[:, fault.channel] = np.where(
+            clean.of(fault.run), (clean.values / clean.sigma)[:, fault.channel], 0
+        )
+        turned = [own, -1j * clean.angular[:, None] * own]
+        changes = np.concatenate([changes, turned[: 1 + delayed]])
+    columns = np.einsum("lcd,kld->klc", onto, changes) - changes
+    flat = columns.reshape(len(columns), left.size)
+    design = np.hstack([flat.real, flat.imag]).T
+    target = np.concatenate([left.ravel().real, left.ravel().imag])
+    k, free = equations.prior.size, len(columns) - equations.prior.size
+    known = np.concatenate([1 / equations.prior**2, np.zeros(free)])
+    normal = design.T @ design + np.diag(known)
+    slope = design.T @ target + known * np.concatenate([equations.offset, np.zeros(free)])
+    step = -np.linalg.lstsq(normal, slope, rcond=1e-14)[0]
+    numbers = -np.linalg.solve(normal[:k, :k], slope[:k]) if free else step
+    squares = ((target + design[:, :k] @ numbers) ** 2).reshape(2, len(equations.run), -1).sum(axis=(0, 2))
+    total = float(squares.sum() + np.sum(((equations.offset + numbers) / equations.prior) ** 2))
     by_run = np.asarray(np.bincount(equations.run, squares), dtype=float)
-    numbers = equations.offset + numbers
-    total = float(squares.sum() + np.sum((numbers / equations.prior) ** 2))
-    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(normal))[-free:], 0)) if free else np.zeros(2)
-    return Fit(fault, total, by_run, numbers, (float(errors[0]), float(errors[1]) if free > 1 else 0.0))
+    errors = np.sqrt(np.maximum(np.diag(np.linalg.pinv(normal)), 0))[k:].tolist()
+    fit = Fit(fault, total, by_run, equations.offset + numbers, (*errors, 0.0, 0.0)[:2])
+    if fault is None:
+        return fit, None
+    gain, delay = float(np.exp(np.clip(step[k], -1, 1))), float(step[-1]) if delayed else 0.0
+    return fit, fault._replace(gain=fault.gain * gain, delay=fault.delay + delay)
 
 
 def swapped(equations: Equations, one: int, other: int, run: int | None = None) -> Equations:
     """Return equations with two channels in each other's place, in all lines or in those of one run."""
-    rows = np.ones(len(equations.run), dtype=bool) if run is None else equations.run == run
-    values, sigma = equations.values.copy(), equations.sigma.copy()
-    at = np.flatnonzero(rows)[:, None]
-    both, turned = (at, np.array([one, other])), (at, np.array([other, one]))
-    values[both], sigma[both] = equations.values[turned], equations.sigma[turned]
-    return equations.with_values(values, sigma)
+    order = np.arange(equations.values.shape[1])
+    order[[one, other]] = other, one
+    rows = equations.of(run)[:, None]
+    values, sigma = (np.where(rows, x[:, order], x) for x in (equations.values, equations.sigma))
+    return replace(equations, values=values, sigma=sigma)
 
 
 def left_out(equations: Equations, channel: int) -> Equations:
@@ -332,21 +288,15 @@ def first_guess(equations: Equations, channel: int, run: int | None, longest: fl
     longest : float
         Largest delay that is tried, s.
     """
-    others = _project(left_out(equations, channel)).unknowns
-    predicted = np.einsum("lu,lu->l", equations.design[:, channel], others)
-    rows = np.ones(len(equations.run), dtype=bool) if run is None else equations.run == run
-    shown, expected = equations.values[rows, channel], predicted[rows]
+    others, rows = _solved(left_out(equations, channel))[1], equations.of(run)
+    shown = equations.values[rows, channel]
+    expected = np.einsum("lu,lu->l", equations.design[:, channel], others)[rows]
     # Lines count as they are strong, none by more than its noise allows.
     weight = 1 / (equations.sigma[rows, channel] ** 2 + POOR**2 * np.abs(shown) ** 2)
     delays = longest * np.linspace(-1, 1, 2 * DELAYS + 1)
-    turned = np.exp(1j * np.outer(delays, equations.angular[rows])) * shown
-    cross = np.real(turned @ (weight * expected.conj()))
-    power = float(np.sum(weight * np.abs(expected) ** 2))
+    cross = np.real(
+        (np.exp(1j * np.outer(delays, equations.angular[rows])) * shown) @ (weight * expected.conj())
+    )
     at = int(np.argmax(np.abs(cross)))
-    gain = float(cross[at]) / max(power, 1e-300)
-    gain = np.copysign(max(abs(gain), SMALLEST), gain)
-    return Fault(channel, run, float(gain), float(delays[at]))
-
-
-# Relative error of a prediction that is taken for granted where starting values are sought.
-POOR = 0.05
+    gain = float(cross[at]) / max(float(np.sum(weight * np.abs(expected) ** 2)), 1e-300)
+    return Fault(channel, run, float(np.copysign(max(abs(gain), SMALLEST), gain)), float(delays[at]))

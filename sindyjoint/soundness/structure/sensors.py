@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_test import DRIVE, RigTest, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import LumpedMass
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.numeric import Array
+from sindyjoint.soundness.finding import Finding, Severity
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.structure.agreement import (
+    SMALLEST,
+    Complex,
     Equations,
     Fit,
     equations_of,
@@ -22,13 +26,50 @@ from sindyjoint.soundness.structure.agreement import (
     left_out,
     moved,
     swapped,
+    unknowns_of,
 )
-from sindyjoint.soundness.structure.explained import Explained, Place, describe_fault, structure_finding
-from sindyjoint.soundness.structure.recorded import StructureWords
+from sindyjoint.soundness.words import Words
 from sindyjoint.substructure.recovery import Recovery
 
 # Runs that may have a fault of their own, at most; faults that are looked for one after the other.
 ODD_RUNS, FAULTS = 3, 3
+# Factors that look like a unit taken for another.
+UNITS = {
+    9.80665: "g for m/s²", 1 / 9.80665: "m/s² for g", 1000.0: "mm for m", 0.001: "m for mm", 25.4e-3: "inch for m",
+    1 / 4.44822: "lbf for N", 4.44822: "N for lbf",
+}  # fmt: skip
+
+
+class Explained(NamedTuple):
+    """What makes the channels agree better.
+
+    Parameters
+    ----------
+    kind : {"fault", "swapped", "left_out"}
+    channels : tuple of int
+    run : int or None
+    fit : Fit
+    equations : Equations
+        With it undone.
+    ratio : float
+        χ² with it undone over that before, each by its degrees of freedom.
+    """
+
+    kind: str
+    channels: tuple[int, ...]
+    run: int | None
+    fit: Fit
+    equations: Equations
+    ratio: float
+
+
+class Told(NamedTuple):
+    """What is said of a channel at fault."""
+
+    id: str
+    severity: Severity
+    extent: str
+    remedy: str
 
 
 def with_assumed_numbers(test: RigTest) -> RigTest:
@@ -49,15 +90,12 @@ def with_assumed_numbers(test: RigTest) -> RigTest:
         }
         of_clamp = usual if np.isfinite(chain.clamp_stiffness) else 0.0
         assumed = uncertain_numbers(chain.items, chain.clamp_stiffness, of_parts, of_clamp)
-    stated = {number.name: number for number in test.uncertain}
-    numbers = {number.name: number for number in assumed} | stated
+    numbers = {number.name: number for number in (*assumed, *test.uncertain)}
     widened = (replace(n, uncertainty=max(n.uncertainty, usual)) for n in numbers.values())
     return replace(test, uncertain=tuple(widened))
 
 
-def find_in_sensors(
-    test: RigTest, recoveries: Sequence[Recovery], words: StructureWords
-) -> Iterator[Finding]:
+def find_in_sensors(test: RigTest, recoveries: Sequence[Recovery], words: Words) -> Iterator[Finding]:
     """Yield what drive and sensors deny of each other.
 
     Parameters
@@ -65,7 +103,7 @@ def find_in_sensors(
     test : RigTest
     recoveries : sequence of Recovery
         Of runs in which no samples are at fault.
-    words : StructureWords
+    words : Words
     """
     spare = len(test.sensors) - test.structure.n_joints
     if spare < 1:
@@ -80,19 +118,30 @@ def find_in_sensors(
     numbered = with_assumed_numbers(test)
     equations = equations_of(numbered, recoveries)
     names = [DRIVE, *(sensor.name for sensor in test.sensors)]
-    mains = [_main_frequency(equations, run) for run in range(len(recoveries))]
+    main = max(_main_frequency(equations, run) for run in range(len(recoveries)))
     for _ in range(FAULTS):
         fit = fit_fault(equations)
         # Beams and masses that are not as described show in no linear way where a mode is near.
         nearer = fit_fault(moved(equations, numbered, fit.numbers))
-        if min(fit.chi_squared, nearer.chi_squared) <= POLICY.agreement * equations.degrees:
+        least = min(fit.chi_squared, nearer.chi_squared) / equations.degrees
+        if least <= POLICY.clearly:
             return
-        found = _best_explanation(equations, fit, mains, spare)
+        found = _best_explanation(equations, fit, POLICY.large_part / main, spare)
         if found is None:
-            yield structure_finding(min(fit, nearer, key=lambda each: each.chi_squared), equations)
+            yield Finding(
+                "structure_differs",
+                None,
+                None,
+                "note",
+                f"the sensors disagree by {np.sqrt(least):.3g} times their noise, and no single one of them accounts "
+                "for it",
+                "the structure is not quite the one described: angles are differences of large numbers, and k1, k3 "
+                "and c1 depend on it",
+                "state how uncertain its stiffness and mass are; look at the places of the sensors",
+            )
             return
         run = None if found.run is None else recoveries[found.run].run.name
-        yield from describe_fault(found, equations, Place(run, names, words, max(mains)))
+        yield from _describe(found, equations, run, names, words, main, spare > 1)
         if found.kind == "left_out":
             return
         equations = found.equations
@@ -100,7 +149,7 @@ def find_in_sensors(
 
 def _main_frequency(equations: Equations, run: int) -> float:
     """Return the frequency of the strongest line of a run, Hz, by all channels together."""
-    rows = equations.run == run
+    rows = equations.of(run)
     size = np.abs(equations.values[rows]) / np.abs(equations.values[rows]).max(axis=0).clip(1e-300)
     return float(equations.angular[rows][np.argmax(size.sum(axis=1))] / (2 * np.pi))
 
@@ -108,58 +157,143 @@ def _main_frequency(equations: Equations, run: int) -> float:
 def _odd_runs(fit: Fit, equations: Equations) -> list[int | None]:
     """Return the runs that agree worst, each of which may have a fault of its own, and None for all runs."""
     per = fit.by_run / np.maximum(np.bincount(equations.run), 1)
-    odd = [int(r) for r in np.argsort(-per)[:ODD_RUNS] if per[r] > POLICY.odd_run * np.median(per)]
+    odd = [int(r) for r in np.argsort(-per)[:ODD_RUNS] if per[r] > (1 + POLICY.large_part) * np.median(per)]
     return [None, *odd] if len(per) > 1 else [None]
 
 
-def _best_explanation(
-    equations: Equations, before: Fit, mains: Sequence[float], spare: int
-) -> Explained | None:
-    """Return the fault that leaves least, where it leaves clearly less than no fault and than any other channel's."""
-    channels, runs = equations.values.shape[1], _odd_runs(before, equations)
-    known: list[Explained] = []
+def _best_explanation(equations: Equations, before: Fit, longest: float, spare: int) -> Explained | None:
+    """Return the fault that leaves least, where it leaves clearly less than no fault and than any other channel's.
 
-    def add(kind: str, which: tuple[int, ...], run: int | None, fit: Fit, clean: Equations) -> None:
+    Where none does, the one channel without which all others agree.
+    """
+    channels = range(equations.values.shape[1])
+
+    def explained(
+        kind: str, which: tuple[int, ...], run: int | None, fit: Fit, clean: Equations
+    ) -> Explained:
         ratio = fit.chi_squared / clean.degrees / (before.chi_squared / equations.degrees)
-        known.append(Explained(kind, which, run, fit, clean, ratio, spare > 1))
+        return Explained(kind, which, run, fit, clean, ratio)
 
-    longest = POLICY.longest_turn / max(mains)
-    for run in runs:
-        for channel in range(channels):
+    known = []
+    for run in _odd_runs(before, equations):
+        for channel in channels:
             guess = first_guess(equations, channel, run, longest)
             for fault, delayed in ((guess, True), (guess._replace(delay=0.0), False)):
                 fit = fit_fault(equations, fault, delayed)
-                assert fit.fault is not None
-                if abs(fit.fault.delay) <= longest:
-                    add("fault", (channel,), run, fit, fit.fault.removed(equations))
-        for pair in combinations(range(1, channels), 2):
+                if fit.fault is not None and abs(fit.fault.delay) <= longest:
+                    known.append(explained("fault", (channel,), run, fit, fit.fault.removed(equations)))
+        for pair in combinations(channels[1:], 2):
             clean = swapped(equations, *pair, run)
-            add("swapped", pair, run, fit_fault(clean), clean)
-    known.sort(key=lambda each: each.ratio)
-    best = known[0]
+            known.append(explained("swapped", pair, run, fit_fault(clean), clean))
+    best = min(known, key=lambda each: each.ratio)
     # Two explanations that undo the same thing: a delay that is none, one run among all.
-    rivals = [
-        each
-        for each in known
-        if each.channels != best.channels and not set(each.channels) & set(best.channels)
-    ]
-    clear = not rivals or rivals[0].ratio >= POLICY.clearly_better * best.ratio
-    if best.ratio <= POLICY.explained_by_one and clear:
+    rivals = [each.ratio for each in known if not set(each.channels) & set(best.channels)]
+    if best.ratio <= POLICY.explains and min(rivals, default=np.inf) >= POLICY.clearly * best.ratio:
         alike = [e for e in known if (e.channels, e.kind) == (best.channels, best.kind)]
-        simplest = [e for e in alike if e.run is None and e.ratio <= POLICY.as_good * best.ratio]
+        simplest = [e for e in alike if e.run is None and e.ratio <= (1 + POLICY.nearly) * best.ratio]
         plain = [e for e in simplest if e.fit.fault is None or e.fit.fault.delay == 0.0]
-        return (plain or simplest or [best])[0]
-    return _left_out(equations, before, channels) if spare > 1 else None
+        return min(plain or simplest or [best], key=lambda each: each.ratio)
+    if spare < 2:
+        return None
+    without = [left_out(equations, channel) for channel in channels[1:]]
+    found = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in enumerate(without, 1)]
+    first, second = sorted(found, key=lambda each: each.ratio)[:2]
+    # A channel less leaves less, whichever it is.
+    alone = first.ratio <= POLICY.explains / 2 and second.ratio >= POLICY.clearly * first.ratio
+    return first if alone else None
 
 
-def _left_out(equations: Equations, before: Fit, channels: int) -> Explained | None:
-    """Return the one channel without which all others agree."""
-    found = []
-    for channel in range(1, channels):
-        clean = left_out(equations, channel)
-        fit = fit_fault(clean)
-        ratio = fit.chi_squared / clean.degrees / (before.chi_squared / equations.degrees)
-        found.append(Explained("left_out", (channel,), None, fit, clean, ratio))
-    found.sort(key=lambda each: each.ratio)
-    clear = found[1].ratio >= POLICY.clearly_better * found[0].ratio
-    return found[0] if found[0].ratio <= POLICY.explained_by_one / 2 and clear else None
+def _describe(
+    found: Explained,
+    before: Equations,
+    run: str | None,
+    names: Sequence[str],
+    words: Words,
+    main: float,
+    certain: bool,
+) -> Iterator[Finding]:
+    """Yield the finding of an explanation; none where it is smaller than what sensors are calibrated to.
+
+    Parameters
+    ----------
+    found : Explained
+    before : Equations
+        With the fault.
+    run : str or None
+        None: in all of them.
+    names : sequence of str
+        Of the channels.
+    words : Words
+    main : float
+        Highest main frequency of the runs, Hz.
+    certain : bool
+        Whether there are sensors enough to tell it from another structure.
+    """
+    rows = slice(None) if found.run is None else before.run == found.run
+    angle, moment = (
+        float(np.max(_size((new - old)[rows]) / np.maximum(_size(new[rows]), 1e-300)))
+        for old, new in zip(unknowns_of(before), unknowns_of(found.equations), strict=True)
+    )
+    shift, said = max(angle, moment), [words.of(names[channel]) for channel in found.channels]
+    severity: Severity = "stops" if shift > POLICY.unit else "biases" if shift > POLICY.bears else "note"
+    better = f"agree {found.ratio**-0.5:.3g} times better"
+    if found.kind == "swapped":
+        extent = f"{said[0]} and {said[1]} are in each other's place: the channels then {better}"
+        told: Told | None = Told(
+            "swapped_channels", "stops", extent, "exchange their columns or their points in [[sensor]]"
+        )
+    elif found.kind == "left_out":
+        extent = f"without the {said[0]} all others {better}, and no gain, sign or delay of it explains that"
+        remedy = "look at its place and direction, and at how it is mounted; or leave it out"
+        told = Told("sensors_disagree", severity, extent, remedy)
+    else:
+        told = _tell_fault(found, said[0], severity, main, certain)
+    if told is not None:
+        sizes = [f"{100 * share:.2g} %" if share < 1 else "more than itself" for share in (angle, moment)]
+        effect = (
+            f"shifts the recovered angle by {sizes[0]}, the moment by {sizes[1]}, of the joint that it moves most: "
+            "k1, k3, c1 and M_F"
+        )
+        channel = names[found.channels[0]]
+        yield Finding(told.id, run, channel, told.severity, told.extent, effect, told.remedy)
+
+
+def _tell_fault(found: Explained, said: str, severity: Severity, main: float, certain: bool) -> Told | None:
+    """Return what is said of a factor or a delay; None of one that is hardly there."""
+    fault, errors = found.fit.fault, found.fit.errors
+    assert fault is not None
+    agree = f"the channels then agree {found.ratio**-0.5:.3g} times better"
+    off, turn = abs(abs(fault.gain) - 1), 2 * np.pi * main
+    late = abs(turn * fault.delay)
+    # Standard errors by the noise, and by what the fault leaves beyond it.
+    sure = POLICY.outstanding * max(1.0, found.fit.chi_squared / found.equations.degrees) ** 0.5
+    if abs(fault.gain) < POLICY.changed:
+        shown = 100 * max(abs(fault.gain), SMALLEST)
+        extent = f"the {said} shows {shown:.2g} % of what the others predict: {agree}"
+        return Told("no_signal", "stops", extent, "check its cable, range and unit; leave it out")
+    if fault.gain < 0:
+        size = "" if off < POLICY.gain else f", times {abs(fault.gain):.4g}"
+        extent = f"the {said} has the other sign than the others predict{size}: {agree}"
+        return Told("reversed_sign", "stops", extent, "turn its sign in the file, or leave it out")
+    if off >= max(POLICY.gain, sure * errors[0]) and (off >= late or late < POLICY.bears):
+        units = [f" (as {u})" for factor, u in UNITS.items() if abs(fault.gain / factor - 1) < POLICY.gain]
+        extent = f"the {said} is {fault.gain:.4g} times what the others predict{''.join(units[:1])}: {agree}"
+        remedy = "compare its calibration, gain and unit; correct or leave it out"
+        if not certain:
+            extent += (
+                ", or its part of the structure is another: with one sensor more than joints nothing tells"
+            )
+            return Told("gain_differs", "note" if severity == "note" else "biases", extent, remedy)
+        return Told("gain_differs", "stops" if off > POLICY.unit else severity, extent, remedy)
+    if late < max(POLICY.bears, sure * errors[1] * turn):
+        return None
+    extent = (
+        f"the {said} comes {1e3 * abs(fault.delay):.3g} ms {'later' if fault.delay > 0 else 'earlier'} than the others "
+        f"predict ({np.degrees(late):.2g}° at {main:.3g} Hz): {agree}"
+    )
+    remedy = "record all channels with one clock and one filter; shift it in time, or leave it out"
+    return Told("channel_delay", severity, extent, remedy)
+
+
+def _size(values: Complex) -> Array:
+    return np.asarray(np.sqrt(np.sum(np.abs(values) ** 2, axis=0)))

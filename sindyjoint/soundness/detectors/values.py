@@ -1,0 +1,253 @@
+"""Values that a sound channel does not take: constant, at a limit, held, lost, in coarse steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from sindyjoint.mechanics.rig_test import DRIVE
+from sindyjoint.numeric import Array
+from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.policy import POLICY
+from sindyjoint.soundness.record import Channel, Mask, Record, Spans, spans_of
+from sindyjoint.soundness.words import Words
+
+# Equal but for rounding, in ranges of the channel.
+EQUAL, AT_LIMIT = 1e-12, 1e-9
+# Share of the samples at one limit from which it is one of the law: Coulomb friction is there for half of the time.
+PLATEAU = 1 / 3
+
+
+def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
+    """Yield channels that never change in a run, but for a moment that is declared as zero, and a drive of noise."""
+    for record in records:
+        for channel in record.dead:
+            if channel.name == "moment" and _is_declared(channel, records):
+                continue
+            remedy = (
+                "check the cable, repeat the run or leave it out; declare as constant what was not recorded"
+            )
+            if words.structure:
+                remedy = "check the cable; leave the run or, of all runs, the sensor out"
+            extent = (
+                f"the {words.of(channel.name)} is {channel.values[0]:.6g} {words.unit(channel.name)} in all "
+                f"{channel.values.size} samples"
+            )
+            yield words.finding("frozen_channel", record.name, channel.name, "stops", extent, remedy)
+        drive = record.channel(DRIVE)
+        if drive is not None and drive.noise > (1 - POLICY.nearly) * drive.std:
+            extent = (
+                f"the drive is noise: {drive.std:.3g} {words.unit(DRIVE)} RMS, of which {drive.noise:.3g} from sample "
+                "to sample"
+            )
+            remedy = "check the force cell; leave the run out"
+            yield words.finding("no_signal", record.name, DRIVE, "stops", extent, remedy)
+
+
+def _is_declared(channel: Channel, records: Sequence[Record]) -> bool:
+    """Return whether a constant moment is that of free decays: zero, and in every run or where the motion decays."""
+    still = (r for r in records if r.channel("moment") is not None)
+    return not any(channel.values[0] != 0.0 or r.declared is not None for r in still)
+
+
+def find_saturation(record: Record, words: Words) -> Iterator[Finding]:
+    """Yield the channels that stay at their highest or lowest value while the motion goes on."""
+    for channel in record.alive:
+        sides = {
+            side: saturated_samples(channel, sign) for side, sign in (("highest", 1.0), ("lowest", -1.0))
+        }
+        found = {side: at for side, at in sides.items() if at is not None}
+        if not found:
+            continue
+        at = np.logical_or.reduce(list(found.values()))
+        share, name = float(np.mean(at)), words.of(channel.name)
+        masked = channel.name == "moment" and share <= POLICY.large_part
+        limits = ", ".join(
+            f"{channel.values[some][0]:.4g} {words.unit(channel.name)}" for some in found.values()
+        )
+        yield words.finding(
+            "saturation",
+            record.name,
+            channel.name,
+            "biases" if masked or share <= POLICY.bears else "stops",
+            f"{100 * share:.2g} % of the samples of the {name} at its {' and '.join(found)} value ({limits})",
+            "those samples are left out; repeat the run with a larger range of the amplifier"
+            if masked
+            else f"repeat the run with a larger range of the {name}, or leave it out",
+            spans_of(at),
+            masked,
+        )
+
+
+def saturated_samples(channel: Channel, sign: float) -> Mask | None:
+    """Return the samples at the highest (``sign`` 1) or lowest (−1) value of a saturated channel, or None.
+
+    The crest of a smooth signal dwells near its extreme as well; in steps of the resolution its highest level is at
+    most 1/(√2 − 1) = 2.4 times as frequent as the next. A saturated channel arrives at its limit with a slope, and one
+    without noise that is there for long has a law with a plateau.
+    """
+    levels, counts = channel.levels
+    counts = counts if sign > 0 else counts[::-1]
+    if levels.size < 8 or counts[-1] < max(POLICY.fewest_equal, POLICY.outstanding * counts[-4:-1].max()):
+        return None
+    way = sign * ((levels[-1] if sign > 0 else levels[0]) - channel.values)
+    at: Mask = way <= AT_LIMIT * channel.range
+    if channel.noise == 0 and np.mean(at) > PLATEAU:
+        return None
+    # Noise far above the resolution rules out a standstill: it would not stay at one value.
+    return at if not channel.quantised or _arrives_with_slope(way, at, channel.step) else None
+
+
+def _arrives_with_slope(way: Array, at: Mask, step: float) -> bool:
+    """Return whether a channel comes to its limit, ``way`` off, and goes from it with a slope, and does not creep."""
+    arrivals = np.flatnonzero(at[1:] & ~at[:-1]) + 1
+    departures = np.flatnonzero(at[:-1] & ~at[1:])
+    near, far = (
+        np.concatenate([way[arrivals[arrivals >= 9] - k], way[departures[departures < way.size - 9] + k]])
+        for k in (3, 9)
+    )
+    if near.size < 2 or np.median(near) < 3 * step:
+        return False
+    return bool(np.median(far) < POLICY.saturated_arrival * np.median(near))
+
+
+def find_held(record: Record, words: Words) -> Iterator[Finding]:
+    """Yield dropouts and frozen segments of a record's channels."""
+    for channel in record.alive:
+        spans = held_spans(channel, words.structure)
+        zero = all(channel.values[a] == 0.0 for a, _ in spans)
+        if words.structure:
+            spans = tuple(span for span in spans if _others_move(record, channel, span))
+        if not spans or (zero and _rests(record, channel, spans)):
+            continue
+        share, longest = sum(b - a for a, b in spans) / record.n_samples, max(b - a for a, b in spans)
+        masked = record.short(spans) if words.structure else share <= POLICY.large_part
+        done = "filled in" if words.structure else "left out"
+        yield words.finding(
+            "frozen_segment" if longest > POLICY.bears * record.n_samples else "dropouts",
+            record.name,
+            channel.name,
+            "biases" if masked or (words.structure and share <= POLICY.bears) else "stops",
+            f"the {words.of(channel.name)} stays at {'zero' if zero else 'one value'} {len(spans)} time(s), for up to "
+            f"{longest} samples ({1e3 * longest / record.sample_rate:.3g} ms), {100 * share:.2g} % of the run",
+            f"those samples are {done}; look at cables and buffers"
+            if masked
+            else "repeat the run, or leave it out; look at cables and buffers",
+            spans,
+            masked,
+        )
+
+
+def held_spans(channel: Channel, moves: bool = False) -> Spans:
+    """Return the spans in which a channel holds one value although it should have changed.
+
+    Where the noise is far above the resolution, even three equal samples cannot be by chance. Elsewhere (a joint that
+    sticks, coarse steps) the channel must also jump on entering or leaving the span, further than it ever moves in one
+    sampling step.
+
+    Parameters
+    ----------
+    channel : Channel
+    moves : bool
+        Whether it never stands still, as no channel of a structure does: fine steps then are as good as noise.
+    """
+    x = channel.values
+    equal = np.abs(np.diff(x)) <= EQUAL * channel.range
+    # What is at a limit of the channel is saturation.
+    low, high = channel.levels[0][[0, -1]] + AT_LIMIT * channel.range * np.array([1, -1])
+    spans = [(a, b + 1) for a, b in spans_of(equal) if x[a] == 0.0 or low < x[a] < high]
+    if not channel.quantised or (moves and channel.step < POLICY.nearly * POLICY.visible * channel.std):
+        least = _least_length(equal)
+        return tuple(s for s in spans if s[1] - s[0] >= least)
+    step = np.abs(np.diff(x, prepend=x[0], append=x[-1]))
+    # The largest moves are friction steps or the jumps themselves.
+    usual = float(np.quantile(step[1:-1][~equal], 0.98)) if not equal.all() else np.inf
+    far = POLICY.outstanding * max(usual, channel.step)
+    return tuple((a, b) for a, b in spans if b - a >= POLICY.fewest_equal and max(step[a], step[b]) > far)
+
+
+def _least_length(equal: Mask) -> int:
+    """Return how many equal samples in a row are no chance: with a share p of equal pairs, n·p^(k − 1) is expected.
+
+    Single pairs are counted for p, which held values have none of; where the signal is slow there are more.
+    """
+    single = sum(b - a == 1 for a, b in spans_of(equal))
+    if not single:
+        return 3
+    share = np.sqrt(min(single / equal.size, 0.5))
+    return 2 + int(np.ceil(np.log(POLICY.false_alarm / equal.size) / np.log(share)))
+
+
+def _others_move(record: Record, channel: Channel, span: tuple[int, int]) -> bool:
+    """Return whether most other channels change while one is held: before a blow nothing does, nor at a standstill."""
+    moves = [np.ptp(c.values[slice(*span)]) > 0 for c in record.alive if c is not channel]
+    return bool(np.mean(moves) > 0.5)
+
+
+def _rests(record: Record, channel: Channel, spans: Spans) -> bool:
+    """Return whether a channel at zero is right: a drive about a blow, the acceleration of a joint that sticks."""
+    sticks = all(np.ptp(record.clock[a:b]) <= POLICY.bears * np.ptp(record.clock) for a, b in spans)
+    return channel.name == DRIVE or (record.run is not None and channel.jumps and sticks)
+
+
+def find_lost(record: Record, words: Words) -> Iterator[Finding]:
+    """Yield the samples of a joint's run that were never recorded, or were left out before.
+
+    A run that repeats has other periods that show what they were. Of one that does not, a gap that is short against the
+    motion can be bridged; across a longer one derivatives would be invented.
+    """
+    if record.run is None or record.run.valid is None or record.run.valid.all():
+        return
+    spans = spans_of(~record.run.valid)
+    lengths = [b - a for a, b in spans]
+    masked = record.short(spans)
+    remedy = "those samples are left out; look at the buffer of the recorder"
+    if not masked:
+        remedy = "make a run of each part between the gaps, or repeat it; look at the buffer of the recorder"
+    yield Finding(
+        "lost_samples",
+        record.name,
+        None,
+        "biases" if masked else "stops",
+        f"{sum(lengths)} samples in {len(spans)} place(s) are missing, {100 * sum(lengths) / record.n_samples:.2g} % "
+        f"of the run, the first after {spans[0][0] / record.sample_rate:.3g} s, at most "
+        f"{1e3 * max(lengths) / record.sample_rate:.3g} ms in a row",
+        "read as if they followed each other, the samples beside a gap have a rate and a phase that never was: c1, M_F "
+        "and k1",
+        remedy,
+        spans,
+        masked,
+    )
+
+
+def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
+    """Yield channels whose resolution is a sizeable part of what they measure, and runs of few samples a period."""
+    for channel in record.alive:
+        share = channel.step / channel.std if channel.std else 0.0
+        many = channel.levels[0].size > channel.values.size / 4
+        if not channel.quantised or share < POLICY.visible or many:
+            continue
+        coarse = share > POLICY.coarse
+        yield Finding(
+            "coarse_quantisation",
+            record.name,
+            channel.name,
+            "biases" if coarse else "note",
+            f"the {words.of(channel.name)} comes in steps of {channel.step:.3g} {words.unit(channel.name)}, "
+            f"{100 * share:.2g} % of its standard deviation",
+            words.effect("coarse_quantisation", channel.name)
+            if coarse
+            else "adds a noise of a third of a step",
+            "use a smaller range of the amplifier or of the converter",
+        )
+    per = record.samples_per_period / record.order
+    if per < POLICY.few_samples:
+        yield words.finding(
+            "few_samples_per_period",
+            record.name,
+            "time",
+            "note",
+            f"{per:.3g} samples per period of the main line",
+            f"sample at {POLICY.few_samples:g} times the main frequency or more",
+        )

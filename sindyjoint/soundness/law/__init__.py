@@ -1,0 +1,1 @@
+"""What only the law between moment and motion shows: runs held against each other, and faults undone by trial."""

@@ -1,0 +1,159 @@
+"""Filters on one channel, a high-pass (AC coupling) or a low-pass, which must be undone for a law to fit; a delay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sindyjoint.discovery.delay import find_delay
+from sindyjoint.errors import SindyJointError
+from sindyjoint.numeric import Array, rms
+from sindyjoint.record import Campaign, Run
+from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
+from sindyjoint.soundness.policy import POLICY
+from sindyjoint.soundness.words import Words
+from sindyjoint.states.build import force_states
+
+# Corner of a high-pass, and delay and time of a low-pass in radians of the slowest run, up to which they are tried.
+HIGHEST_CORNER, LONGEST = 0.6, 0.3
+# Samples in which a delay is sought.
+ENOUGH = 100_000
+
+
+class Undone(NamedTuple):
+    """A filter undone: its id, its channel, its corner (Hz) or time (s), and the misfit that is left."""
+
+    id: str
+    channel: str
+    parameter: float
+    left: float
+
+
+def _high_pass(lines: Array, corner: float) -> Complex:
+    """Inverse of a first-order high-pass; its corner in Hz."""
+    safe = np.where(lines > 0, lines, 1.0)
+    return np.where(lines > 0, 1 + corner / (1j * safe), 1.0)
+
+
+def _low_pass(lines: Array, time: float) -> Complex:
+    """Inverse of a first-order low-pass; its time constant in s."""
+    return np.asarray(1 + 2j * np.pi * lines * time)
+
+
+def _advance(lines: Array, time: float) -> Complex:
+    """Inverse of a delay, s."""
+    return np.asarray(np.exp(2j * np.pi * lines * time))
+
+
+INVERSES: dict[str, Callable[[Array, float], Complex]] = {
+    "ac_coupling": _high_pass,
+    "low_pass": _low_pass,
+    "channel_delay": _advance,
+}
+
+
+def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator[Finding]:
+    """Yield the filter that one channel has passed and the other has not, where undoing it restores the law.
+
+    A low-pass lags as a delay does, which must leave more. Friction that builds up with time lags as a low-pass on the
+    moment does, but not by one time in runs that are fast and in those that are slow.
+    """
+    if len(runs) < 2 or runs.frequency is None:
+        return
+    before = misfit(runs, inertia)
+    if before < POLICY.nearly * POLICY.departs:
+        return
+    best = min(_undone(runs, inertia), key=lambda each: each.left)
+    if best.id == "channel_delay" or best.left > min(np.sqrt(POLICY.explains) * before, POLICY.departs):
+        return
+    slowest = float(runs.frequency.min())
+    gain = f"the law leaves {100 * before:.2g} % of the {words.of('moment')} as it is and {100 * best.left:.2g} % so"
+    if best.id == "ac_coupling":
+        lead = float(np.arctan(best.parameter / slowest))
+        extent = (
+            f"the {words.of(best.channel)} seems AC coupled with a corner of {best.parameter:.3g} Hz: it leads by "
+            f"{np.degrees(lead):.2g}° at {slowest:g} Hz and less above ({gain})"
+        )
+        effect = "k1 and c1 depend on the frequency, k2 and the mean are lost, M_F fades over each half-cycle"
+        remedy = "switch the coupling to DC and repeat the tests"
+        stops = lead > POLICY.unit
+        yield Finding(best.id, None, best.channel, "stops" if stops else "biases", extent, effect, remedy)
+        return
+    if best.channel == "moment" and not _is_one_time(runs, inertia, best):
+        return
+    extent = (
+        f"the {words.of(best.channel)} seems to have passed a low-pass with a corner of "
+        f"{1 / (2 * np.pi * best.parameter):.3g} Hz that the other channel has not: it lags by "
+        f"{1e3 * best.parameter:.3g} ms ({gain})"
+    )
+    sign = "-" if best.channel == "moment" else "+"
+    effect = f"shifts c1 by about {sign}{best.parameter:.2g} s times k1, and rounds M_F"
+    remedy = "set the same filter on both channels and repeat the tests"
+    yield Finding(best.id, None, best.channel, "biases", extent, effect, remedy)
+
+
+def _undone(runs: Motions, inertia: float | None, kinds: Sequence[str] = tuple(INVERSES)) -> list[Undone]:
+    """Return each filter, on each channel, with the parameter under which the runs have most of a law in common."""
+    scale, slowest = scale_of(runs), float(runs.cycle.min())
+    found = []
+    for kind in kinds:
+        time = LONGEST / (2 * np.pi * slowest)
+        grid = np.linspace(0, HIGHEST_CORNER * slowest if kind == "ac_coupling" else time, 9)
+        for channel in ("moment", "angle"):
+
+            def left(parameter: float, kind: str = kind, channel: str = channel) -> float:
+                return misfit(runs.filtered(channel, INVERSES[kind](runs.lines, parameter)), inertia, scale)
+
+            found.append(Undone(kind, channel, *least(left, grid)))
+    return found
+
+
+def _is_one_time(runs: Motions, inertia: float | None, best: Undone) -> bool:
+    """Return whether the slower half of the runs and the faster one show one time."""
+    order = np.argsort(runs.cycle)
+    halves = [runs.take(half.tolist()) for half in np.array_split(order, 2)]
+    times = [_undone(half, inertia, [best.id])[0].parameter for half in halves if len(half) > 1]
+    return all(abs(time - best.parameter) < POLICY.large_part * best.parameter for time in times)
+
+
+def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) -> Iterator[Finding]:
+    """Yield the delay between the channels under the paper's law, by its error that holds what the law lacks.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    runs : sequence of Run
+        Those that may be looked at; of many samples every second one is, or every third.
+    words : Words
+    """
+    try:
+        every = [force_states(run) for run in runs[:: 1 + sum(r.n_samples for r in runs) // ENOUGH]]
+        states = [s for s in every if np.count_nonzero(s.moving) >= POINTS]
+        delay = find_delay(states, campaign.joint.inertia, campaign.inputs) if states else None
+    # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
+    except (SindyJointError, np.linalg.LinAlgError, ValueError):
+        return
+    if delay is None or delay.at_limit:
+        return
+    usual = float(np.median([np.std(s.rate) / max(float(np.std(s.angle)), 1e-300) for s in states]))
+    size, moments = abs(delay.time), np.concatenate([s.moment[s.moving] for s in states])
+    # Where the law does not fit, the best delay compensates for what it lacks.
+    if (
+        delay.residual_rms > POLICY.changed * rms(moments)
+        or size < POLICY.outstanding * delay.standard_error
+        or size * usual < POLICY.bears
+    ):
+        return
+    yield Finding(
+        "channel_delay",
+        None,
+        "moment",
+        "biases",
+        f"the {words.of('moment')} {'lags' if delay.time > 0 else 'leads'} the {words.of('angle')} by "
+        f"{1e3 * size:.3g} ± {1e3 * delay.standard_error:.2g} ms",
+        f"shifts c1 by about {-delay.time:+.2g} s times k1, and makes damping of the inertia and of k3",
+        "check the common trigger, run with --align, or declare [channels] skew",
+    )

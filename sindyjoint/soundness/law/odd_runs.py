@@ -1,0 +1,329 @@
+"""Runs held against the others: the law that all others have in common, and the ones that depart from it or drift."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.numeric import Array, rms
+from sindyjoint.soundness.detectors.course import drift_of
+from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.law.motions import (
+    Motions,
+    Rows,
+    Scale,
+    inverted,
+    least,
+    misfit,
+    rows_of,
+    scale_of,
+    solve,
+)
+from sindyjoint.soundness.policy import POLICY
+from sindyjoint.soundness.words import Words
+
+# What units are mistaken by: degrees, thousandths, kgf, lbf, inches.
+MISTAKES = {
+    "rad and deg": 180 / np.pi,
+    "a unit and its thousandth": 1e3,
+    "N and kgf": 9.80665,
+    "N and lbf": 4.4482216,
+    "mm and inch": 25.4,
+}
+# Places at which runs are parted by their stiffness, and mistakes that are tried at each.
+SPLITS, NEAREST = 3, 2
+# Parts of a run whose mean residuals are followed, and the fewest samples of one.
+PARTS, FEWEST = 24, 5
+DRAWN = "k1, k3, c1 and M_F are drawn towards that run"
+OTHER_SIGN = "k1, c1 and M_F of this run have the other sign"
+REVERSE = "reverse the channel (gain = -1), or leave the run out"
+
+
+def find_other_scales(runs: Motions, inertia: float | None, words: Words) -> tuple[list[Finding], Motions]:
+    """Return findings on the runs, half of them at most, that are in another unit than the rest, and the rest."""
+    before = misfit(runs, inertia) if len(runs) >= POLICY.fewest else 0.0
+    if before < POLICY.departs / np.sqrt(max(len(runs), 1)):
+        return [], runs
+    tried = [
+        (misfit(runs.scaled(channel, np.where(group, 1 / factor, 1.0)), inertia), group, channel, factor)
+        for group, channel, factor in _mistaken(runs)
+    ]
+    if not tried:
+        return [], runs
+    left, group, channel, factor = min(tried, key=lambda one: one[0])
+    if left > min(POLICY.departs, np.sqrt(POLICY.explains) * before):
+        return [], runs
+    fits = f"one law then leaves {100 * left:.2g} % of the {words.of('moment')}, {100 * before:.2g} % without"
+    if group.sum() > 1:
+        fits = f"so are {group.sum()} of {group.size} runs; {fits}"
+    mistake = min(
+        MISTAKES, key=lambda name: abs(abs(np.log(factor)) - np.log(MISTAKES[name])) if factor > 0 else 0
+    )
+    kind, extent, effect, remedy = (
+        (
+            "reversed_sign",
+            f"its {words.of(channel)} has the other sign than in the other runs: {fits}",
+            OTHER_SIGN,
+            REVERSE,
+        )
+        if factor < 0
+        else (
+            "gain_differs",
+            f"its {words.of(channel)} is {factor:.4g} times that of the other runs, as {mistake} are: {fits}",
+            "k1, k3, c1 and M_F are those of two scales",
+            f"give the {words.of(channel)} of these runs the unit of the others, or the others theirs",
+        )
+    )  # fmt: skip
+    odd = np.flatnonzero(group)
+    found = [Finding(kind, runs.names[i], channel, "stops", extent, effect, remedy) for i in odd]
+    return found, runs.take(np.flatnonzero(~group).tolist())
+
+
+def _mistaken(runs: Motions) -> Iterator[tuple[NDArray[np.bool_], str, float]]:
+    """Yield groups of runs, a channel, and what it may be multiplied by: groups parted by sign or by size of M/θ.
+
+    The size of M/θ is no proof, for a joint's stiffness depends on the level: it says where to look, the law decides.
+    """
+    load, angle = (x - x.mean(axis=1, keepdims=True) for x in (runs.moment, runs.angle))
+    down = np.mean(load * angle, axis=1) < 0
+    if 0 < down.sum() < len(runs):
+        yield down if down.sum() <= len(runs) / 2 else ~down, "moment", -1.0
+    size = np.log(np.maximum(np.std(load, axis=1), 1e-300) / np.maximum(np.std(angle, axis=1), 1e-300))
+    order = np.sort(size)
+    known = np.array(list(MISTAKES.values()))
+    for at in np.argsort(-np.diff(order))[:SPLITS]:
+        above = size > order[at]
+        group = above if above.sum() <= len(runs) / 2 else ~above
+        apart = float(np.median(size[group]) - np.median(size[~group]))
+        for factor in known[np.argsort(np.abs(np.log(known) - abs(apart)))[:NEAREST]]:
+            yield group, "moment", float(factor ** np.sign(apart))
+            yield group, "angle", float(factor ** -np.sign(apart))
+
+
+def find_odd_runs(runs: Motions, inertia: float | None, words: Words) -> tuple[list[Finding], Motions]:
+    """Return findings on runs that differ from the others, with what explains it, and the motions of the others."""
+    alike = list(range(len(runs)))
+    odd: list[int] = []
+    common = 0.0
+    while len(alike) >= POLICY.fewest and len(odd) <= len(runs) // 3:
+        some = runs.take(alike)
+        rows = rows_of(some, scale_of(some), inertia)
+        # Two runs may have each other's channel.
+        found = _departing(rows, 1) or (_departing(rows, 2) if len(alike) >= 2 * POLICY.fewest else None)
+        if found is None:
+            break
+        common = found[1]
+        odd += [alike[i] for i in found[0]]
+        alike = [i for i in alike if i not in odd]
+    others = runs.take(alike)
+    if not odd or len(alike) < 2:
+        return [], others
+    held = Held(runs, tuple(alike), inertia, common)
+    told = {i: _describe(i, held, words) for i in odd}
+    return [f for i, f in told.items() if f.id != "run_differs" or held.departs(i)], others
+
+
+def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
+    """Return the runs, ``size`` of them, without which the others have a law in common as they have not with them.
+
+    And the RMS that this law leaves of the others.
+    """
+    products, count = rows.products, len(rows.products)
+    everything = float(np.sqrt(solve(products)[1]))
+    if everything < POLICY.departs / np.sqrt(count):
+        return None
+    fits = []
+    for index in combinations(range(count), size):
+        law, rest = solve(np.delete(products, index, axis=0))
+        fits.append((rest, index, min(rows.left_by(law, i) for i in index)))
+    rest, index, departure = min(fits)
+    common = float(np.sqrt(rest))
+    alike = rest < min(POLICY.explains * everything**2, POLICY.changed**2)
+    apart = departure > max(POLICY.departs, POLICY.fewest * common)
+    return (index, common) if alike and apart else None
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Runs held against the law of some of them.
+
+    Parameters
+    ----------
+    runs : Motions
+    alike : tuple of int
+        Those that have a law in common.
+    inertia : float or None
+    common : float
+        RMS that their law leaves of them.
+    """
+
+    runs: Motions
+    alike: tuple[int, ...]
+    inertia: float | None
+    common: float
+
+    @cached_property
+    def scale(self) -> Scale:
+        """Scale of the runs that are alike."""
+        return scale_of(self.runs.take(self.alike))
+
+    def law_of(self, index: tuple[int, ...]) -> Array:
+        """Return the coefficients of the law of some runs."""
+        return solve(self.rows(self.runs.take(index)).products)[0]
+
+    @cached_property
+    def law(self) -> Array:
+        """Coefficients of the law of those that are alike."""
+        return self.law_of(self.alike)
+
+    def rows(self, runs: Motions) -> Rows:
+        """Return rows of runs."""
+        return rows_of(runs, self.scale, self.inertia)
+
+    def left_of(self, run: Motions) -> float:
+        """Return the RMS that the law leaves of a single run, in parts of its moment's."""
+        return self.rows(run).left_by(self.law)
+
+    def departs(self, run: int) -> bool:
+        """Return whether a run departs where the others can say what is expected, and its kin does not depart alike.
+
+        What is expected of a row x is as uncertain as xᵀ(XᵀX)⁻¹x of the others' rows, a run's worth of rows counting as
+        one: beyond their motion that is large. Two runs leave open which of three is odd, and what all runs of a
+        frequency show is the joint's.
+        """
+        swing = np.ptp(self.runs.angle, axis=1)
+        if abs(np.log(swing[run] / np.median(swing))) > np.log(POLICY.another_scale):
+            return True
+        rows, of_others = self.rows(self.runs.take([run])), self.rows(self.runs.take(self.alike)).products
+        columns = rows.columns[0]
+        leverage = np.einsum("ij,jk,ik->i", columns, inverted(of_others.sum(axis=0)[:-1, :-1]), columns)
+        if len(self.alike) < POLICY.fewest or np.median(leverage) > POLICY.another_scale:
+            return False
+        within = rms((rows.target[0] - columns @ self.law) / np.sqrt(1 + leverage))
+        return within > max(POLICY.departs, POLICY.fewest * self.common) and not self._kin_too(run)
+
+    def _kin_too(self, run: int) -> bool:
+        """Return whether all other runs of its frequency depart from the law of other frequencies as well."""
+        if self.runs.frequency is None:
+            return False
+        same = np.abs(np.log(self.runs.frequency / self.runs.frequency[run])) < np.log(POLICY.same)
+        kin = [i for i in np.flatnonzero(same).tolist() if i != run]
+        rest = tuple(i for i in self.alike if not same[i])
+        if not kin or len(rest) < 2:
+            return False
+        law = self.law_of(rest)
+        left = [self.rows(self.runs.take([i])).left_by(law) for i in (run, *kin)]
+        return min(left[1:]) > POLICY.explains * left[0]
+
+
+def _describe(index: int, held: Held, words: Words) -> Finding:
+    """Return the finding: the factor on moment or angle that restores the law, a delay that does, or that none does."""
+    run = held.runs.take([index])
+    rows = held.rows(run)
+    expected, target = rows.columns[0] @ held.law, rows.target[0]
+    departure = rms(target - expected)
+    gain = float(target @ expected / max(float(expected @ expected), 1e-300))
+    swing = float(np.abs(run.angle).max()) / held.scale.angle
+    grid = np.unique([-1.0, *np.geomspace(0.5, 2.0, 25), *swing * np.geomspace(0.2, 5.0, 25)])
+    turned, left = least(lambda g: held.left_of(run.scaled("angle", 1 / g)), grid)
+    name, gain, left = min(
+        ("moment", gain, rms(target - gain * expected)), ("angle", turned, left), key=lambda each: each[2]
+    )
+    # Of the RMS: a single number is to account for a single run.
+    explained = POLICY.explains * min(departure, 1.0)
+    said = f"(they agree within {100 * held.common:.2g} %, it departs by {100 * departure:.3g} %)"
+    if left > explained:
+        time, after = _best_delay(run, held)
+        late = after <= explained
+        lags = f"; they agree where it comes {1e3 * abs(time):.3g} ms {'earlier' if time > 0 else 'later'}"
+        return Finding(
+            "channel_delay" if late else "run_differs",
+            run.names[0],
+            "moment" if late else None,
+            "biases",
+            f"its {words.of('moment')} is not that of the law of the other runs {said}{lags if late else ''}",
+            "the coefficients (k1, k3, c1, M_F) are a mean of two joints or two set-ups",
+            "look at what was changed before that run; leave it out, or diagnose it apart",
+        )
+    if gain < 0:
+        extent = f"its {words.of(name)} is that of the other runs times {gain:.3g}"
+        return Finding("reversed_sign", run.names[0], name, "stops", extent, OTHER_SIGN, REVERSE)
+    return Finding(
+        "gain_differs",
+        run.names[0],
+        name,
+        "biases" if max(gain, 1 / gain) < POLICY.clearly else "stops",
+        f"its {words.of(name)} is {gain:.4g} times what the law of the other runs has for it {said}",
+        DRAWN,
+        "compare gain and unit of that run with the others'; correct it or leave it out",
+    )
+
+
+def _best_delay(run: Motions, held: Held) -> tuple[float, float]:
+    """Return by how much the moment of a steady run lags, s, by the law, and the RMS that remains without the lag."""
+    if run.frequency is None:
+        return 0.0, np.inf
+    longest = POLICY.nearly / float(run.frequency[0])
+    turn = 2j * np.pi * run.lines
+    return least(
+        lambda t: held.left_of(run.filtered("moment", np.exp(turn * t))), longest * np.linspace(-1, 1, 21)
+    )
+
+
+def find_drifts(runs: Motions, alike: Motions, inertia: float | None, words: Words) -> Iterator[Finding]:
+    """Yield runs of which the law that the others have in common leaves a straight line over time.
+
+    Parameters
+    ----------
+    runs : Motions
+        Those that are looked at.
+    alike : Motions
+        Those that have a law in common.
+    inertia : float or None
+    words : Words
+    """
+    scale = scale_of(alike)
+    law = solve(rows_of(alike, scale, inertia).products)[0]
+    rows = rows_of(runs, scale, inertia)
+    for index, name in enumerate(runs.names):
+        moving = np.any(rows.columns[index] != 0, axis=1)
+        part = (runs.place[index] * PARTS).astype(int)[moving]
+        # In amplitudes of a sinusoid.
+        residual = ((rows.target[index] - rows.columns[index] @ law) / np.sqrt(2))[moving]
+        known = np.flatnonzero(np.bincount(part, minlength=PARTS) >= FEWEST)
+        if known.size < PARTS // 2:
+            continue
+        slope = drift_of(_means(part, residual)[known], POLICY.changed, place=known)
+        total = (slope or 0.0) * PARTS
+        # Of a law that leaves much the mean moves as well, as drive and motion change along a sweep.
+        if slope is None or np.var(residual) - total**2 / 12 > POLICY.nearly**2:
+            continue
+        moves = {}
+        for channel, signal in (("moment", runs.moment[index]), ("angle", runs.angle[index])):
+            mean = _means((runs.place[index] * PARTS).astype(int), signal)
+            moves[channel] = abs(np.polyfit(np.arange(PARTS), mean, 1)[0]) / max(
+                float(np.std(signal)), 1e-300
+            )
+        # The channel whose own mean moves along, at least twice as far.
+        one, other = sorted(moves, key=moves.__getitem__, reverse=True)
+        drifting = one if moves[one] > 2 * moves[other] else None
+        which = "" if drifting else f"; the zero of {words.of('moment')} or {words.of('angle')} does"
+        yield words.finding(
+            "drift",
+            name,
+            drifting,
+            "biases",
+            f"the law of all runs leaves a {words.of('moment')} that drifts over the run, by {100 * abs(total):.2g} % "
+            f"of its amplitude{which}",
+            "let the amplifiers warm up, or remove a straight line from the channel before",
+        )
+
+
+def _means(part: Array, values: Array) -> Array:
+    count = np.maximum(np.bincount(part, minlength=PARTS), 1)
+    return np.asarray(np.bincount(part, values, minlength=PARTS) / count)
