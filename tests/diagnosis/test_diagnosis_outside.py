@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability, prior, series_probability
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.campaign.unnamed.outside import outside_probability, prior, series_probability
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from sindyjoint.diagnosis.inadmissible import Inadmissible
 
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.falling import grows, reported_together, with_falling_gaps
-from sindyjoint.diagnosis.inadmissible import Inadmissible
 from sindyjoint.diagnosis.loop import Progress, add_effects
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Gap, Step
