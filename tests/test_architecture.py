@@ -28,7 +28,7 @@ DOOR = BASE | {"rig", "files"}
 DATA = BASE | {"parallel", "threads", "clock", "states", "equation", "measurement"}
 EXPLAINS = DATA | {"discovery", "files"}
 RESPONDS = DATA | DOOR | {"mechanics", "discovery", "response"}
-DIAGNOSES = RESPONDS | {"bias", "soundness", "diagnosis"}
+DIAGNOSES = RESPONDS | {"bias", "soundness", "evidence", "diagnosis"}
 ALLOWED = {
     "errors": set(),
     "text": set(),
@@ -50,6 +50,7 @@ ALLOWED = {
     "files": BASE | {"rig"},
     "states": BASE,
     "measurement": BASE | {"states"},
+    "evidence": {"numeric", "policy"},  # rows, score and search over sets: it knows neither joints nor runs
     "trust": {"described"},
     "equation": BASE,
     "mechanics": DOOR | {"equation", "clock"},  # rigs are read from files; a formula is a list of operations

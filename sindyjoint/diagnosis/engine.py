@@ -76,7 +76,7 @@ def explain_gap(
     straight, steps = first.corrected()
     best, note = _best_search(first, straight, steps, most, stages)
     verdict, reason = _of_search(best, stages.search)
-    steps = discount(best.progress.steps, verdict, best.residual, best.gaps, first.policy)
+    steps = discount(best.progress.steps, verdict, best.gaps, first.policy)
     last, final, notes = _with_last_numbers(best, refined, stages)
     if last is not best.progress.problem:
         # Figures and numbers belong to the model that is handed on.

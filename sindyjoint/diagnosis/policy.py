@@ -108,11 +108,7 @@ class DiagnosisPolicy:
     unexplained: float = calibrated(0.15, "share of the gap beyond noise above which the rest is unknown")
     unexplained_rms: bool = convention(False, "whether that share is of the RMS, not of the mean square")
     significant_excess: float = calibrated(1.25, "mean square, in units of noise, up to which all is noise")
-    significant_gap: float = calibrated(
-        2.0, "gap over noise floor that processing explains if nothing repeats"
-    )
     outside: float = convention(0.5, "probability of an effect of no catalogue above which it is unknown")
-    least_outside: float = convention(0.005, "probability of that below which it is left out of the rivals")
 
     # Budget and localisation; drift of channels and change of the joint.
     significant_fall: float = convention(3.0, "standard deviations of χ² from which a held-out error falls")

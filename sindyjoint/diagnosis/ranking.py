@@ -5,8 +5,8 @@ Half the fall of χ² is a log-likelihood ratio; a candidate pays ½·ln N for e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -103,29 +103,6 @@ class Ranking(Generic[C]):
     probabilities: tuple[float, ...]
     nothing: float
     members: tuple[C, ...]
-
-
-def admissible_part(ranking: Ranking[C], complaint: Callable[[C], str]) -> tuple[Ranking[C] | None, str]:
-    """Return a ranking without what physics refuses, and the first complaint; None where no member is admissible.
-
-    An inadmissible candidate that the data cannot distinguish from an admissible one leaves its place to it. One that
-    nothing admissible comes near is no name: whatever is there, the catalogue lacks it.
-    """
-    said = {each.name: complaint(each) for each in ranking.members}
-    first = next(filter(None, said.values()), "")
-    members = tuple(each for each in ranking.members if not said[each.name])
-    if not first or not members:
-        return (None if first else ranking), first
-    kept = [i for i, each in enumerate(ranking.fitted) if not said.get(each.name)]
-    # What is impossible had no share in the belief: the others divide it.
-    whole = ranking.nothing + sum(ranking.probabilities[i] for i in kept)
-    return replace(
-        ranking,
-        fitted=tuple(ranking.fitted[i] for i in kept),
-        probabilities=tuple(ranking.probabilities[i] / whole for i in kept),
-        nothing=ranking.nothing / whole,
-        members=members,
-    ), first
 
 
 def weights_of(largest: float, scale: EvidenceScale, policy: DiagnosisPolicy) -> Weights:

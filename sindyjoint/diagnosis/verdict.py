@@ -30,18 +30,12 @@ class Residual:
         Of the gap beyond noise, from 0 to 1.
     most : float
         Share above which something unknown is there.
-    outside : float
-        Probability that the effects stand in for something outside the catalogue.
-    series : float
-        Probability that effects which leave nothing more are the parts of one other law.
     data : str
         What cannot tell effects apart: "these runs", "this record".
     """
 
     share: float
     most: float
-    outside: float = 0.0
-    series: float = 0.0
     data: str = "these runs"
 
 
@@ -186,11 +180,6 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
                 f"{size}, which is the most that the noise can be: runs that repeat would show it",
             )
         return "nothing_missing", "the residual is no more than noise and the model's own uncertainty"
-    if residual.outside > policy.outside:
-        return "unknown", (
-            "the effects found leave a residual that they would not leave if they were there, or are too many: "
-            f"something outside the catalogue is there with a probability of {residual.outside:.2f}"
-        )
     if (beyond or excess) and not gaps.helped(policy):
         return "unknown", f"the effects found hardly help on data left out of the fit: {size} remains"
     names = ", then ".join(" or ".join(map(spelled, s.members)) for s in steps)
@@ -228,23 +217,17 @@ def _percent(share: float) -> str:
     return f"{100 * share:.3g} %"
 
 
-def discount(
-    steps: Sequence[Step], verdict: str, residual: Residual, gaps: Gaps, policy: DiagnosisPolicy
-) -> tuple[Step, ...]:
+def discount(steps: Sequence[Step], verdict: str, gaps: Gaps, policy: DiagnosisPolicy) -> tuple[Step, ...]:
     """Give what is outside the catalogue its probability, taken from all names of each step.
 
     Where something unknown remains, no name may be near certain: it may stand in for what is not known. Beside a
-    remainder that is as likely as the share of the gap that remains, within ``partly_outside``; without one, where
-    nothing repeats, as it is that so many laws are the parts of one other.
+    remainder that is as likely as the share of the gap that remains, within ``partly_outside``.
     """
-    outside = residual.outside
     if verdict in ("unknown", "undecided"):
-        outside = max(outside, policy.outside)
+        outside = policy.outside
     elif verdict == "partly_named":
-        outside = max(outside, float(np.clip(gaps.remains(), *policy.partly_outside)))
+        outside = float(np.clip(gaps.remains(), *policy.partly_outside))
     else:
-        outside = max(outside, residual.series)
-    if outside < policy.least_outside:
         return tuple(steps)
     inside = 1 - outside
     later = []

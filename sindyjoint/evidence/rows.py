@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 
@@ -17,6 +18,7 @@ from sindyjoint.numeric import Array
 LENGTH = 0.05
 # Rows of a long run that are rotated together.
 PIECE = 160
+MOST_HATS = 400
 # Rows that a segment has at least.
 SHORTEST = 12
 
@@ -46,27 +48,25 @@ class Rotated:
 
     def __init__(self, run: Whitened, place: Array, cyclic: bool, size: float, segments: int = 1):
         self.run = run
-        count = place.size
-        segments = 1 if cyclic else max(1, min(segments, count // SHORTEST))
-        pieces = segments * max(1, round(count / PIECE / segments))
-        edges = np.round(np.linspace(0, count, pieces + 1)).astype(int)
-        plain = np.zeros((count, int(np.diff(edges).max())))
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
-            plain[low:high, : high - low] = np.linalg.cholesky(
-                _kernel(place[low:high], cyclic) + 1e-9 * np.eye(high - low)
-            )
-        # What a piece leaks into the rows after it through the whitening is left out: pieces are far longer.
-        whitened = run.white(size * plain)
-        rows = whitened.shape[0]
-        if rows != count:  # free motion: a row is no sample
-            segments = pieces = max(1, min(segments, rows // SHORTEST))
-            edges = np.round(np.linspace(0, rows, pieces + 1)).astype(int)
-        self._edges = edges
-        self.segment = np.repeat(np.arange(pieces) * segments // pieces, np.diff(edges))
+        rows = run.white(place).size
+        if rows == place.size:
+            self._edges = _edges(place.size, 1 if cyclic else segments, cyclic)
+            plain = np.zeros((place.size, int(np.diff(self._edges).max())))
+            for low, high in zip(self._edges[:-1], self._edges[1:], strict=True):
+                kernel = _kernel(place[low:high], cyclic) + 1e-9 * np.eye(high - low)
+                plain[low:high, : high - low] = np.linalg.cholesky(kernel)
+            # What a piece leaks into the rows after it through the whitening is left out: pieces are far longer.
+            white = run.white(size * plain)
+        else:  # free motion: a row is no sample, but a sum over many
+            self._edges = _edges(rows, segments, False)
+            white = run.white(size * _hats(place))
+        pieces = self._edges.size - 1
+        parts = 1 if cyclic else min(segments, pieces)
+        self.segment = np.repeat(np.arange(pieces) * parts // pieces, np.diff(self._edges))
         self._turns: list[Array] = []
         spread = []
         for low, high in zip(self._edges[:-1], self._edges[1:], strict=True):
-            left, singular, _ = np.linalg.svd(whitened[low:high], full_matrices=True)
+            left, singular, _ = np.linalg.svd(white[low:high], full_matrices=True)
             value = np.zeros(high - low)
             value[: singular.size] = singular**2
             self._turns.append(left.T)
@@ -78,6 +78,20 @@ class Rotated:
         white = self.run.white(rows)
         parts = zip(self._turns, self._edges[:-1], self._edges[1:], strict=True)
         return np.concatenate([turn @ white[low:high] for turn, low, high in parts])
+
+
+def _edges(rows: int, segments: int, whole: bool) -> NDArray[np.intp]:
+    """Return the ends of pieces of some rows, whole numbers of which are a segment."""
+    segments = max(1, min(segments, rows // SHORTEST))
+    pieces = 1 if whole else segments * max(1, round(rows / PIECE / segments))
+    return np.round(np.linspace(0, rows, pieces + 1)).astype(int)
+
+
+def _hats(place: Array) -> Array:
+    """Return hat functions as wide as a discrepancy keeps its sign, of which a smooth one is the sum."""
+    width = max(LENGTH, float(np.ptp(place)) / MOST_HATS)
+    middles = np.arange(float(place.min()), float(place.max()) + width, width)
+    return np.maximum(0.0, 1 - np.abs(place[:, None] - middles) / width)
 
 
 def _kernel(place: Array, cyclic: bool) -> Array:

@@ -13,22 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.evidence.policy import POLICY
 from sindyjoint.evidence.score import Evidence, Score
 from sindyjoint.numeric import Array
 
-#: Chance that something is added where there is nothing but noise, all candidates tried.
-ALPHA = 0.001
-# Simulated noise of which that is the quantile, and where its exponential tail begins.
+# Simulated noise of which the chance is a quantile, and where its exponential tail begins.
 SHAMS, TAIL = 60, 0.95
-# Standard deviations that a single group counts for at most.
-MOST_DEVIATE = 3.0
-# Share of the score within which columns err: where noise explains the rest, less is no further effect.
-LITTLE = 0.05
-# Prediction errors, RMS in units of what noise makes expected, up to which nothing more is called missing; and by which
-# share a member must make them smaller where more is.
-WITHIN, LEAST_HELP = 1.5, 0.1
+# Sets that are kept from round to round, and members that are added at most.
 BEAM, DEPTH = 5, 4
-# Of the candidates that lead a round so many have their numbers refined.
+# Of the sets that lead a round so many have the numbers of their last member refined.
 REFINED = 6
 
 
@@ -73,7 +66,7 @@ Refine = Callable[[Candidate, Sequence[int], float], Candidate]
 def deviate(rises: Array) -> float:
     """Return signed roots of twice each group's rise, clipped, as one normal deviate."""
     roots = np.sign(rises) * np.sqrt(2 * np.abs(rises))
-    clipped = np.clip(roots, -MOST_DEVIATE, MOST_DEVIATE)
+    clipped = np.clip(roots, -POLICY.most_deviate, POLICY.most_deviate)
     return float(clipped.sum() / np.sqrt(rises.size))
 
 
@@ -117,13 +110,13 @@ class Search:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Rise in nats, and deviate, that the best candidate exceeds by chance with a probability of ALPHA."""
+        """Rise in nats, and deviate, that the best candidate exceeds by chance with a probability of POLICY.chance."""
         if self._limits is None:
             places = [each.place for each in self.candidates]
             rises = self.evidence.chance_rises(self.base, places, SHAMS, 0)
-            total = np.quantile(rises.sum(axis=1), TAIL) + np.log((1 - TAIL) / ALPHA)
+            total = np.quantile(rises.sum(axis=1), TAIL) + np.log((1 - TAIL) / POLICY.chance)
             self._limits = (
-                max(float(total), float(np.log((1 - TAIL) / ALPHA))),
+                max(float(total), float(np.log((1 - TAIL) / POLICY.chance))),
                 float(np.quantile([deviate(each) for each in rises], TAIL)),
             )
         return self._limits
@@ -220,31 +213,37 @@ class Search:
                 continue
             fewer = self.chosen([m for m in found.members if m is not each])
             ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
-            if ratio > (1 - LEAST_HELP) ** 2:
+            if ratio > (1 - POLICY.least_help) ** 2:
                 return self.without_idle(fewer)
         return found
 
     def remains(self, found: Chosen) -> bool:
         """Return whether a set misses groups left out by more than noise makes expected."""
-        return bool(found.score.chi_square.sum() > WITHIN**2 * self.evidence.target.size)
+        return bool(found.score.chi_square.sum() > POLICY.within**2 * self.evidence.target.size)
 
     def enough(self, best: Chosen, later: Chosen, start: Chosen) -> bool:
-        """Return whether a set leaves no more than noise, and a larger one adds next to nothing to its score.
+        """Return whether a set leaves no more than noise and the errors of its columns, so that nothing is to be added.
 
-        Beside hysteresis, whose columns err at every reversal, as little is no further effect up to ``WITHIN`` noises.
+        Columns err by a share of what they explain. Where only noise is left, or next to it beside hysteresis, whose
+        columns err at every reversal, a larger set must add more than that to the score, too.
         """
-        if self.remains(best) or not (best.members or self.before):
+        if not (best.members or self.before):
+            return False
+        left, rows = best.score.chi_square.sum(), self.evidence.target.size
+        if left - rows < POLICY.column_error**2 * (start.score.chi_square.sum() - left):
+            return True
+        if self.remains(best):
             return False
         rise = later.score.total - best.score.total
-        if best.score.chi_square.sum() > self.evidence.target.size:
+        if left > rows:
             start = self.chosen([each for each in best.members if not each.hysteretic])
-        return rise < LITTLE * (best.score.total - start.score.total + self.before)
+        return bool(rise < POLICY.little * (best.score.total - start.score.total + self.before))
 
     def without_needless(self, found: Chosen) -> Chosen:
         """Return a set without the members that win nothing beside the others."""
         for each in found.members:
             fewer = self.chosen([m for m in found.members if m is not each])
-            if not self.wins(found, fewer):
+            if not self.wins(found, fewer) or self.enough(fewer, found, self.chosen(())):
                 return self.without_needless(fewer)
         return found
 
@@ -260,5 +259,5 @@ class Search:
 
     def alike(self, found: Chosen, other: Chosen) -> bool:
         """Return whether a set loses less to another than chance makes, and predicts as well."""
-        worse = other.score.chi_square.sum() * (1 - LEAST_HELP) ** 2 > found.score.chi_square.sum()
+        worse = other.score.chi_square.sum() * (1 - POLICY.least_help) ** 2 > found.score.chi_square.sum()
         return not self.wins(found, other) and not (worse and self.remains(other))

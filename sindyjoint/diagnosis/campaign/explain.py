@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.loop import Progress, step_of, with_gaps_renewed
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.evidence.score import Score
 from sindyjoint.evidence.search import Candidate, Chosen, Search, deviate
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
@@ -75,6 +76,45 @@ class Found:
         return self.least * len(self.rankings) - self.total * rows / self.rows
 
 
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """Where a search begins.
+
+    Parameters
+    ----------
+    work : Work
+    candidates : sequence of Effect
+    given : sequence of FittedEffect
+        Effects that are there in any case.
+    shifts : tuple of FittedEffect
+        Delays that were removed from the states, with their ``rankings``.
+    won : float
+        What they won, nats.
+    before : float, optional
+        Held-out χ² of the model alone, without them.
+    names : frozenset of str
+        What was found on the states before these.
+    """
+
+    work: Work
+    candidates: Sequence[Effect]
+    given: Sequence[FittedEffect]
+    shifts: tuple[FittedEffect, ...] = ()
+    rankings: tuple[Ranking[FittedEffect], ...] = ()
+    won: float = 0.0
+    before: float | None = None
+    names: frozenset[str] = frozenset()
+
+    def without(self, ids: Collection[str]) -> Begun:
+        """Return this less some candidates."""
+        return replace(self, candidates=[each for each in self.candidates if each.id not in ids])
+
+    def alone(self) -> Score:
+        """Return the score of the model with what is there in any case."""
+        ev = CampaignEvidence(self.work.plain, self.work.model, (), self.given)
+        return ev.evidence.score(ev.base)
+
+
 def find_effects(problem: Problem, most: int, say: Say) -> Found:
     """Return the best set of at most so many effects.
 
@@ -82,97 +122,85 @@ def find_effects(problem: Problem, most: int, say: Say) -> Found:
     that would come to only where it is small; so searches without a delay, and from the channels aligned first, stand
     beside.
     """
-    work, candidates = problem.work, problem.candidates
-    delayed = None if is_free(work.campaign) else with_delay(problem)
+    given = [each for each in problem.found if not each.shifts]
+    begun = Begun(problem.work, problem.candidates, given).without([each.name for each in problem.found])
+    settled = is_free(problem.work.campaign) or len(given) < len(problem.found)
+    delayed = None if settled else with_delay(problem)
     if delayed is None:
-        plain = _round(work, candidates, most, say, [], [])
+        plain = _found(begun, most, say)
         if not plain.shifts:
             return plain
-        ids = {each.name for each in plain.shifts}
-        others = [each for each in candidates if each.id not in ids]
-        found = [plain, _round(work, others, most, say, [], [])]
-        return min(found, key=lambda each: each.cost(plain.rows))
-    own, aligned_ = _in_common(work, delayed.problem.work)
-    plain = _round(own, [each for each in candidates if each.enters != "time shift"], most, say, [], [])
-    before, after = (_alone(each) for each in (own, aligned_))
-    ranking = Ranking((delayed.delay,), (delayed.belief,), 1 - delayed.belief, (delayed.delay,))
-    won = max(after[0] - before[0], 0.0)
-    straight = _round(aligned_, candidates, most, say, [delayed.delay], [ranking], won, before[1])
-    if straight.cost(plain.rows) < plain.cost(plain.rows):
-        return replace(straight, work=delayed.problem.work)
-    return replace(plain, work=work)
+        other = _found(begun.without([each.name for each in plain.shifts]), most, say)
+        return min(plain, other, key=lambda each: each.cost(plain.rows))
+    own, straight = _in_common(problem.work, delayed.problem.work)
+    begun = replace(begun, work=own).without([delayed.delay.name])
+    plain, before = _found(begun, most, say), begun.alone()
+    aligned_ = replace(
+        begun,
+        work=straight,
+        shifts=(delayed.delay,),
+        rankings=(Ranking((delayed.delay,), (delayed.belief,), 1 - delayed.belief, (delayed.delay,)),),
+        before=float(before.chi_square.sum()),
+    )
+    aligned_ = replace(aligned_, won=max(aligned_.alone().total - before.total, 0.0))
+    later = _found(aligned_, most, say)
+    if later.cost(plain.rows) < plain.cost(plain.rows):
+        return replace(later, work=delayed.problem.work)
+    return replace(plain, work=problem.work)
 
 
 def _in_common(one: Work, other: Work) -> tuple[Work, Work]:
     """Return two works with those samples alone that move in both: scores compare over the same rows."""
     moving = [a.moving & b.moving for a, b in zip(one.states, other.states, strict=True)]
-    return tuple(  # type: ignore[return-value]
-        each.again(
-            each.model,
-            (),
-            tuple(replace(s, moving=m) for s, m in zip(each.states, moving, strict=True)),
-        )
-        for each in (one, other)
-    )
+
+    def masked(work: Work) -> Work:
+        states = [replace(s, moving=m) for s, m in zip(work.states, moving, strict=True)]
+        return work.again(work.model, (), tuple(states))
+
+    return masked(one), masked(other)
 
 
-def _alone(work: Work) -> tuple[float, float, int]:
-    """Return score and held-out χ² of the model alone, and its rows."""
-    ev = CampaignEvidence(work.plain, work.model, ())
-    score = ev.evidence.score(ev.base)
-    return score.total, float(score.chi_square.sum()), ev.evidence.target.size
-
-
-def _round(
-    work: Work,
-    candidates: Sequence[Effect],
-    most: int,
-    say: Say,
-    shifts: list[FittedEffect],
-    rankings: list[Ranking[FittedEffect]],
-    won: float = 0.0,
-    first: float | None = None,
-    before: frozenset[str] = frozenset(),
-    rounds: int = ROUNDS,
-) -> Found:
-    """Return the best set on some states, from which delays were removed before."""
+def _found(begun: Begun, most: int, say: Say, rounds: int = ROUNDS) -> Found:
+    """Return the best set on some states; where it corrects a channel, on the states that are made again with that."""
     say("trying sets of effects")
-    taken = {each.name for each in shifts}
-    ev = CampaignEvidence(work.plain, work.model, [e for e in candidates if e.id not in taken])
-    search = ev.search(won)
-    none = search.chosen(())
-    first = mean_square(none) if first is None else first
-    best = simplest(search, search.run(most=most - len(shifts)))
+    work = begun.work
+    ev = CampaignEvidence(work.plain, work.model, begun.candidates, begun.given)
+    search = ev.search(begun.won)
+    before = float(search.chosen(()).score.chi_square.sum()) if begun.before is None else begun.before
+    best = simplest(search, search.run(most=most - len(begun.shifts)))
     fitted = ev.fitted(best)
-    ranked_here = [ranked(ev, search, best, member) for member in best.members]
+    rankings = [ranked(ev, search, best, member) for member in best.members]
     moved = [i for i, each in enumerate(fitted) if each.shifts]
-    keep = [i for i, each in enumerate(fitted) if not each.shifts]
-    others = [fitted[i] for i in keep]
+    others = [each for each in fitted if not each.shifts]
     corrected = bool(moved) or any(each.effect.enters != "moment" for each in fitted)
-    if not corrected or rounds == 1 or (best.names == before and not moved):
+    if not corrected or rounds == 1 or (best.names == begun.names and not moved):
         return Found(
             work,
-            shifts,
+            [*begun.shifts],
             others,
-            [*rankings, *(ranked_here[i] for i in keep)],
-            (first, mean_square(best)),
+            [*begun.rankings, *(r for r, each in zip(rankings, fitted, strict=True) if not each.shifts)],
+            (before, float(best.score.chi_square.sum())),
             search.limits[0],
             best.score.total,
             ev.evidence.target.size,
         )
+    won, shifts = begun.won, [*begun.shifts]
     for i in moved:
         without = search.chosen([m for m in best.members if m is not best.members[i]])
         won += best.score.total - without.score.total
-        work, shift = aligned(work, others, fitted[i])
-        shifts, rankings = [*shifts, shift], [*rankings, ranked_here[i]]
-    later = refit(work.plain, work.model, others, keeping(work.policy))
-    work = work.again(later.model, later.effects)
-    return _round(work, candidates, most, say, shifts, rankings, won, first, best.names, rounds - 1)
-
-
-def mean_square(found: Chosen) -> float:
-    """Return held-out χ² per group-weighted row."""
-    return float(found.score.chi_square.sum())
+        work, shift = aligned(work, [*begun.given, *others], fitted[i])
+        shifts.append(shift)
+    later = refit(work.plain, work.model, [*begun.given, *others], keeping(work.policy))
+    again = replace(
+        begun.without([shift.name for shift in shifts]),
+        work=work.again(later.model, later.effects),
+        shifts=tuple(shifts),
+        rankings=(*begun.rankings, *(rankings[i] for i in moved)),
+        won=won,
+        before=before,
+        names=best.names,
+    )
+    return _found(again, most, say, rounds - 1)
 
 
 def cost(member: Candidate) -> tuple[int, bool]:
@@ -230,7 +258,8 @@ def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
     problem = replace(problem, search=Searched(*found.misfit, found.rows, cost))
     if not found.rankings:
         return replace(begun, problem=problem)
-    work, repaired = fitted_together(found.work, found.shifts, found.effects)
+    moved, given = ([e for e in problem.found if e.shifts is kind] for kind in (True, False))
+    work, repaired = fitted_together(found.work, [*moved, *found.shifts], [*given, *found.effects])
     problem = replace(problem, work=work, repaired=repaired)
     rankings = found.rankings
     if problem.zero:

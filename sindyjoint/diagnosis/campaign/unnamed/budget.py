@@ -9,13 +9,6 @@ from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.unnamed.prediction import KINDS, Prediction
 
 
-def explained_by_state(problem: GapRegression) -> float:
-    """Return the share of χ² that a surface over (θ, θ̇) predicts on rows left out, from 0 to 1."""
-    prediction = Prediction(problem)
-    before, after = prediction.base, prediction.best("state").error
-    return float(np.clip((before - after) / before, 0.0, 1.0)) if before > 0 else 0.0
-
-
 def shares(problem: GapRegression, noise: float, measured: bool = False) -> dict[str, float]:
     """Return what each kind of law explains of the gap beyond noise, from 0 to 1, by kind; their sum is at most one.
 
@@ -63,16 +56,3 @@ def make_budget(
 ) -> Budget:
     """Return the budget of a gap, of which the regression (without the drift of a channel) explains shares."""
     return divide_gap(total, noise, processing, lambda share: shares(problem, share, measured), drift)
-
-
-def unexplained_once(initial: float, final: float, noise: float, regression: GapRegression) -> float:
-    """Return the share of a gap that effects leave where nothing repeats: what a law without memory could still win.
-
-    Cross-validated, of relative RMS values. Where no noise is known none is subtracted: what a law could win is then
-    not booked as noise.
-    """
-    noise = float(np.nan_to_num(noise))
-    beyond = initial**2 - noise**2
-    if beyond <= 0 or final <= regression.policy.significant_gap * noise:
-        return 0.0
-    return float(np.clip(explained_by_state(regression) * (final**2 - noise**2) / beyond, 0.0, 1.0))
