@@ -146,13 +146,8 @@ class Problem(Protocol):
         """Return the problem after a last refinement of its numbers."""
         return self
 
-    def other_starts(
-        self, straight: Self, last: Self, say: Say, whole: bool = False
-    ) -> Iterator[Start[Self]]:
-        """Yield other starts worth a search, where the one from the model as it was given ended in ``last``.
-
-        Where nothing is left to explain (``whole``), only those with the channels put right.
-        """
+    def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
+        """Yield other starts worth a search, where that from the model as it was given left a remainder in ``last``."""
         return iter(())
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:

@@ -121,26 +121,13 @@ class Evidence:
         """Return the score of a set of columns."""
         key = tuple(sorted(chosen))
         if key not in self._found:
-            self._found[key] = self.scores(key, [])[0]
+            X, y, weights = self._rows(key), self.target[self._order[0]], self._weights[:, self._order[0]]
+            parts = self._parts
+            product = np.array([[(X[p] * w[p, None]).T @ X[p] for p in parts] for w in weights])
+            right = np.array([[X[p].T @ (w[p] * y[p]) for p in parts] for w in weights])
+            square = np.array([[y[p] @ (w[p] * y[p]) for p in parts] for w in weights])
+            (self._found[key],) = self._densities(product[:, :, None], right[:, :, None], square, slice(None))
         return self._found[key]
-
-    def scores(self, chosen: Sequence[int], further: Sequence[Sequence[int]]) -> list[Score]:
-        """Return the scores of a set with each of some sets of further columns; of itself where there are none."""
-        sets = [[*chosen, *each] for each in further] or [list(chosen)]
-        found: list[Score] = []
-        for size in sorted({len(each) for each in sets}):
-            places = [i for i, each in enumerate(sets) if len(each) == size]
-            found += [(i, s) for i, s in zip(places, self._scored([sets[i] for i in places]), strict=True)]
-        return [s for _, s in sorted(found, key=lambda each: each[0])]
-
-    def _scored(self, sets: Sequence[Sequence[int]]) -> list[Score]:
-        """Return the scores of sets of the same number of columns."""
-        places = np.array(sets, dtype=int)
-        used, where = np.unique(places, return_inverse=True)
-        where = where.reshape(places.shape)
-        matrix, moment, square = self._products(used, slice(None))
-        product = matrix[:, :, where[:, :, None], where[:, None, :]]  # (s, g, sets, k, k)
-        return self._densities(product, moment[:, :, where], square, slice(None))
 
     def beside(self, chosen: Sequence[int], others: Sequence[int], most: float) -> list[Score]:
         """Return the scores of a set with each of some other columns, for discrepancies up to ``most``."""
@@ -226,16 +213,6 @@ class Evidence:
         chi -= np.einsum("cgjk,gjkl,cgjl->cgj", error, wide, error)
         volume = np.linalg.slogdet(others + product)[1] - np.linalg.slogdet(others)[1]
         return -0.5 * (chi + volume)
-
-    def _products(self, used: NDArray[np.intp], sizes: Sizes) -> tuple[Array, Array, Array]:
-        """Return X'WX, X'Wy and y'Wy of each size and group: (s, g, p, p), (s, g, p), (s, g)."""
-        order, _ = self._order
-        X, y, weights = self._rows(used), self.target[order], self._weights[sizes][:, order]
-        parts = self._parts
-        matrix = [[(X[p] * w[p, None]).T @ X[p] for p in parts] for w in weights]
-        moment = [[X[p].T @ (w[p] * y[p]) for p in parts] for w in weights]
-        square = [[y[p] @ (w[p] * y[p]) for p in parts] for w in weights]
-        return np.array(matrix), np.array(moment), np.array(square)
 
     def fit(self, chosen: Sequence[int], size: float) -> Array:
         """Return the coefficients of columns, from all rows weighted by a size of the discrepancy."""
