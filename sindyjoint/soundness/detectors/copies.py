@@ -141,7 +141,7 @@ def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     loud = [r for r in dense if any(c.noise > 0 for c in r.alive)]
     for record in loud if words.structure else ():
         for one, two in combinations(record.alive, 2):
-            gain = _gain_of_copy(one.values, two.values)
+            gain = _gain_of_copy(one.values, two.values, computed=True)
             if gain is None and not np.array_equal(one.values, two.values):
                 continue
             times = "" if gain is None else f" times {gain:.4g}, noise included"
@@ -170,13 +170,17 @@ def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             )
 
 
-def _gain_of_copy(one: Array, other: Array) -> float | None:
-    """Return the factor by which a channel is another one, noise included; None where it is not, or is the same."""
+def _gain_of_copy(one: Array, other: Array, computed: bool = False) -> float | None:
+    """Return the factor by which a channel is another one, noise included; None where it is not, or is the same.
+
+    Proportional to the last digit, without noise, is what was ``computed`` from another one of its record; of two runs
+    a motion that was prescribed is so, too.
+    """
     if one.size != other.size or np.array_equal(one[:LOOKED_AT], other[:LOOKED_AT]):
         return None
     one, other = one[:LOOKED_AT], other[:LOOKED_AT]
     gain = float(one @ other) / float(one @ one)
-    if np.abs(other - gain * one).max() <= PROPORTIONAL * np.abs(other).max():
+    if computed and np.abs(other - gain * one).max() <= PROPORTIONAL * np.abs(other).max():
         return gain
     patterns = [noise_pattern(values) for values in (one, other)]
     if patterns[0] is None or patterns[1] is None:
