@@ -40,11 +40,15 @@ class Score:
         Squared prediction errors in units of what noise alone, and the uncertainty of the coefficients, make expected.
     size : float
         Of the discrepancy, relative to the RMS of the moment.
+    excess : float
+        Mean square of the prediction errors in units of noise and discrepancy together: above one, there is more noise
+        than was measured, or not of its kind.
     """
 
     by_group: Array
     chi_square: Array
     size: float
+    excess: float
 
     @property
     def total(self) -> float:
@@ -166,13 +170,15 @@ class Evidence:
         chi = plain - np.einsum("sgjk,sgjk->sgj", error, np.linalg.solve(together, error[..., None])[..., 0])
         volume = np.linalg.slogdet(together)[1] - np.linalg.slogdet(others)[1]
         log_density = -0.5 * (chi + volume + self._volume[sizes][:, :, None])
-        best = np.argmax(log_density.sum(axis=1), axis=0)  # per set
+        best, rows = np.argmax(log_density.sum(axis=1), axis=0), self.target.size  # per set
         return [
-            Score(log_density[s, :, j], chi[0, :, j], float(SIZES[sizes][s]))
+            Score(
+                log_density[s, :, j], chi[0, :, j], float(SIZES[sizes][s]), float(chi[s, :, j].sum()) / rows
+            )
             for j, s in enumerate(best.tolist())
         ]
 
-    def _rows(self, places: Sequence[int] | NDArray[np.intp]) -> Array:
+    def _rows(self, places: Sequence[int]) -> Array:
         """Return some columns, group by group, shape (n, k)."""
         order, _ = self._order
         return self._columns[np.asarray(places, dtype=int)][:, order].T

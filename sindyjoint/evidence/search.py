@@ -97,6 +97,8 @@ class Search:
         Returns a candidate with its numbers refined beside some columns.
     before : float
         What corrections of the channels have won before, nats.
+    sure : bool
+        Whether repetition has measured the noise of every row.
     """
 
     evidence: Evidence
@@ -104,6 +106,7 @@ class Search:
     candidates: list[Candidate]
     refine: Refine
     before: float = 0.0
+    sure: bool = True
     _limits: tuple[float, float] | None = field(init=False, default=None)
     _rivals: dict[Any, list[Chosen]] = field(init=False, default_factory=dict)
     _refined: list[Candidate] = field(init=False, default_factory=list)
@@ -122,9 +125,12 @@ class Search:
         return self._limits
 
     def wins(self, later: Chosen, fewer: Chosen) -> bool:
-        """Return whether a set wins over one with less in it by more than chance, for each member that it has more."""
+        """Return whether a set wins over one with less in it by more than chance, for each member that it has more.
+
+        Errors beyond noise and discrepancy count as noise.
+        """
         least, need = self.limits
-        rises = later.score.by_group - fewer.score.by_group
+        rises = (later.score.by_group - fewer.score.by_group) / max(later.score.excess, 1.0)
         more = max(len(later.members) - len(fewer.members), 1)
         return bool(rises.sum() > more * least and deviate(rises) > need)
 
@@ -187,10 +193,10 @@ class Search:
             for each in sorted(pool, key=lambda each: -each.score.total):
                 distinct.setdefault(each.names, each)
             leading = list(distinct.values())
-            rise = leading[0].score.total - best.score.total if leading else 0.0
-            beam = self.with_numbers(leading, best.score.total + max(0.5 * rise, 0.4 * self.limits[0]))[:BEAM]
-            if not beam:
+            if not leading:
                 break
+            rise = leading[0].score.total - best.score.total
+            beam = self.with_numbers(leading, best.score.total + max(0.5 * rise, 0.4 * self.limits[0]))[:BEAM]
             if self.wins(beam[0], best) and not self.enough(best, beam[0], start):
                 best, idle = self.without_needless(beam[0]), 0
                 if len(best.members) < len(beam[0].members):
@@ -204,9 +210,9 @@ class Search:
     def without_idle(self, found: Chosen) -> Chosen:
         """Return a set less the members that hardly make the prediction better, where a remainder is left in any case.
 
-        Beside what nothing explains such a member stands in for a part of it.
+        Beside what nothing explains such a member stands in for a part of it; so it may where the noise is not sure.
         """
-        if not self.remains(found):
+        if self.sure and not self.remains(found):
             return found
         for each in found.members[::-1]:
             if each.corrects:  # a correction shows when the states are made again

@@ -4,8 +4,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from sindyjoint.diagnosis.loop import add_effects
 from sindyjoint.diagnosis.policy import CAMPAIGN
-from sindyjoint.diagnosis.problem import Added, Proposal, Start
+from sindyjoint.diagnosis.problem import Added, Start
 from sindyjoint.diagnosis.ranking import EvidenceScale, rank
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.diagnosis.verdict import Residual
@@ -23,20 +24,16 @@ class Effect:
 
 @dataclass(frozen=True)
 class Made:
-    """Effects that each bring the gap to a figure of their own; ``second`` is proposed as the other of a pair."""
+    """Effects that each bring the gap to a figure of their own."""
 
     candidates: tuple
     found: tuple = ()
     gap: Gap = Gap(1.0, 1.0, 1.0)
-    noise_measured: bool = False
     is_noise: bool = False
-    paired: tuple = ()
     needless: str = ""
-    dropped: tuple = ()
     policy: object = CAMPAIGN
-    impossible: tuple = ()
     noise: float = 0.0001
-    swallowed: tuple = ()
+    dropped = ()
 
     @property
     def parameters(self):
@@ -45,41 +42,27 @@ class Made:
     def floor(self):
         return Gap(self.noise, self.noise)
 
-    def replaced(self, name, other):
-        found = (*(f for f in self.found if f.name != name), other)
-        return replace(self, found=found, gap=other.gap, dropped=self.swallowed)
+    def searched(self, begun, most, say, search):
+        return add_effects(begun, most, say, search)
 
-    def propose(self, refused, pairs, say):
+    def cost(self):
+        return float(np.log(self.gap.moment))
+
+    def propose(self, refused, say):
         open_ones = [c for c in self.candidates if c.name not in refused and c not in self.found]
         if not open_ones:
             return None
         scale = EvidenceScale(2000.0, 1000.0, 1000.0, 0.0)
-        ranking = rank(open_ones, [1] * len(open_ones), scale, self.policy)
-        return Proposal(ranking, pairs and ranking.fitted[0].name in self.paired)
-
-    def complaint(self, candidate=None):
-        return (
-            f"{candidate.name} pushes" if candidate is not None and candidate.name in self.impossible else ""
-        )
+        return rank(open_ones, [1] * len(open_ones), scale, self.policy)
 
     def add(self, best):
         if np.isnan(best.gap.moment):
             return None
-        again = {self.needless: None} if self.needless in [f.name for f in self.found] else {}
-        found = (*(f for f in self.found if f.name not in again), best)
-        return Added(replace(self, found=found, gap=best.gap), again)
-
-    def zero_errors(self, refused):
-        return None
-
-    def without_delay(self):
-        return None
-
-    def ranked_again(self, name, members):
-        return None
-
-    def gap_without(self, names):
-        return self.gap
+        needless = [f.name for f in self.found if f.name == self.needless]
+        found = (*(f for f in self.found if f.name not in needless), best)
+        # What is needless explains nothing any more.
+        candidates = tuple(c for c in self.candidates if c.name not in needless)
+        return Added(replace(self, candidates=candidates, found=found, gap=best.gap), needless)
 
     def units(self, fitted):
         return {}
@@ -109,11 +92,11 @@ class Based(Made):
     def zero_start(self, straight, last, say):
         return None
 
-    def other_starts(self, straight, last, say, whole=False):
-        return iter([Start(self.other, (), "another base", self)] if self.other and not whole else [])
+    def other_starts(self, straight, last, say):
+        return iter([Start(self.other, (), "another base", self)] if self.other else [])
 
     def residual(self, straight):
-        return Residual(0.0, 1.0, 0.0)
+        return Residual(0.0, 1.0)
 
     def uncertainty(self):
         return Gap(0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The loop of a diagnosis on a problem made by hand: what is accepted, refused, taken back, and why it stops."""
+"""The greedy search and the verdict on a problem made by hand: what is added and taken back, and what it is called."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -7,15 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis.strategies import booleans, floats, just, one_of, tuples
 
-from sindyjoint.diagnosis.loop import (
-    Outcome,
-    Progress,
-    add_effects,
-    led_by,
-    other_members,
-    try_effect,
-    without_needless_delay,
-)
+from sindyjoint.clock import Portion
+from sindyjoint.diagnosis.loop import Progress, add_effects
 from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE
 from sindyjoint.diagnosis.ranking import EvidenceScale, rank
 from sindyjoint.diagnosis.result import Gap
@@ -24,89 +17,61 @@ from sindyjoint.policy import described
 from tests.diagnosis.handmade_problem import Effect, Made
 
 
-def outcome(**changes):
+def added(most=4, **changes):
     problem = Made(**changes)
-    return try_effect(Progress(problem, problem.gap), frozenset(), 4, lambda words: None)
+    search = Portion(np.inf, np.inf)
+    return add_effects(Progress(problem, problem.gap), most, lambda words: None, search).steps
 
 
-def added(**changes):
-    problem = Made(**changes)
-    return [s.effect for s in add_effects(Progress(problem, problem.gap), 4, lambda words: None).steps]
+def names(**changes):
+    return [step.effect for step in added(**changes)]
 
 
 GOOD, NAN = Gap(0.5, 0.5, 0.5), float("nan")
 
 
-@pytest.mark.parametrize(
-    ("gain", "gap", "measured", "expected", "reason"),
-    [
-        (500.0, GOOD, False, Outcome.ACCEPT, "gap falls"),
-        (1.0, GOOD, False, Outcome.STOP, "nothing is believed"),
-        (500.0, Gap(3.0, 1.0, 1.0), False, Outcome.REFUSE, "left out"),
-        (500.0, Gap(0.9, 2.0, 0.9), False, Outcome.REFUSE, "response worse"),
-        # A response that is worse is the price of a moment that is much better.
-        (500.0, Gap(0.5, 2.0, 0.5), False, Outcome.ACCEPT, "gap falls"),
-        (500.0, Gap(0.99, 1.0, 0.99), False, Outcome.STOP, "wins nothing"),
-        (500.0, Gap(0.99, 1.0, 0.99), True, Outcome.ACCEPT, "gap falls"),
-        (500.0, Gap(NAN, NAN, NAN), False, Outcome.REFUSE, "fit fails"),
-    ],
-)
-def test_a_round_says_what_it_came_to_and_why(gain, gap, measured, expected, reason):
-    tried = outcome(candidates=(Effect("one", gain, gap),), noise_measured=measured)
-    assert tried.outcome is expected and reason in tried.reason
-    assert (tried.progress is not None) is (expected is Outcome.ACCEPT)
+def test_after_a_fit_that_fails_the_next_effect_has_its_turn():
+    bad, good = Effect("bad", 600.0, Gap(NAN, NAN, NAN)), Effect("good", 500.0, GOOD)
+    assert names(candidates=(bad, good)) == ["good"]
+    worse = [Effect(f"bad{i}", 900.0 - i, Gap(NAN, NAN, NAN)) for i in range(3)]
+    assert names(candidates=(*worse, good)) == []  # two are refused, the third ends it
 
 
-def test_an_impossible_candidate_leaves_its_place_to_one_that_is_as_good_or_ends_the_search():
-    one, two = Effect("one", 600.0, GOOD), Effect("two", 599.0, GOOD)
-    tried = outcome(candidates=(one, two), impossible=("one",))
-    (step,) = tried.progress.steps
-    assert step.effect == "two" and step.members == ("two",) and not step.rivals
-    assert step.probability == pytest.approx(1.0, abs=1e-6)
-    far = outcome(candidates=(one, replace(two, gain=400.0)), impossible=("one",))
-    assert far.outcome is Outcome.STOP and "one pushes" in far.reason
-
-
-def test_after_a_refusal_the_next_effect_has_its_turn():
-    bad, good = Effect("bad", 600.0, Gap(3.0, 1.0, 1.0)), Effect("good", 500.0, GOOD)
-    assert added(candidates=(bad, good)) == ["good"]
-    worse = [Effect(f"bad{i}", 900.0 - i, Gap(3.0, 1.0, 1.0)) for i in range(3)]
-    assert added(candidates=(*worse, good)) == []  # two are refused, the third ends it
-
-
-def test_the_first_of_a_pair_goes_where_the_second_never_comes():
-    first = Effect("first", 600.0, Gap(1.0, 1.0, 1.0))
-    assert added(candidates=(first, Effect("second", 500.0, GOOD)), paired=("first",)) == ["first", "second"]
-    vain = Effect("second", 500.0, Gap(0.99, 1.0, 1.0))
-    assert added(candidates=(first, vain), paired=("first",)) == []
-
-
-def test_no_search_ends_with_a_worse_response_than_it_began_with_beside_a_remainder():
-    better = Effect("better", 600.0, Gap(0.8, 0.8, 0.8))
-    worse = Effect("worse", 500.0, Gap(0.3, 1.5, 0.3))
-    assert added(candidates=(better, worse)) == ["better"]
-    assert added(candidates=(better, replace(worse, gap=Gap(0.3, 0.9, 0.3)))) == ["better", "worse"]
-    # What explains the moment is reported, and that the response grows beside it; so is what noise explains.
-    assert added(candidates=(better, worse), noise=0.25) == ["better", "worse"]
+def test_a_step_tells_the_gap_that_it_leads_down_from_and_no_more_steps_are_taken_than_asked_for():
+    one, two = Effect("one", 600.0, GOOD), Effect("two", 500.0, Gap(0.1, 0.1, 0.1))
+    first, second = added(candidates=(one, two))
+    assert (first.gap_before, first.gap_after) == (Gap(1.0, 1.0, 1.0), one.gap)
+    assert (second.gap_before, second.gap_after) == (one.gap, two.gap)
+    assert names(candidates=(one, two), most=1) == ["one"]
 
 
 def test_an_effect_that_a_later_one_makes_needless_leaves_the_steps():
     early, late = Effect("early", 600.0, GOOD), Effect("late", 500.0, Gap(0.1, 0.1, 0.1))
-    assert added(candidates=(early, late)) == ["early", "late"]
-    assert added(candidates=(early, late), needless="early") == ["late"]
+    assert names(candidates=(early, late)) == ["early", "late"]
+    (step,) = added(candidates=(early, late), needless="early")
+    assert step.effect == "late" and step.gap_before == Gap(1.0, 1.0, 1.0)
 
 
 def test_nothing_is_searched_once_the_residual_is_surely_noise():
     one = Effect("one", 600.0, GOOD)
-    assert added(candidates=(one, replace(one, name="two", gap=Gap(0.1, 0.1, 0.1))), is_noise=True) == ["one"]
+    two = replace(one, name="two", gap=Gap(0.1, 0.1, 0.1))
+    assert names(candidates=(one, two), is_noise=True) == ["one"]
 
 
-def test_the_limits_of_the_policy_decide():
+def test_nothing_is_added_that_is_not_believed():
     one = Effect("one", 600.0, GOOD)
-    assert added(candidates=(one,), policy=replace(CAMPAIGN, belief=1.1)) == []
-    weak = replace(one, gap=Gap(0.99, 1.0, 1.0))
-    assert added(candidates=(weak,)) == []
-    assert added(candidates=(weak,), policy=replace(CAMPAIGN, least_gain=0.005), noise=1.0) == ["one"]
+    assert names(candidates=(one,), policy=replace(CAMPAIGN, belief=1.1)) == []
+    assert names(candidates=(replace(one, gain=1.0),)) == []
+    assert names(candidates=(replace(one, gain=1.0),), policy=replace(CAMPAIGN, belief=0.0)) == ["one"]
+
+
+def test_a_search_whose_gap_ends_larger_than_it_began_is_taken_back():
+    worse = Effect("worse", 500.0, Gap(1.1, 0.9, 0.9))
+    assert names(candidates=(worse,)) == []
+    better, last = Effect("better", 600.0, GOOD), Effect("last", 400.0, Gap(0.3, 0.3, 0.3))
+    assert names(candidates=(better, worse)) == ["better"]
+    # A step that makes it larger stays where a later one leads it further down.
+    assert names(candidates=(better, worse, last)) == ["better", "worse", "last"]
 
 
 def test_what_remains_is_a_share_of_the_mean_square_or_of_the_rms():
@@ -116,9 +81,8 @@ def test_what_remains_is_a_share_of_the_mean_square_or_of_the_rms():
     assert share_beyond_noise(before, (1200.0, 1000.0), CAMPAIGN) == 0.0
 
 
-def one_step(gap=GOOD):
-    problem = Made((Effect("one", 600.0, gap),))
-    return add_effects(Progress(problem, problem.gap), 4, lambda words: None).steps
+def one_step():
+    return added(candidates=(Effect("one", 600.0, GOOD),))
 
 
 def gaps(initial, final, floor, response=(1.0, 0.2, 0.1), unsure=(0.0, 0.0)):
@@ -142,7 +106,6 @@ SMALL, LARGE = Residual(0.0, 0.15), Residual(0.9, 0.15)
         (True, SMALL, gaps(0.5, 0.3, FLOOR), "partly_named"),
         (True, SMALL, gaps(0.5, 0.48, FLOOR), "unknown"),
         (True, LARGE, gaps(0.5, 0.12, FLOOR), "partly_named"),
-        (True, replace(SMALL, outside=0.7), gaps(0.5, 0.11, FLOOR), "unknown"),
         (True, SMALL, gaps(0.5, 0.11, NAN), "undecided"),
         (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, NAN, 0.1)), "partly_named"),
         (True, SMALL, gaps(0.5, 0.11, FLOOR, (1.0, 1.2, 0.1)), "partly_named"),
@@ -193,29 +156,27 @@ def test_names_beside_a_remainder_state_it_and_are_less_sure():
     assert "a gap of 30 % where the noise floor is 10 %" in reason and reason.startswith(
         "one explains a part"
     )
-    (step,) = discount(steps, verdict, SMALL, figures, CAMPAIGN)
+    (step,) = discount(steps, verdict, figures, CAMPAIGN)
     assert step.probability == pytest.approx(0.5 * steps[0].probability)
     # A fiftieth of the gap's mean square remains: the name loses a quarter, and never less.
-    (step,) = discount(steps, verdict, SMALL, gaps(0.8, 0.16, FLOOR), CAMPAIGN)
+    (step,) = discount(steps, verdict, gaps(0.8, 0.16, FLOOR), CAMPAIGN)
     assert step.probability == pytest.approx(0.75 * steps[0].probability)
     for word in ("unknown", "undecided"):
-        (step,) = discount(steps, word, SMALL, figures, CAMPAIGN)
+        (step,) = discount(steps, word, figures, CAMPAIGN)
         assert dict(step.rivals)["unknown"] == 0.5
-    assert discount(steps, "named", SMALL, figures, CAMPAIGN) == steps
+    assert discount(steps, "named", figures, CAMPAIGN) == steps
 
 
 FIGURE = floats(0.001, 2.0)
 GAP = tuples(FIGURE, one_of(FIGURE, just(NAN)))
 
 
-@given(
-    GAP, GAP, GAP, tuples(floats(0.0, 0.5), floats(0.0, 0.5)), floats(0.0, 1.0), floats(0.0, 1.0), booleans()
-)
-def test_no_verdict_says_more_than_its_figures(initial, final, floor, unsure, share, outside, found):
+@given(GAP, GAP, GAP, tuples(floats(0.0, 0.5), floats(0.0, 0.5)), floats(0.0, 1.0), booleans())
+def test_no_verdict_says_more_than_its_figures(initial, final, floor, unsure, share, found):
     """Whatever the figures: *nothing missing*, *named* and *ambiguous* within the factors of what is no model's."""
     figures = Gaps(*(Gap(*each) for each in (initial, final, floor, unsure)))
     steps = one_step() if found else ()
-    verdict, _ = judge(steps, residual := Residual(share, 0.15, outside), figures, CAMPAIGN)
+    verdict, _ = judge(steps, Residual(share, 0.15), figures, CAMPAIGN)
     (moment, response), policy = final, CAMPAIGN
     least = [
         np.sqrt(floor[i] ** 2 + unsure[i] ** 2 + policy.processing_error**2) * (1 + 1e-12) for i in (0, 1)
@@ -228,7 +189,7 @@ def test_no_verdict_says_more_than_its_figures(initial, final, floor, unsure, sh
         assert not (response > initial[1] and response > policy.within_floors * noise * (1 + 1e-12))
         assert np.isfinite(response) or not found
     assert (verdict == "nothing_missing") <= (not found)
-    named = discount(steps, verdict, residual, figures, policy)
+    named = discount(steps, verdict, figures, policy)
     if verdict not in ("named", "ambiguous"):
         assert all(step.probability <= 0.75 for step in named)
 
@@ -281,86 +242,3 @@ def test_the_shipped_laws_name_special_cases_that_are_there():
     for name, specials in nested.items():
         fewest = min(v.degrees for v in effects[name].variants)
         assert all(fewest > v.degrees for special in specials for v in effects[special].variants)
-
-
-def test_beside_a_remainder_an_effect_at_the_end_that_hardly_helps_is_no_name():
-    great = Effect("great", 900.0, Gap(0.5, 0.5, 0.5))
-    idle = Effect("idle", 500.0, Gap(0.48, 0.47, 0.4))
-    useful = Effect("useful", 400.0, Gap(0.48, 0.3, 0.4))
-    assert added(candidates=(great, idle)) == ["great"]
-    assert added(candidates=(great, useful)) == ["great", "useful"]
-    # Where no remainder is left it has explained the last of the gap.
-    assert added(candidates=(great, idle), noise=0.4) == ["great", "idle"]
-
-
-def test_a_law_found_first_may_give_its_place_to_another_of_its_class_and_later_gaps_are_told_anew():
-    first, alike = (
-        Effect("first", 500.0, Gap(0.5, 0.5, 0.5)),
-        Effect("alike", 499.0, Gap(0.3, 0.4, 0.4)),
-    )
-    last = Effect("last", 300.0, Gap(0.4, 0.3, 0.3))
-    problem = Made(candidates=(first, alike, last))
-    say = lambda words: None  # noqa: E731
-    one = try_effect(Progress(problem, problem.gap), frozenset(), 2, say).progress
-    two = try_effect(one, frozenset({"alike"}), 2, say).progress
-    assert [s.effect for s in two.steps] == ["first", "last"]
-    (other,) = (led_by(two, *each) for each in other_members(two))
-    assert [s.effect for s in other.steps] == ["alike", "last"]
-    assert other.steps[1].gap_before == other.steps[0].gap_after and other.steps[0].gap_before == problem.gap
-
-
-def test_a_delay_goes_that_the_law_found_does_not_need():
-    delay, law = Effect("delay", 500.0, GOOD), Effect("law", 400.0, Gap(0.1, 0.1, 0.1))
-
-    @dataclass(frozen=True)
-    class Late(Made):
-        other: Gap = Gap(0.1, 0.1, 0.1)
-        numbers: int = 0
-
-        def without_delay(self):
-            return replace(self, found=(law,), gap=self.other), "delay"
-
-    problem = Late(candidates=(delay, law))
-    here = add_effects(Progress(problem, problem.gap), 4, lambda words: None)
-    assert [s.effect for s in here.steps] == ["delay", "law"]
-    (step,) = without_needless_delay(here).steps
-    assert step.effect == "law" and step.gap_before == problem.gap
-    needed = replace(here, problem=replace(here.problem, other=Gap(0.2, 0.1, 0.1)))
-    assert without_needless_delay(needed) is needed
-
-
-def test_a_zero_error_is_told_beside_a_law_that_is_refused():
-    zero, spring = Effect("zero", 300.0, GOOD), Effect("spring", 600.0, GOOD)
-
-    @dataclass(frozen=True)
-    class Shifted(Made):
-        def zero_errors(self, refused):
-            return rank([zero], [1], EvidenceScale(2000.0, 1000.0, 1000.0, 0.0), self.policy)
-
-    problem = Shifted(candidates=(spring, zero), impossible=("spring",))
-    tried = try_effect(Progress(problem, problem.gap), frozenset(), 4, lambda words: None)
-    assert tried.outcome is Outcome.ACCEPT and tried.effect == "zero"
-
-
-def test_many_laws_that_leave_nothing_may_be_parts_of_one():
-    steps, figures = one_step(), gaps(0.5, 0.1, FLOOR)
-    (step,) = discount(steps, "named", replace(SMALL, series=0.4), figures, CAMPAIGN)
-    assert step.probability == pytest.approx(0.6 * steps[0].probability)
-    assert dict(step.rivals)["unknown"] == 0.4
-
-
-def test_the_members_of_the_last_class_are_tried_in_its_place():
-    first = Effect("first", 500.0, Gap(0.5, 0.5, 0.5))
-    alike = Effect("alike", 499.0, Gap(0.3, 0.4, 0.4))
-    problem = Made(candidates=(first, alike), impossible=("none",))
-    here = try_effect(Progress(problem, problem.gap), frozenset(), 1, lambda words: None).progress
-    assert set(here.steps[-1].members) == {"first", "alike"}
-    (other,) = (led_by(here, *each) for each in other_members(here))
-    assert other.steps[-1].effect == "alike" and other.steps[-1].members == ("alike", "first")
-    assert other.gap.moment == other.steps[-1].gap_after.moment == 0.3
-    assert other.steps[-1].probability < 0.5 and set(other.rankings) == {"alike"}
-    refused = replace(here, problem=replace(here.problem, impossible=("alike",)))
-    assert not list(other_members(refused))
-    # One beside which another step is needless is not of that class.
-    greedy = replace(here, problem=replace(here.problem, swallowed=("first",)))
-    assert not list(other_members(greedy))

@@ -96,9 +96,9 @@ class Costly(Based):
     noise: float = 0.24
     noise_floor = Gap(0.24, 0.24)
 
-    def propose(self, refused, pairs, say):
+    def propose(self, refused, say):
         spend(10.0)
-        return super().propose(refused, pairs, say)
+        return super().propose(refused, say)
 
     def zero_start(self, straight, last, say):
         spend(10.0)

@@ -7,14 +7,34 @@ import pytest
 
 from sindyjoint.diagnosis.campaign.numbers.whole import whole_model
 from sindyjoint.diagnosis.campaign.repair import Repaired
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.dimensions import same_dimension
 from sindyjoint.equation.model import JointModel
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
-from tests.diagnosis.test_diagnosis_outside import runs_of
 from tests.made_models import model_of, term
+
+PHASES = 200
+
+
+def runs_of(frequencies=(3.0, 4.0, 5.0, 6.0), levels=(1.0, 0.5)):
+    phase = 2 * np.pi * (np.arange(PHASES) + 0.5) / PHASES
+    made = []
+    for frequency in frequencies:
+        for level in levels:
+            w = 2 * np.pi * frequency
+            angle, rate = level * np.sin(phase), level * w * np.cos(phase)
+            motion = MeasuredMotion(
+                angle, rate, -(w**2) * angle, 1 / (frequency * PHASES), np.zeros(PHASES), frequency,
+                np.zeros(PHASES), np.zeros(PHASES), np.arange(PHASES), True,
+            )  # fmt: skip
+            name = f"{frequency:g}-{level:g}"
+            ones = np.ones(PHASES)
+            made.append(GapRun(name, name, str(level), motion, np.zeros(PHASES), np.eye(PHASES), ones, True))
+    return made
 
 
 def test_an_effect_of_angle_and_rate_is_a_term_of_the_model_that_is_written():

@@ -5,17 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.campaign import joint_zero, repair
+from sindyjoint.diagnosis.campaign import repair
 from sindyjoint.diagnosis.campaign.add import counted_from_zero
-from sindyjoint.diagnosis.campaign.candidates import fit_effect
-from sindyjoint.diagnosis.campaign.joint_zero import counted_from, zero_start
-from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.mechanics.laws import FunctionLaw
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.record import Run
@@ -141,31 +137,31 @@ def test_beside_a_zero_error_no_term_goes_that_a_shift_makes_of_another(monkeypa
     assert refit(rows, model, [constant]).dropped == ("quadratic_stiffness",)
 
 
+def diagnosed(campaign, *names):
+    return diagnose(campaign, effects=select_effects(load_effects(), [*ZERO, *names]), advise=False)
+
+
+def own_zero(result):
+    """Return the number of the joint's own zero, of which there must be one."""
+    (zero,) = (each.number for each in result.test.nuisances if each.number.name == "theta_0")
+    return zero
+
+
 def test_the_joints_own_zero_is_a_number_of_the_law_and_a_constant_that_undoes_its_error_goes():
     """From a zero that is wrong by 2 % of the shift: M_0 = k1·Δθ_0 stood beside the law, which was that much off."""
     hidden = hide("dead_zone", 4, duration=2.0)
     shift = shift_of(hidden.campaign, 0.4)
-    known = {e.id: e for e in select_effects(load_effects(), ["constant_moment", "dead_zone"])}
-    plain, there = (
-        CampaignProblem.build(campaign, None, None, tuple(known.values()), CAMPAIGN)
-        for campaign in (hidden.campaign, moved(hidden.campaign, shift))
-    )
-    start = counted_from(there, 1.02 * shift)
-    begun = start.add(fit_effect(start.regression, known["constant_moment"])).problem
-    assert [each.name for each in begun.found] == ["constant_moment"]  # nothing else is there to say it
-    added = begun.add(fit_effect(begun.regression, known["dead_zone"]))
-    found = added.problem
-    assert added.again["constant_moment"] is None
-    assert [each.name for each in found.found] == ["dead_zone"]
-    assert abs(found.zero - shift) < 3 * found.zero_error < 0.002 * shift
-    assert found.parameters["angle_offset"] == {"theta_0": found.zero}
-    (zero,) = found.test.nuisances
-    assert zero.number.standard_error == found.zero_error
-    alone = plain.add(fit_effect(plain.regression, known["dead_zone"])).problem
-    assert found.gap.moment == pytest.approx(alone.gap.moment, rel=0.01)
+    alone, found = (diagnosed(each, "dead_zone") for each in (hidden.campaign, moved(hidden.campaign, shift)))
+    assert [step.effect for step in alone.steps] == ["dead_zone"]
+    assert {step.effect for step in found.steps} == {"angle_offset", "dead_zone"}
+    zero = own_zero(found)
+    assert abs(zero.value - shift) < 3 * zero.standard_error < 0.002 * shift
+    assert found.final.moment == pytest.approx(alone.final.moment, rel=0.01)
     before, after = ({term.id: term for term in each.whole.terms} for each in (alone, found))
     held = follows_the_taylor_shift(before, after, 0.0)
     assert "dead_zone" in held and all(held.values()), held
+    (step,) = (step for step in found.steps if step.effect == "angle_offset")
+    assert step.parameters == {"theta_0": zero.value}
 
 
 def test_a_constant_moment_beside_a_zero_error_stays():
@@ -174,29 +170,22 @@ def test_a_constant_moment_beside_a_zero_error_stays():
     shift, preload = shift_of(hidden.campaign, 0.4), 0.2 * hidden.plan.law.M_F
     campaign = moved(hidden.campaign, shift)
     loaded = tuple(replace(r, moment=r.moment + preload, source=None) for r in campaign.runs)
-    known = {e.id: e for e in select_effects(load_effects(), ["constant_moment", "dead_zone"])}
-    problem = CampaignProblem.build(campaign.with_runs(loaded), None, None, tuple(known.values()), CAMPAIGN)
-    found = counted_from(problem, 1.02 * shift)
-    for name in ("dead_zone", "constant_moment"):
-        found = found.add(fit_effect(found.regression, known[name])).problem
-    assert [each.name for each in found.found] == ["dead_zone", "constant_moment"]
-    assert abs(found.zero - shift) < 3 * found.zero_error < 0.02 * shift
-    (constant,) = found.found[1].coefficients
-    assert abs(constant - preload) < 3 * hidden.plan.law.k1 * found.zero_error < 0.5 * preload
+    found = diagnosed(campaign.with_runs(loaded), "dead_zone")
+    assert {step.effect for step in found.steps} == {"angle_offset", "constant_moment", "dead_zone"}
+    zero = own_zero(found)
+    assert abs(zero.value - shift) < 3 * zero.standard_error < 0.02 * shift
+    (constant,) = (each for each in found.effects if each.name == "constant_moment")
+    (value,) = constant.coefficients
+    assert abs(value - preload) < 3 * hidden.plan.law.k1 * zero.standard_error < 0.5 * preload
 
 
-def test_no_zero_is_sought_beside_a_law_that_knows_none(monkeypatch):
+def test_no_zero_is_taken_beside_a_law_that_knows_none():
     """Where the terms, a constant and a slider leave noise, another zero says the same in other numbers."""
     campaign = moved(hide("jenkins_element", 4, duration=2.0).campaign, 1e-4)
-    known = {e.id: e for e in select_effects(load_effects(), [*ZERO, "jenkins_element", "dead_zone"])}
-    straight = CampaignProblem.build(campaign, None, None, tuple(known.values()), CAMPAIGN)
-    last = straight.add(fit_effect(straight.regression, known["constant_moment"])).problem
-    sought = []
-    monkeypatch.setattr(joint_zero, "_best_zero", lambda *given: sought.append(given) or (0.0, 0.0))
-    zero_start(straight, last)
-    assert len(sought) == 1  # the slider is not found yet
-    zero_start(straight, last.add(fit_effect(last.regression, known["jenkins_element"])).problem)
-    assert len(sought) == 1
+    found = diagnosed(campaign, "jenkins_element", "dead_zone")
+    names = {step.effect for step in found.steps}
+    assert "jenkins_element" in names and names <= {*ZERO, "jenkins_element"}
+    assert not found.test.nuisances
 
 
 @pytest.mark.slow

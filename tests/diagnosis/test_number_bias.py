@@ -6,7 +6,6 @@ import pytest
 
 from sindyjoint.diagnosis.campaign import problem
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 
@@ -48,12 +47,10 @@ def test_a_delay_beside_an_element_leaves_their_numbers_right(seed):
     hidden = hide("jenkins_element+channel_delay", seed, duration=3.0)
     campaign = hidden.campaign.with_runs(hidden.campaign.runs[::3])
     effects = select_effects(load_effects(), ["jenkins_element", "channel_delay"])
-    found = problem.CampaignProblem.build(campaign, None, None, effects, CAMPAIGN)
-    for name in ("channel_delay", "jenkins_element"):
-        found = found.add(found.propose((name,), False, lambda stage: None).ranking.fitted[0]).problem
-    found = found.finished()
+    found = diagnose(campaign, effects=effects, advise=False)
+    assert {step.effect for step in found.steps} == {effect.id for effect in effects}
     (delay,) = found.test.nuisances
-    damping = next(term for term in found.whole.terms if term.id == "linear_damping")
+    damping = found.whole["linear_damping"]
     assert abs(delay.number.value - hidden.parameters[0]) < 3 * delay.number.standard_error
     assert abs(damping.coefficient - hidden.plan.law.c1) < 3 * damping.standard_error
-    assert found.gap.response < 1.5 * found.noise_floor.response
+    assert found.final.response < 1.5 * found.noise_floor.response

@@ -17,7 +17,9 @@ def evidence(seed, columns, coefficients=(), noise=1.0, spread=None):
     rng = np.random.default_rng(seed)
     rows = GROUPS * ROWS
     X = rng.standard_normal((rows, columns))
-    target = X[:, : len(coefficients)] @ np.array(coefficients, dtype=float) + noise * rng.standard_normal(rows)
+    target = X[:, : len(coefficients)] @ np.array(coefficients, dtype=float) + noise * rng.standard_normal(
+        rows
+    )
     made = Evidence(target, np.repeat(np.arange(GROUPS), ROWS), np.zeros(rows) if spread is None else spread)
     made.add(X)
     return made

@@ -123,30 +123,32 @@ def find_effects(problem: Problem, most: int, say: Say) -> Found:
     beside.
     """
     given = [each for each in problem.found if not each.shifts]
-    begun = Begun(problem.work, problem.candidates, given).without([each.name for each in problem.found])
+    known = {*(each.name for each in problem.found), *problem.work.model.ids}
+    begun = Begun(problem.work, problem.candidates, given).without(known)
     settled = is_free(problem.work.campaign) or len(given) < len(problem.found)
     delayed = None if settled else with_delay(problem)
-    if delayed is None:
-        plain = _found(begun, most, say)
-        if not plain.shifts:
-            return plain
-        other = _found(begun.without([each.name for each in plain.shifts]), most, say)
-        return min(plain, other, key=lambda each: each.cost(plain.rows))
-    own, straight = _in_common(problem.work, delayed.problem.work)
-    begun = replace(begun, work=own).without([delayed.delay.name])
-    plain, before = _found(begun, most, say), begun.alone()
-    aligned_ = replace(
-        begun,
-        work=straight,
-        shifts=(delayed.delay,),
-        rankings=(Ranking((delayed.delay,), (delayed.belief,), 1 - delayed.belief, (delayed.delay,)),),
-        before=float(before.chi_square.sum()),
-    )
-    aligned_ = replace(aligned_, won=max(aligned_.alone().total - before.total, 0.0))
-    later = _found(aligned_, most, say)
-    if later.cost(plain.rows) < plain.cost(plain.rows):
-        return replace(later, work=delayed.problem.work)
-    return replace(plain, work=problem.work)
+    own, straight = (begun.work,) * 2 if delayed is None else _in_common(begun.work, delayed.problem.work)
+    plain = _found(replace(begun, work=own), most, say)
+    found = [plain]
+    if plain.shifts:
+        found.append(
+            _found(replace(begun, work=own).without([each.name for each in plain.shifts]), most, say)
+        )
+    if delayed is not None:
+        before = replace(begun, work=own).alone()
+        aligned_ = replace(
+            begun.without([delayed.delay.name]),
+            work=straight,
+            shifts=(delayed.delay,),
+            rankings=(Ranking((delayed.delay,), (delayed.belief,), 1 - delayed.belief, (delayed.delay,)),),
+            before=float(before.chi_square.sum()),
+        )
+        aligned_ = replace(aligned_, won=max(aligned_.alone().total - before.total, 0.0))
+        found.append(_found(aligned_, most, say))
+    best = min(found, key=lambda each: each.cost(plain.rows))
+    if delayed is not None and best is found[-1]:
+        return replace(best, work=delayed.problem.work)
+    return best if best.shifts else replace(best, work=problem.work)
 
 
 def _in_common(one: Work, other: Work) -> tuple[Work, Work]:
@@ -265,7 +267,13 @@ def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
     if problem.zero:
         problem, needless = with_zero_fitted(problem)
         rankings = [each for each in rankings if not (needless and each.fitted[0].name == CONSTANT)]
+    now = problem.parameters
+    kept = [
+        replace(step, parameters=now.get(step.effect, step.parameters))
+        for step in begun.steps
+        if step.effect not in problem.dropped
+    ]
     steps = [step_of(problem, ranking, begun.gap, problem.gap) for ranking in rankings]
     by_name = {each.fitted[0].name: each for each in rankings}
     later = with_gaps_renewed(steps, begun.gap, problem)
-    return Progress(problem, problem.gap, (*begun.steps, *later), {**begun.rankings, **by_name})
+    return Progress(problem, problem.gap, (*kept, *later), {**begun.rankings, **by_name})

@@ -155,7 +155,8 @@ class CampaignEvidence:
 
     def search(self, before: float = 0.0) -> Search:
         """Return the search over sets of the candidates; ``before``: what corrections have won already, nats."""
-        return Search(self.evidence, self.base, self.candidates(), self.refine, before)
+        sure = all(run.folded or run.half_cycles is not None for run in self.runs)
+        return Search(self.evidence, self.base, self.candidates(), self.refine, before, sure)
 
     def fitted(self, found: Chosen) -> list[FittedEffect]:
         """Return the members of a set as effects with their numbers."""

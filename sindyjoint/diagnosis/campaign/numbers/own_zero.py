@@ -27,6 +27,7 @@ from sindyjoint.diagnosis.campaign.repair import (
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
+from sindyjoint.evidence.policy import POLICY
 from sindyjoint.numeric import Array
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
@@ -48,13 +49,16 @@ def with_zero_fitted(problem: Problem) -> tuple[Problem, bool]:
     without = _fitted(problem, others)
     if constant is None:
         return without, False
-    beside = [e for e in without.found if not e.shifts]
-    search = CampaignEvidence(without.work.plain, without.repaired.model, [constant.effect], beside).search()
-    none = search.chosen(())
-    later = search.extended(none)
-    if not later or not search.wins(later[0], none):
-        return without, True
-    return (_fitted(problem, problem.found) if any(has_middle(e.effect) for e in others) else problem), False
+    both = _fitted(problem, problem.found) if any(has_middle(e.effect) for e in others) else problem
+    stays = _score(both) - _score(without) > -np.log(POLICY.chance)
+    return (both, False) if stays else (without, True)
+
+
+def _score(problem: Problem) -> float:
+    """Return the score of a law as it is fitted, nats."""
+    beside = [e for e in problem.found if not e.shifts]
+    ev = CampaignEvidence(problem.work.plain, problem.repaired.model, (), beside)
+    return ev.evidence.score(ev.base).total
 
 
 def _fitted(problem: Problem, effects: Sequence[FittedEffect]) -> Problem:
