@@ -99,6 +99,8 @@ class Search:
         What corrections of the channels have won before, nats.
     sure : bool
         Whether repetition has measured the noise of every row.
+    positive : sequence of int
+        Places of columns of the model that may not be negative, as friction may not.
     """
 
     evidence: Evidence
@@ -107,6 +109,7 @@ class Search:
     refine: Refine
     before: float = 0.0
     sure: bool = True
+    positive: Sequence[int] = ()
     _limits: tuple[float, float] | None = field(init=False, default=None)
     _rivals: dict[Any, list[Chosen]] = field(init=False, default_factory=dict)
     _refined: list[Candidate] = field(init=False, default_factory=list)
@@ -114,6 +117,8 @@ class Search:
     @property
     def limits(self) -> tuple[float, float]:
         """Rise in nats, and deviate, that the best candidate exceeds by chance with a probability of POLICY.chance."""
+        if not self.candidates:
+            return 0.0, 0.0
         if self._limits is None:
             places = [each.place for each in self.candidates]
             rises = self.evidence.chance_rises(self.base, places, SHAMS, 0)
@@ -140,10 +145,17 @@ class Search:
         return Chosen(tuple(members), self.evidence.score(places))
 
     def admissible(self, members: Sequence[Candidate], score: Score) -> bool:
-        """Return whether the coefficients have the signs that physics asks for."""
+        """Return whether the coefficients have the signs that physics asks for, within what columns err by."""
         places = [*self.base, *(each.place for each in members)]
-        coefficients = self.evidence.fit(places, score.size)[len(self.base) :]
-        return all(value > 0 for value, each in zip(coefficients, members, strict=True) if each.positive)
+        coefficients = self.evidence.fit(places, score.size)
+        signs = zip(coefficients[len(self.base) :], members, strict=True)
+        if any(value <= 0 for value, each in signs if each.positive):
+            return False
+        size = coefficients * np.array(self.evidence.norms)[places]
+        least = -POLICY.column_error * float(np.linalg.norm(self.evidence.target))
+        return all(
+            value >= least for value, place in zip(size, places, strict=True) if place in self.positive
+        )
 
     def extended(self, begin: Chosen, without: frozenset[str] = frozenset()) -> list[Chosen]:
         """Return a set with each further effect in its best form, the best first."""

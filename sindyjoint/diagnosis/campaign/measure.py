@@ -28,6 +28,8 @@ GRID = {1: (13,), 2: (7, 5), 3: (5, 3, 3)}
 GROUPS = 8
 # Trials of a refinement, per parameter.
 TRIALS = 30
+# The term of a model that may not push.
+FRICTION = "coulomb_friction"
 # Columns beyond this have no square.
 FARTHEST = 1e150
 
@@ -156,7 +158,10 @@ class CampaignEvidence:
     def search(self, before: float = 0.0) -> Search:
         """Return the search over sets of the candidates; ``before``: what corrections have won already, nats."""
         sure = all(run.folded or run.half_cycles is not None for run in self.runs)
-        return Search(self.evidence, self.base, self.candidates(), self.refine, before, sure)
+        friction = [
+            place for place, term in zip(self.base, self.model.terms, strict=False) if term.id == FRICTION
+        ]
+        return Search(self.evidence, self.base, self.candidates(), self.refine, before, sure, friction)
 
     def fitted(self, found: Chosen) -> list[FittedEffect]:
         """Return the members of a set as effects with their numbers."""
