@@ -172,6 +172,8 @@ def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[
     before = start.steps[-1].gap_after if start.steps else initial
     begun = Progress(straight, before, start.steps)
     progress = straight.searched(begun, most + start.free, stages.say, stages.search)
+    if grows(initial, progress.gap):
+        progress = begun  # what predicts the runs left out worse than nothing is no answer
     return _judged(first, start, progress, stages)
 
 

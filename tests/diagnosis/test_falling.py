@@ -38,7 +38,9 @@ def test_a_law_is_named_with_the_sign_that_physics_admits_alone(campaign):
 
     opposing, pushing = diagnosed(1.0), diagnosed(-1.0)
     assert [step.effect for step in opposing.steps] == ["stribeck_friction"]
-    assert pushing.verdict in ("unknown", "partly_named") and all(s.probability <= 0.75 for s in pushing.steps)
+    assert pushing.verdict in ("unknown", "partly_named") and all(
+        s.probability <= 0.75 for s in pushing.steps
+    )
     assert all(s.parameters["M_S"] > 0 for s in pushing.steps if s.effect == "stribeck_friction")
 
 
