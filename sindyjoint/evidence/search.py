@@ -44,6 +44,8 @@ class Candidate:
         Whether it corrects a channel, so that the states are made again.
     hysteretic : bool
         Whether its column follows internal states.
+    mix : tuple of float
+        Of a form with several columns the combination of them that the column is.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Candidate:
     positive: bool
     corrects: bool = False
     hysteretic: bool = False
+    mix: tuple[float, ...] = (1.0,)
 
     @property
     def numbers(self) -> int:

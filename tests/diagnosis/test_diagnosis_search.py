@@ -5,9 +5,10 @@ import warnings
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.candidates import fit_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
 from sindyjoint.equation.terms import Reference
 from tests.diagnosis.hidden_effects import hide
@@ -82,3 +83,21 @@ def test_a_state_that_cannot_be_followed_explains_nothing_and_warns_of_nothing()
         warnings.simplefilter("error")
         gain, coefficients = problem.gain(steepest, values)
     assert gain == 0.0 and not coefficients.any()
+
+
+def test_an_effect_of_two_columns_is_one_entry_of_a_file(tmp_path):
+    """Quadratic and cubic damping as one effect, of which the data hold the first."""
+    (tmp_path / "two.toml").write_text(
+        'name = "two"\ndescription = "two columns"\n[[effect]]\nid = "mixed_damping"\nname = "mixed damping"\n'
+        'family = "damping"\nmeaning = "quadratic and cubic damping together"\n[[effect.variant]]\n'
+        'columns = [{ symbol = "c2", formula = "omega*abs(omega)", unit = "N*m*s^2/rad^2" }, '
+        '{ symbol = "c3", formula = "omega**3", unit = "N*m*s^3/rad^3" }]\n'
+    )
+    hidden = hide("quadratic_damping", 3, duration=4.0)
+    effects = select_effects(load_effects([tmp_path / "two.toml"]), ["mixed_damping", "stribeck_friction"])
+    (step,) = diagnose(hidden.campaign, effects=effects, advise=False).steps
+    peak = max(abs(np.gradient(run.angle, 1 / run.sample_rate)).max() for run in hidden.campaign.runs)
+    assert step.effect == "mixed_damping"
+    # They are alike (correlation .98): their sum at the largest rate is known far better than each of them.
+    both = step.parameters["c2"] * peak**2 + step.parameters["c3"] * peak**3
+    assert both == pytest.approx(hidden.parameters[0] * peak**2, rel=0.03)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import minimize
@@ -91,24 +92,41 @@ class CampaignEvidence:
         found = []
         for effect in self.effects:
             for form, variant in enumerate(effect.variants):
-                for values in self._grid(variant):
+                points = self._grid(variant)
+                spend(float(len(points) * self.rough.angle.size))
+                for values in points:
                     if yield_complaint(FittedEffect(effect, variant, values, np.ones(1), 0.0), self.runs):
                         continue
                     columns = self.column(variant, values, rough=True)
                     if columns is None or not self._independent(columns):
                         continue
-                    place = self.evidence.add(columns)[0]
-                    positive, corrects = variant.columns[0].positive, effect.enters != "moment"
-                    hysteretic = bool(variant.states)
-                    found.append(Candidate(effect.id, form, values, place, positive, corrects, hysteretic))
+                    column, mix = mixed(columns, self._residual, self._basis)
+                    signs = [each.positive for each in variant.columns]
+                    if len(mix) > 1 and any(
+                        sign and part <= 0 for sign, part in zip(signs, mix, strict=True)
+                    ):
+                        continue
+                    (place,) = self.evidence.add(column)
+                    found.append(
+                        Candidate(
+                            effect.id, form, values, place, len(mix) > 1 or signs[0],
+                            effect.enters != "moment", bool(variant.states), mix,
+                        )
+                    )  # fmt: skip
         return found
+
+    @cached_property
+    def _basis(self) -> Array:
+        """An orthonormal basis of the columns that are there in any case."""
+        left, singular, _ = np.linalg.svd(self.evidence.columns[:, self.base], full_matrices=False)
+        return np.asarray(left[:, singular > 1e-9 * singular[0]])
+
+    @cached_property
+    def _residual(self) -> Array:
+        return np.asarray(self.evidence.target - self._basis @ (self._basis.T @ self.evidence.target))
 
     def _independent(self, columns: Array) -> bool:
         """Return whether columns are outside the span of the model's terms."""
-        if not hasattr(self, "_basis"):
-            base = self.evidence.columns[:, self.base]
-            left, singular, _ = np.linalg.svd(base, full_matrices=False)
-            self._basis = left[:, singular > 1e-9 * singular[0]]
         norm = np.linalg.norm(columns)
         outside = columns - self._basis @ (self._basis.T @ columns)
         return bool(norm > 0 and np.linalg.norm(outside) > 1e-5 * norm)
@@ -137,7 +155,7 @@ class CampaignEvidence:
             columns = self.column(variant, np.exp(np.clip(point, *bounds)), rough=slow)
             if columns is None:
                 return 0.0
-            column = columns[:, 0] * weight
+            column = mixed(columns * weight[:, None], residual, basis)[0][:, 0]
             column = column - basis @ (basis.T @ column)
             return -float((column @ residual) ** 2 / max(float(column @ column), 1e-300))
 
@@ -152,8 +170,9 @@ class CampaignEvidence:
         columns = self.column(variant, values)
         if columns is None:
             return candidate
-        place = self.evidence.add(columns)[0]
-        return replace(candidate, values=values, place=place)
+        mix = mixed(columns * weight[:, None], residual, basis)[1]
+        (place,) = self.evidence.add(columns @ np.array(mix)[:, None])
+        return replace(candidate, values=values, place=place, mix=mix)
 
     def search(self, before: float = 0.0) -> Search:
         """Return the search over sets of the candidates; ``before``: what corrections have won already, nats."""
@@ -171,8 +190,16 @@ class CampaignEvidence:
         for value, each in zip(solved, found.members, strict=True):
             effect = self.by_id[each.name]
             variant = effect.variants[each.form]
-            effects.append(FittedEffect(effect, variant, each.values, np.array([value]), 0.0))
+            effects.append(FittedEffect(effect, variant, each.values, value * np.array(each.mix), 0.0))
         return effects
+
+
+def mixed(columns: Array, residual: Array, basis: Array) -> tuple[Array, tuple[float, ...]]:
+    """Return the combination of columns, (n, k) → (n, 1), that explains most of a residual beside a basis."""
+    if columns.shape[1] == 1:
+        return columns, (1.0,)
+    mix = np.linalg.lstsq(columns - basis @ (basis.T @ columns), residual, rcond=None)[0]
+    return columns @ mix[:, None], tuple(mix.tolist())
 
 
 def _along(run: GapRun) -> tuple[Array, bool]:
