@@ -32,11 +32,15 @@ class Residual:
         Share above which something unknown is there.
     data : str
         What cannot tell effects apart: "these runs", "this record".
+    misfit : float
+        RMS of the prediction errors in units of what noise makes expected of each row, the slopes of the law included;
+        infinite where that is not known.
     """
 
     share: float
     most: float
     data: str = "these runs"
+    misfit: float = np.inf
 
 
 def share_beyond_noise(
@@ -166,7 +170,8 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
         size += f" and the uncertainty of the numbers {_percent(unsure)}"
     complaint = replace(gaps, initial=_without_zero_errors(steps, gaps.initial)).response_complaint(policy)
     share = f"{100 * residual.share:.0f} %" + (" (RMS)" if policy.unexplained_rms else "")
-    beyond, excess = gaps.floors(policy) > policy.within_floors, residual.share > residual.most
+    beyond = min(gaps.floors(policy), residual.misfit) > policy.within_floors
+    excess = residual.share > residual.most
     if not steps:
         if beyond:
             return "unknown", f"no known effect explains the gap: {size}"

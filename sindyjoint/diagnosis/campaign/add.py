@@ -97,9 +97,13 @@ def _settled(
 
 
 def _realigned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tuple[Work, FittedEffect]:
-    """Correct a delay that was removed while an effect was missing beside it."""
-    gain, coefficients = work.regression(others).gain(delay.variant, delay.values)
+    """Correct a delay that was removed while an effect was missing beside it, where that leaves less of the moment."""
+    before = GapRegression.build(work.plain, work.model, others, work.policy)
+    gain, coefficients = before.gain(delay.variant, delay.values)
     if gain < work.policy.realign:
         return work, delay
-    work, more = aligned(work, others, replace(delay, coefficients=coefficients))
-    return work, replace(delay, coefficients=delay.coefficients + more.coefficients)
+    later, more = aligned(work, others, replace(delay, coefficients=coefficients))
+    after = GapRegression.build(later.plain, later.model, others, work.policy)
+    if after.chi_square / after.target.size > before.chi_square / before.target.size:
+        return work, delay
+    return later, replace(delay, coefficients=delay.coefficients + more.coefficients)

@@ -254,9 +254,8 @@ def odds_of(best: Chosen, other: Chosen) -> float:
 def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
     """Return the progress with the best set of effects that the data show, fitted together, as steps."""
     problem = begun.problem
-    rows = sum(run.white_size for run in problem.work.plain)
     found = find_effects(problem, most - len(begun.steps), say)
-    cost = found.cost(rows) + found.least * len(begun.steps)
+    cost = found.cost(problem.rows) + found.least * len(begun.steps)
     problem = replace(problem, search=Searched(*found.misfit, found.rows, cost))
     if not found.rankings:
         return replace(begun, problem=problem)

@@ -129,10 +129,11 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     if not regressor.model_.terms or set(regressor.model_.ids) <= known:
         return None
     model = first_model(campaign, work.states, regressor.model_, None, policy).model
+    positive = {e.id for e in problem.candidates if e.variants[0].columns[0].positive}
+    denied = {t.id for t in model.terms if t.id in positive - known and t.coefficient < 0}
+    if denied:
+        model = first_model(campaign, work.states, _without(model, denied), None, policy).model
     later = problem.with_model(model)
-    denied = {e.id for e in problem.candidates if e.variants[0].columns[0].positive}
-    if any(term.id in denied - known and term.coefficient < 0 for term in model.terms):
-        return None
     shifts = tuple(e for e in problem.found if e.shifts)
     extra = [t for t in model.terms if t.id not in known and t.id != INERTIA]
     dropped = tuple(sorted(known - set(model.ids)))

@@ -88,6 +88,8 @@ class CampaignProblem(Problem):
         That makes further runs.
     search : Searched, optional
         What the search came to.
+    rows : int
+        Of the campaign before anything is put right: costs of different starts are for so many.
     """
 
     work: Work
@@ -102,6 +104,7 @@ class CampaignProblem(Problem):
     notes: tuple[str, ...] = ()
     actuator: Actuator | None = None
     search: Searched | None = None
+    rows: int = 0
 
     @classmethod
     def build(
@@ -119,8 +122,10 @@ class CampaignProblem(Problem):
         whole = campaign.identification_runs
         runs, parts, groups = cut_up(whole, states, share, policy)
         start = first_model(campaign, parts, model, base or BASE, policy, effects)
+        work = Work.build(campaign, runs, parts, groups, start.model, start.effects, policy)
         return cls(
-            work=Work.build(campaign, runs, parts, groups, start.model, start.effects, policy),
+            work=work,
+            rows=sum(run.white_size for run in work.plain),
             repaired=start,
             candidates=(*applicable(campaign, effects, parts), *input_effects(campaign.inputs, start.model)),
             states=states,
@@ -261,9 +266,11 @@ class CampaignProblem(Problem):
         if self.search is None:
             return Residual(1.0, self.policy.unexplained)
         before, after, rows = self.search.before, self.search.after, self.search.rows
-        return Residual(
-            share_beyond_noise((before, rows), (after, rows), self.policy), self.policy.unexplained
-        )
+        share = share_beyond_noise((before, rows), (after, rows), self.policy)
+        # Of runs kept for validation there is the gap alone.
+        known = not self.work.campaign.validation_runs
+        misfit = float(np.sqrt(after / rows)) if known else np.inf
+        return Residual(share, self.policy.unexplained, misfit=misfit)
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""
