@@ -60,7 +60,11 @@ def test_a_slider_that_mostly_sticks_is_a_spring(problem):
         fitted("jenkins_element", [1.05 * largest]), problem.work.rows
     )
     assert yield_complaint(fitted("dahl_friction", [1.05 * largest]), problem.work.rows) == ""
-    assert yield_complaint(fitted("backlash_play", [largest, largest]), problem.work.rows) == ""
+    # Play whose slider never slips is a stop.
+    assert "that is a spring" in yield_complaint(
+        fitted("backlash_play", [largest, largest]), problem.work.rows
+    )
+    assert yield_complaint(fitted("backlash_play", [0.3 * largest, 0.1 * largest]), problem.work.rows) == ""
 
 
 def test_little_half_cycles_between_pulls_do_not_make_a_slider_a_spring(problem):

@@ -13,7 +13,6 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.text import spelled
 
-YIELD = "theta_y"  # what the angle at which a slider yields is called in the catalogue
 SLOW = 0.05  # of the largest rate: below it a sign is noise
 
 
@@ -23,9 +22,9 @@ def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun], policy: Diagno
     Of sliders with a sharp limit: smooth hysteresis dissipates long before it yields. Half-cycles count by their
     stroke: between pulls a motion that hardly moves turns round many times.
     """
-    if YIELD not in fitted.variant.names or all(state.limit is None for state in fitted.variant.states):
+    if all(state.limit is None for state in fitted.variant.states):
         return ""
-    limit = fitted.values[fitted.variant.names.index(YIELD)]
+    limit = float(np.min(fitted.variant.limits(np.asarray(fitted.values, dtype=np.float64))))
     strokes = np.concatenate([np.abs(np.diff(_reversals(run))) for run in runs] or [np.empty(0)])
     stuck = float(strokes[strokes / 2 < limit].sum() / max(strokes.sum(), 1e-300))
     if stuck > policy.sticking_share:

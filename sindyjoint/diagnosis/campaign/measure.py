@@ -168,7 +168,9 @@ class CampaignEvidence:
         found = minimize(loss, start, method="Nelder-Mead", options=options)
         values = np.exp(np.clip(found.x, *bounds))
         columns = self.column(variant, values)
-        if columns is None:
+        effect = self.by_id[candidate.name]
+        stuck = yield_complaint(FittedEffect(effect, variant, values, np.ones(1), 0.0), self.runs)
+        if columns is None or stuck:
             return candidate
         mix = mixed(columns * weight[:, None], residual, basis)[1]
         (place,) = self.evidence.add(columns @ np.array(mix)[:, None])
