@@ -31,8 +31,9 @@ from sindyjoint.response.run import along_motion, rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
-# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance.
-STEP = 2e-4
+# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance. Where nothing pulls the
+# joint back its response has a kink wherever it stops earlier or later: there a fit begins with wider ones.
+STEP, WIDE_STEP = 2e-4, 1e-2
 # Residual, in RMS of the response, of a simulation that fails: larger than that of any simulation that reaches its end.
 FAR_OFF = 10.0
 # Sum of squares, in units of noise, below which a change by a parameter's whole scale has no effect.
@@ -54,15 +55,15 @@ class OutputError:
         Coefficients of the terms, the inertia where it is one, numbers of the elements, nuisances, initial states.
     inertia_index : int or None
         Of the inertia among the parameters, where it is one.
-    window : float
-        Length of a multiple-shooting segment, s.
+    step : float
+        Of the differences, in units of a parameter's scale.
     """
 
     model: JointModel
     runs: tuple[Record, ...]
     parameters: tuple[Parameter, ...]
     inertia_index: int | None
-    window: float
+    step: float = STEP
 
     @classmethod
     def of(
@@ -71,7 +72,7 @@ class OutputError:
         runs: Sequence[Run],
         states: Sequence[ForceStates],
         nuisance: Sequence[Nuisance],
-        window: float,
+        window: float | None,
         test: TestNuisances | None = None,
     ) -> OutputError:
         """Collect the parameters of a model and those of the runs; negative friction starts at zero."""
@@ -92,7 +93,7 @@ class OutputError:
         for run, state in zip(runs, states, strict=True):
             records.append(record_of(simulable, run, state, test, len(parameters), window))
             parameters += initial_parameters(records[-1], model.joint.motion)
-        return cls(simulable, tuple(records), tuple(parameters), inertia_index, window)
+        return cls(simulable, tuple(records), tuple(parameters), inertia_index)
 
     def drop_failing_runs(self) -> tuple[OutputError, tuple[str, ...]]:
         """Return the problem without the runs whose simulation fails at the start, and why each fails."""
@@ -118,13 +119,19 @@ class OutputError:
         """Number of parameters that all runs share: they come before the initial states."""
         return sum(parameter.kind != "initial" for parameter in self.parameters)
 
+    @property
+    def coarse_first(self) -> tuple[OutputError, ...]:
+        """The problem with each step of the differences, one fit after the other."""
+        kinked = any(record.drive == "windows" for record in self.runs)
+        return (replace(self, step=WIDE_STEP), self) if kinked else (self,)
+
     def residual(self, x: Array) -> Array:
         """Residuals of all runs in units of their noise, shape (n,); FAR_OFF where a simulation fails."""
         return np.concatenate([self._weigh_residual(record, x[None])[0] for record in self.runs])
 
     def jacobian(self, x: Array) -> Array:
         """Return the derivative of the residuals by differences, shape (n, p)."""
-        steps = np.array([STEP * parameter.scale for parameter in self.parameters])
+        steps = np.array([self.step * parameter.scale for parameter in self.parameters])
         # Away from a bound on the upper side.
         steps = np.where(x + steps > [parameter.high for parameter in self.parameters], -steps, steps)
         columns = []
@@ -289,7 +296,7 @@ class OutputError:
         first = record.initial_indices
         starts[list(record.starts)] = x[first.start : first.stop].reshape(-1, 2)
         return simulate_segments(
-            law, record.moment, rate, self.window, starts, interpolation="cubic", initial_state=inner,
+            law, record.moment, rate, record.window, starts, interpolation="cubic", initial_state=inner,
             limits=record.limits, rtol=RTOL,
         )  # fmt: skip
 

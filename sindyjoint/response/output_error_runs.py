@@ -34,6 +34,7 @@ from sindyjoint.response.run import (
     rest_of,
     settling,
     span_of,
+    window_of,
 )
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
@@ -130,6 +131,8 @@ class Record:
     starts : tuple of int
         Samples at which the simulation starts and is restarted from states that are estimated; none for a run that
         repeats, and for one whose motion is prescribed.
+    window : float
+        s, from one start to the next of a joint without restoring moment.
     initial : int
         Index of the first of these states among the parameters: angle and rate of one start after the other.
     """
@@ -145,6 +148,7 @@ class Record:
     excitation: Excitation | None
     limits: tuple[float, float]
     starts: tuple[int, ...]
+    window: float
     initial: int
     places: NDArray[np.intp]
     held: Array | None = None
@@ -246,7 +250,7 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
 
 
 def record_of(
-    model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float
+    model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float | None
 ) -> Record:
     """Return a run as the problem uses it; ``index`` is the next free one among the parameters.
 
@@ -255,6 +259,7 @@ def record_of(
     these are not known at its start.
     """
     law, span = law_of_test(test, model, states), span_of(run, states)
+    window = window_of(states, window)
     drive = "motion" if prescribed(states, spurious=True) else choose_drive(law, states)
     skip, moment = settling(states), run.moment[span]
     measured = (moment if drive == "motion" else run.angle[span])[skip:]
@@ -284,6 +289,7 @@ def record_of(
         excitation=excitation,
         limits=angle_limits(law, states, drive),
         starts=starts,
+        window=window,
         initial=index,
         places=places,
         held=held,

@@ -13,7 +13,7 @@ from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
-from sindyjoint.response.kept_out import predicts_worse
+from sindyjoint.response.compared import predicts_worse
 from sindyjoint.response.nuisances import added_law
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
@@ -78,7 +78,7 @@ def refine(
     states: Sequence[ForceStates] | None = None,
     nuisance: Sequence[Nuisance] = (),
     test: TestNuisances | None = None,
-    window: float = 1.0,
+    window: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Refinement:
     """Refine the numbers of a model's terms and elements by bounded least squares on the simulated response.
@@ -102,8 +102,9 @@ def refine(
         the response channel reads too high; its zero error, rad (m).
     test : TestNuisances, optional
         Moments and error of the inertia of this test; ``campaign`` and ``states`` have its channels put right already.
-    window : float
-        Length of a multiple-shooting segment, s, for joints without a restoring moment.
+    window : float, optional
+        Length of a multiple-shooting segment, s, for joints without a restoring moment. Default: a mean cycle of the
+        motion, at least 1 s.
     progress : callable, optional
 
     Returns
@@ -143,7 +144,11 @@ def refine(
     found = _best_end(problem, start, others)
     refined = _summarise_refinement(model, problem, found, before, left_out)
     # An error of a channel is of all runs: where one is estimated, those kept out are not comparable without it.
-    worse = "" if kinds else predicts_worse(problem.model, refined.model, campaign, test or TestNuisances(""))
+    worse = (
+        ""
+        if kinds
+        else predicts_worse(problem.model, refined.model, campaign, test or TestNuisances(""), window)
+    )
     if worse:
         reason = f"not refined: {worse}; the model lacks something that its numbers cannot stand in for"
         return Refinement(model, False, reason, before, {}, {}, ())
@@ -180,19 +185,22 @@ def _fit(problem: OutputError, start: Array, most: int) -> _End:
 
     scale = np.array([parameter.scale for parameter in problem.parameters])
     low, high = np.array([(parameter.low, parameter.high) for parameter in problem.parameters]).T
-    solution = least_squares(
-        lambda x: problem.residual(x * scale),
-        np.clip(start, low, high) / scale,
-        lambda x: problem.jacobian(x * scale) * scale,
-        bounds=(low / scale, high / scale),
-        method="trf",
-        x_scale=1.0,
-        ftol=1e-7,
-        xtol=1e-6,
-        gtol=1e-8,
-        max_nfev=most,
-    )
-    return _End(solution.x * scale, float(solution.cost))
+    x, cost = np.clip(start, low, high), np.inf
+    for each in problem.coarse_first:
+        solution = least_squares(
+            lambda y, at=each: at.residual(y * scale),
+            x / scale,
+            lambda y, at=each: at.jacobian(y * scale) * scale,
+            bounds=(low / scale, high / scale),
+            method="trf",
+            x_scale=1.0,
+            ftol=1e-7,
+            xtol=1e-6,
+            gtol=1e-8,
+            max_nfev=most,
+        )
+        x, cost = solution.x * scale, float(solution.cost)
+    return _End(x, cost)
 
 
 def _summarise_refinement(
