@@ -31,7 +31,7 @@ from sindyjoint.response.run import along_motion, rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
-# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance. Where nothing pulls the
+# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance. Where nothing pulls a
 # joint back its response has a kink wherever it stops earlier or later: there a fit begins with wider ones.
 STEP, WIDE_STEP = 2e-4, 1e-2
 # Residual, in RMS of the response, of a simulation that fails: larger than that of any simulation that reaches its end.
