@@ -31,9 +31,9 @@ from sindyjoint.response.run import along_motion, rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
-# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance. Where nothing pulls a
-# joint back its response has a kink wherever it stops earlier or later: there a fit begins with wider ones.
-STEP, WIDE_STEP = 2e-4, 1e-2
+# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance. Below the second one
+# responses are rough where a slider turns between two samples, and where nothing pulls a joint back.
+STEP, ROUGH_STEP = 2e-4, 1e-2
 # Residual, in RMS of the response, of a simulation that fails: larger than that of any simulation that reaches its end.
 FAR_OFF = 10.0
 # Sum of squares, in units of noise, below which a change by a parameter's whole scale has no effect.
@@ -55,15 +55,12 @@ class OutputError:
         Coefficients of the terms, the inertia where it is one, numbers of the elements, nuisances, initial states.
     inertia_index : int or None
         Of the inertia among the parameters, where it is one.
-    step : float
-        Of the differences, in units of a parameter's scale.
     """
 
     model: JointModel
     runs: tuple[Record, ...]
     parameters: tuple[Parameter, ...]
     inertia_index: int | None
-    step: float = STEP
 
     @classmethod
     def of(
@@ -119,19 +116,15 @@ class OutputError:
         """Number of parameters that all runs share: they come before the initial states."""
         return sum(parameter.kind != "initial" for parameter in self.parameters)
 
-    @property
-    def coarse_first(self) -> tuple[OutputError, ...]:
-        """The problem with each step of the differences, one fit after the other."""
-        kinked = any(record.drive == "windows" for record in self.runs)
-        return (replace(self, step=WIDE_STEP), self) if kinked else (self,)
-
     def residual(self, x: Array) -> Array:
         """Residuals of all runs in units of their noise, shape (n,); FAR_OFF where a simulation fails."""
         return np.concatenate([self._weigh_residual(record, x[None])[0] for record in self.runs])
 
     def jacobian(self, x: Array) -> Array:
         """Return the derivative of the residuals by differences, shape (n, p)."""
-        steps = np.array([self.step * parameter.scale for parameter in self.parameters])
+        rough = any(record.drive == "windows" for record in self.runs)
+        wide = [rough or parameter.kind == "element" for parameter in self.parameters]
+        steps = np.where(wide, ROUGH_STEP, STEP) * [parameter.scale for parameter in self.parameters]
         # Away from a bound on the upper side.
         steps = np.where(x + steps > [parameter.high for parameter in self.parameters], -steps, steps)
         columns = []

@@ -185,22 +185,19 @@ def _fit(problem: OutputError, start: Array, most: int) -> _End:
 
     scale = np.array([parameter.scale for parameter in problem.parameters])
     low, high = np.array([(parameter.low, parameter.high) for parameter in problem.parameters]).T
-    x, cost = np.clip(start, low, high), np.inf
-    for each in problem.coarse_first:
-        solution = least_squares(
-            lambda y, at=each: at.residual(y * scale),
-            x / scale,
-            lambda y, at=each: at.jacobian(y * scale) * scale,
-            bounds=(low / scale, high / scale),
-            method="trf",
-            x_scale=1.0,
-            ftol=1e-7,
-            xtol=1e-6,
-            gtol=1e-8,
-            max_nfev=most,
-        )
-        x, cost = solution.x * scale, float(solution.cost)
-    return _End(x, cost)
+    solution = least_squares(
+        lambda x: problem.residual(x * scale),
+        np.clip(start, low, high) / scale,
+        lambda x: problem.jacobian(x * scale) * scale,
+        bounds=(low / scale, high / scale),
+        method="trf",
+        x_scale=1.0,
+        ftol=1e-7,
+        xtol=1e-6,
+        gtol=1e-8,
+        max_nfev=most,
+    )
+    return _End(solution.x * scale, float(solution.cost))
 
 
 def _summarise_refinement(
