@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.laws import LawWithNumbers, as_compiled
+from sindyjoint.mechanics.laws import LawWithNumbers
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import Motion, simulate_many
 from sindyjoint.numeric import Array, rms
@@ -300,17 +300,16 @@ class OutputError:
         total = record.columns @ x[: record.columns.shape[1]]
         total = total + self._inertia(record, x[None])[0] * s.acceleration
         rest = rest_of(s)
-        for element in self.elements(x):
+        for element in self.model.with_numbers(x[self.number_indices]).elements:
             total = total + element.along(*record.followed, 1 / record.run.sample_rate, rest)
         return total if record.added is None else total + record.added
 
-    @property
+    @cached_property
     def number_indices(self) -> NDArray[np.intp]:
         """Indices of the model's numbers, in its order, among the parameters."""
         names = [parameter.name for parameter in self.parameters]
-        terms = [names.index(term.id) for term in self.model.terms]
-        inner = self._element_slice
-        return np.array([*terms, *range(inner.start, inner.stop)], dtype=np.intp)
+        inner = [place for place, each in enumerate(self.parameters) if each.kind == "element"]
+        return np.array([*(names.index(term.id) for term in self.model.terms), *inner], dtype=np.intp)
 
     def start_of(self, model: JointModel) -> Array:
         """Return parameters with the numbers of another model; nuisances and initial states as they start."""
@@ -318,20 +317,10 @@ class OutputError:
         x[self.number_indices] = model.numbers
         return x
 
-    def elements(self, x: Array) -> tuple[JointElement, ...]:
-        """Return the elements with the numbers of a set."""
-        return self.model.with_numbers(x[self.number_indices]).elements if self.model.elements else ()
-
-    @property
-    def _element_slice(self) -> slice:
-        first = len(self.model.terms)
-        return slice(first, first + sum(len(each.numbers) for each in self.model.elements))
-
     def _law_parameters(self, record: Record, sets: Array) -> Array:
-        values = np.tile(as_compiled(record.law).parameters, (len(sets), 1))
-        numbers = np.hstack([sets[:, : len(law_terms(self.model))], sets[:, self._element_slice]])
-        values[:, record.places] = numbers if record.held is None else numbers @ record.held.T
-        return values
+        assert record.in_law is not None
+        start, slopes = record.in_law
+        return start + (sets[:, self.number_indices] - self.model.numbers) @ slopes.T
 
     def _inertia(self, record: Record, sets: Array) -> Array:
         if self.inertia_index is None:

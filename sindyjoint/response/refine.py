@@ -7,18 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.stickslip import transfer_moment
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.response.compared import predicts_worse
 from sindyjoint.response.nuisances import added_law
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
+from sindyjoint.response.output_error_runs import term_columns
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.refine_starts import spread_starts
 from sindyjoint.response.run import followed_motion, rest_of
 from sindyjoint.states import ForceStates, campaign_states
 
@@ -88,7 +89,7 @@ def refine(
     noise. Initial angle and rate of each run that does not repeat are estimated, too, and where a joint without
     restoring moment is simulated by multiple shooting, those of every segment. Where the motion was prescribed it is
     the drive, and the moment the response. A model with elements is fitted from two more starts, see
-    :func:`~sindyjoint.response.refine_starts.spread_starts`; the best end is used. Where it predicts the runs kept for
+    :func:`spread_starts`; the best end is used. Where it predicts the runs kept for
     validation worse than the model as it was, that is kept.
 
     Parameters
@@ -323,4 +324,49 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
     return tuple(sentences)
 
 
-__all__ = ["Refinement", "refine", "undetermined_directions"]
+def spread_starts(model: JointModel, states: Sequence[ForceStates]) -> list[JointModel]:
+    """Return a model with the nonlinear parameters of its elements larger and smaller by turns, and the opposite.
+
+    The response has several minima over these: a gap that is too small and a ramp that is too long fit each other.
+    Coefficients are those of least squares on the moment along the measured motion. None for a model without nonlinear
+    parameters; a start whose elements would have to push the other way is left out.
+    """
+    inner = [(i, number.name) for i, each in enumerate(model.elements) for number in each.parameters]
+    starts = []
+    for turn in (1, -1) if inner else ():
+        signs = {key: turn * (-1) ** place for place, key in enumerate(inner)}
+        elements = [_spread(each, i, signs) for i, each in enumerate(model.elements)]
+        start = _fitted(model, elements, states)
+        if start is not None:
+            starts.append(start)
+    return starts
+
+
+def _spread(element: JointElement, index: int, signs: dict[tuple[int, str], int]) -> JointElement:
+    numbers = [(number.value, number.standard_error) for number in element.numbers]
+    for place, number in enumerate(element.parameters, len(element.columns)):
+        factor = POLICY.shape_spread if number.unit in ("", "1") else POLICY.start_spread
+        numbers[place] = number.value * factor ** signs[index, number.name], number.standard_error
+    return element.with_numbers(numbers)
+
+
+def _fitted(
+    model: JointModel, elements: Sequence[JointElement], states: Sequence[ForceStates]
+) -> JointModel | None:
+    """Return the model with these elements, all coefficients fitted to the moment of moving samples."""
+    columns, targets = [], []
+    for state in states:
+        inner = [each.columns_along(*followed_motion(state), 1 / state.sample_rate) for each in elements]
+        columns.append(np.hstack([term_columns(model, model.terms, state), *inner])[state.moving])
+        targets.append(state.transfer_moment(model.joint.inertia or 0.0)[state.moving])
+    matrix = np.vstack(columns)
+    if not np.isfinite(matrix).all() or not np.any(matrix, axis=0).all():
+        return None
+    rest = iter(scaled_least_squares(matrix, np.concatenate(targets)))
+    numbers = [next(rest) for _ in model.terms]
+    for before, each in zip(model.elements, elements, strict=True):
+        own = np.array([next(rest) for _ in each.columns])
+        if np.any(own * before.coefficients < 0):
+            return None
+        numbers += [*own, *each.values]
+    return model.with_numbers(numbers)
