@@ -8,8 +8,8 @@ from sindyjoint import Campaign, discover, simulate, verify
 from sindyjoint.export import export_model, write_export
 from tests.export.made import ELEMENTS, PAPER
 
-#: Share of the response that may differ: steps of solvers are coarser than ours, and a functional mock-up unit holds the
-#: moment from sample to sample, half of which is 0.6 % of a response at 4 Hz.
+#: Share of the response that may differ: steps of solvers are coarser than ours, and a functional mock-up unit holds
+#: the moment from sample to sample, half of which is 0.6 % of a response at 4 Hz.
 WITHIN = {"python": 1e-3, "c": 1e-3, "fmu": 1e-2, "mujoco": 1e-2, "opensees": 1e-2}
 
 
