@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -92,24 +92,15 @@ class OutputError:
             parameters += initial_parameters(records[-1], model.joint.motion)
         return cls(simulable, tuple(records), tuple(parameters), inertia_index)
 
-    def drop_failing_runs(self) -> tuple[OutputError, tuple[str, ...]]:
-        """Return the problem without the runs whose simulation fails at the start, and why each fails."""
-        start = np.array([parameter.start for parameter in self.parameters])
-        good, words = [], []
+    def failing_runs(self) -> dict[str, str]:
+        """Return the runs whose simulation fails at the start, and why each fails."""
+        start, found = np.array([parameter.start for parameter in self.parameters]), {}
         for record in self.runs:
             try:
                 self._predict(record, start[None])
-                good.append(record)
             except SimulationError as error:
-                words.append(f"{record.run.name} ({error})")
-        gone = {i for record in self.runs if record not in good for i in record.initial_indices}
-        kept = [i for i in range(len(self.parameters)) if i not in gone]
-        shifted = {old: new for new, old in enumerate(kept)}
-        records = tuple(
-            replace(record, initial=shifted[record.initial]) if record.starts else record for record in good
-        )
-        parameters = tuple(self.parameters[i] for i in kept)
-        return replace(self, runs=records, parameters=parameters), tuple(words)
+                found[record.run.name] = str(error)
+        return found
 
     @property
     def n_shared(self) -> int:

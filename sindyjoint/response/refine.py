@@ -11,16 +11,15 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.numeric import Array, scaled_least_squares
-from sindyjoint.record import Campaign
+from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import predicts_worse
-from sindyjoint.response.nuisances import added_law
+from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
 from sindyjoint.response.output_error_runs import term_columns
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import followed_motion, rest_of
+from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
 
 MOST_EVALUATIONS = 40
@@ -129,13 +128,20 @@ def refine(
         return Refinement(model, False, reason, {}, {}, {}, ())
     states = campaign_states(campaign) if states is None else states
     kinds = tuple(dict.fromkeys(nuisance))
-    runs = campaign.identification_runs
+    pairs = list(zip(campaign.identification_runs, states, strict=True))
+
+    def problem_of(pairs: Sequence[tuple[Run, ForceStates]]) -> OutputError:
+        return OutputError.of(model, [r for r, _ in pairs], [s for _, s in pairs], kinds, window, test)
+
     try:
-        problem = OutputError.of(model, runs, states, kinds, window, test)
+        problem = problem_of(pairs)
+        failing = problem.failing_runs()
+        pairs = [(run, state) for run, state in pairs if run.name not in failing]
+        problem = problem_of(pairs) if failing and pairs else problem
     except SimulationError as error:
         return Refinement(model, False, f"not refined: {error}", {}, {}, {}, ())
-    problem, left_out = problem.drop_failing_runs()
-    if not problem.runs:
+    left_out = [f"{name} ({why})" for name, why in failing.items()]
+    if not pairs:
         return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, ())
     start = np.array([parameter.start for parameter in problem.parameters])
     before = problem.nrmse(start)
@@ -156,32 +162,24 @@ def refine(
     return replace(refined, model=_update_residual(_without_stale(model, refined.model), states, test))
 
 
-@dataclass(frozen=True, eq=False)
-class _End:
-    """Where a fit came to: parameters, and half the sum of squares."""
-
-    x: Array
-    cost: float
-
-
 def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Array:
     """Return the parameters of the best end over all starts; the others are followed where they come near it."""
     scale = np.array([parameter.scale for parameter in problem.parameters])
     shared = slice(problem.n_shared)
-    best = _fit(problem, start, MOST_EVALUATIONS)
+    best, least = _fit(problem, start, MOST_EVALUATIONS)
     for other in others:
-        trial = _fit(problem, other, FIRST_EVALUATIONS)
-        apart = np.abs((trial.x - best.x) / scale)[shared].max()
-        if trial.cost > (1 + POLICY.coarse_lag) * best.cost or apart < SAME_END:
+        trial, cost = _fit(problem, other, FIRST_EVALUATIONS)
+        apart = np.abs((trial - best) / scale)[shared].max()
+        if cost > (1 + POLICY.coarse_lag) * least or apart < SAME_END:
             continue
-        end = _fit(problem, trial.x, MOST_EVALUATIONS)
-        if end.cost < (1 - POLICY.least_lead) * best.cost:
-            best = end
-    return best.x
+        end, cost = _fit(problem, trial, MOST_EVALUATIONS)
+        if cost < (1 - POLICY.least_lead) * least:
+            best, least = end, cost
+    return best
 
 
-def _fit(problem: OutputError, start: Array, most: int) -> _End:
-    """Fit from one start, with at most so many evaluations."""
+def _fit(problem: OutputError, start: Array, most: int) -> tuple[Array, float]:
+    """Fit from one start, with at most so many evaluations; return the parameters and half the sum of squares."""
     from scipy.optimize import least_squares
 
     scale = np.array([parameter.scale for parameter in problem.parameters])
@@ -198,7 +196,7 @@ def _fit(problem: OutputError, start: Array, most: int) -> _End:
         gtol=1e-8,
         max_nfev=most,
     )
-    return _End(solution.x * scale, float(solution.cost))
+    return solution.x * scale, float(solution.cost)
 
 
 def _summarise_refinement(
@@ -271,20 +269,12 @@ def _update_residual(
     model: JointModel, states: Sequence[ForceStates], test: TestNuisances | None
 ) -> JointModel:
     """Return the model with the residual of the moment under its new numbers."""
-    inertia = (test.joint_of(model.joint).inertia if test is not None else None) or model.inertia
     squares, count = 0.0, 0
-    # What it is fitted to is its range from now on.
-    widely = replace(model, fitted=replace(model.fitted, angle=np.inf, rate=np.inf))
     for state in states:
-        keep = state.moving
-        rest = rest_of(state)
-        # Samples that move are as measured; internal states follow what the joint does while it sticks.
-        angle, rate = followed_motion(state)
-        modelled = widely.moment(angle, rate, 1 / state.sample_rate, state.inputs, rest)
-        added = None if test is None else added_law(test, state)
-        if added is not None:
-            modelled = modelled + transfer_moment(added, angle, rate, state.sample_rate, rest=rest)[0]
-        residual = (state.transfer_moment(inertia) - modelled)[keep]
+        moment, _ = along_motion(
+            law_of_test(test or TestNuisances(""), model, state), state, state.sample_rate
+        )
+        residual = (state.moment - moment)[state.moving]
         squares, count = squares + float(residual @ residual), count + residual.size
     return replace(model, fitted=replace(model.fitted, residual_rms=float(np.sqrt(squares / max(count, 1)))))
 

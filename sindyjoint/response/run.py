@@ -230,8 +230,6 @@ def simulate_run(
             inner = brought_from_rest(law, states.angle, states.rate, rest_of(states))[:, None]
         else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
-            if isinstance(law, LawInRun):
-                moment = moment + law.added
         if drive != "motion":
             motion = _simulate_motion(law, run, states, drive, window, kept.start, inner, options)
             angle, rate = (signal[-(kept.stop - kept.start) :] for signal in (motion.angle, motion.rate))
@@ -290,8 +288,8 @@ def along_motion(
     )
     still = without_noise_travel(states, angle, rate, 1 / sample_rate) if law.n_states else (angle, rate)
     inner = internal_states(law, still[0], still[1], sample_rate, substeps=substeps, rest=rest_of(states))
-    moment = law.moment(angle, rate, slip_direction(rate), inner)[size:]
-    return moment + law.inertia * states.acceleration, inner[:, size:]
+    moment = law.moment(angle, rate, slip_direction(rate), inner)[size:] + law.inertia * states.acceleration
+    return moment + (law.added if isinstance(law, LawInRun) else 0.0), inner[:, size:]
 
 
 def followed_motion(states: ForceStates) -> tuple[Array, Array]:
