@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.inputs import Source
+from sindyjoint.measurement.runs import with_channels
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import Run
@@ -258,7 +259,7 @@ class Record:
             if f.run == self.name and f.channel and f.id != "saturation":
                 found.setdefault(f.channel, []).extend(f.spans)
         changes = {name: _without(self.channels[name], spans) for name, spans in found.items() if spans}
-        return record_of(self.run.with_channels(changes)) if changes and self.run else self
+        return record_of(with_channels(self.run, changes)) if changes and self.run else self
 
 
 def _without(values: Array, spans: Iterable[tuple[int, int]]) -> Array:

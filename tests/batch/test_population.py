@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sindyjoint.batch.population import holm, median_spread, population, random_effects
 from sindyjoint.errors import InputError
+from sindyjoint.workflows.joints.population import holm, median_spread, population, random_effects
 
 
 def sample(rng, n, spread=1.0, error=0.5):

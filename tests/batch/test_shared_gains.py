@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.batch.record import CampaignRecord
-from sindyjoint.batch.summary import summarised
 from sindyjoint.errors import InputError
 from sindyjoint.export.samples import batch_samples
+from sindyjoint.workflows.joints.record import CampaignRecord
+from sindyjoint.workflows.joints.summary import summarised
 
 GAIN, NOISE, SPREAD, JOINTS = 0.03, 0.002, 0.02, 40
 # The angle is uncertain: a cubic stiffness goes with its third power.

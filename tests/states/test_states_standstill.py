@@ -5,7 +5,7 @@ import pytest
 
 from sindyjoint.record import Run
 from sindyjoint.states import force_states
-from sindyjoint.states.standstill import without_noise_travel
+from sindyjoint.states.mask import without_noise_travel
 
 RATE, NOISE = 500.0, 0.003
 

@@ -1,4 +1,4 @@
-"""What of the moment does not repeat where the motion does: the floor of every model, measured inside a run.
+"""The floor of every model: the part of the moment that no law of the motion explains, for it does not repeat.
 
 The end of a spectrum shows the noise of a sensor. It does not show that a joint is not the same from one cycle to the
 next. Where two periods of a run have the same motion, though the run as a whole starts, ramps or ends, the
@@ -7,8 +7,8 @@ difference of their moments is what no law of the motion can explain.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,10 +17,84 @@ from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
 
+#: What showed the noise of a moment, in words.
+SOURCES = {
+    "declared": "declared",
+    "periods": "from the periods of each run",
+    "steady periods": "from periods of one motion inside the runs",
+    "mean periods": "from the periods of the excitation",
+    "spectrum": "from the end of the spectrum",
+    "coherent": "at most: from the end of a spectrum that still holds signal",
+}
+UNKNOWN = "the data do not show how far they repeat"
 # Samples of a period below which two of them cannot be laid over each other, and places to which one is shifted for it.
 SHORTEST, PLACES = 32, 41
 # Periods of a record beyond which more of them say nothing new.
 MOST_PERIODS = 64
+
+
+@dataclass(frozen=True)
+class Floor:
+    """What of the transfer moment of some runs does not repeat.
+
+    Parameters
+    ----------
+    moment : float
+        RMS over moving samples, N·m (N); NaN where most of it is not known.
+    relative : float
+        The same as a share of the RMS of the transfer moment.
+    words : str
+        What showed it.
+    bound : bool
+        Whether it is an upper bound: a gap below it may be noise, or not.
+    """
+
+    moment: float
+    relative: float
+    words: str
+    bound: bool = False
+
+
+def moment_floor(states: Sequence[ForceStates], inertia: float) -> Floor:
+    """Return the floor of some runs, pooled over their moving samples.
+
+    The noise of a transfer moment is that of the moment and the inertia's times that of the acceleration. The noise of
+    the motion must be known where it would matter were it twice as large.
+
+    Parameters
+    ----------
+    states : sequence of ForceStates
+    inertia : float
+        kg·m² (kg).
+    """
+    weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
+    known = np.array([_known(s, inertia) for s in states], dtype=bool)
+    squares = [np.mean(larger_moment(s, inertia)[s.moving] ** 2) if s.moving.any() else 0.0 for s in states]
+    size = float(np.sqrt(weight @ np.array(squares) / max(weight.sum(), 1.0)))
+    if not weight[known].sum() > 0.5 * weight.sum():
+        return Floor(float("nan"), float("nan"), UNKNOWN)
+    variance = np.array([s.noise.moment**2 + (inertia * s.noise.acceleration) ** 2 for s in states])
+    moment = float(np.sqrt(np.average(variance[known], weights=weight[known])))
+    used = [s.noise.source for s, k in zip(states, known, strict=True) if k]
+    words = ", ".join(SOURCES[name] for name in dict.fromkeys(used))
+    return Floor(moment, moment / size if size > 0 else float("nan"), words, "coherent" in used)
+
+
+def _known(states: ForceStates, inertia: float) -> bool:
+    if not states.noise.measured:
+        return False
+    return states.noise.motion_measured or 2 * inertia * states.noise.acceleration <= states.noise.moment
+
+
+def larger_moment(states: ForceStates, inertia: float) -> Array:
+    """Return the moment at the sensor or in the joint, whichever is larger: a free decay has none at the sensor."""
+    transfer = states.transfer_moment(inertia)
+    return states.moment if np.mean(states.moment**2) >= np.mean(transfer**2) else transfer
+
+
+def transfer_noise(states: ForceStates, inertia: float) -> float:
+    """Return the noise of a single sample of the transfer moment, N·m: the sensor's, and I times that of θ̈."""
+    return float(np.hypot(states.noise.moment, inertia * states.noise.acceleration))
 
 
 class Pair(NamedTuple):
