@@ -94,7 +94,7 @@ def curves(
             ),
         )
 
-    from sindyjoint.mechanics.rig_test_file import rig_path
+    from sindyjoint.mechanics.rigs import rig_path
 
     files = [*(model or []), rig_path(subject)]
     answer(find, out, output, progress, files=files)

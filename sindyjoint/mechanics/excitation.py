@@ -233,25 +233,6 @@ def repeated(values: ArrayLike, period: float) -> Excitation:
     return Excitation(_spline_pieces(np.append(y, y[0]), periodic=True), period / y.size, periodic=True)
 
 
-def multisine(
-    amplitudes: ArrayLike, frequencies: ArrayLike, phases: ArrayLike, duration: float
-) -> Excitation:
-    """Return the sum of sines, amplitude_i · sin(2π f_i t + phase_i), over `duration` seconds."""
-    a, f, p = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (amplitudes, frequencies, phases))
-    _check_positive(duration=duration, lowest_frequency=float(f.min()))
-    rate = TONE_PIECES * float(f.max())
-    t = np.arange(int(np.ceil(duration * rate)) + 2) / rate
-    return sampled(np.sin(2 * np.pi * np.outer(t, f) + p) @ a, rate)
-
-
-def sweep(amplitude: float, start: float, stop: float, duration: float) -> Excitation:
-    """Return a sine whose frequency goes linearly from `start` to `stop`, Hz, in `duration` seconds."""
-    _check_positive(start=start, stop=stop, duration=duration)
-    rate = TONE_PIECES * max(start, stop)
-    t = np.arange(int(np.ceil(duration * rate)) + 2) / rate
-    return sampled(amplitude * np.sin(2 * np.pi * (start * t + (stop - start) * t**2 / (2 * duration))), rate)
-
-
 def pulse(
     amplitude: float, duration: float, shape: Literal["rectangular", "half-sine"] = "rectangular"
 ) -> Excitation:

@@ -140,53 +140,6 @@ def sum_of(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
     )
 
 
-@lru_cache(maxsize=256)
-def scalar_law_of_expressions(
-    expressions: tuple, states: tuple[str, ...], parameters: tuple[str, ...]
-) -> ScalarLaw:
-    """Write sympy expressions (moment, then state rates) as one scalar law function."""
-    import sympy
-    from sympy.utilities.lambdify import lambdify
-
-    theta, omega, direction = sympy.symbols("theta omega direction")
-    z, p = sympy.IndexedBase("z"), sympy.IndexedBase("p")
-    symbols: dict[str, Any] = {name: z[i] for i, name in enumerate(states)}
-    symbols |= {name: p[i] for i, name in enumerate(parameters)}
-    symbols |= {"theta": theta, "omega": omega, "direction": direction}
-
-    def rewrite(expression: Any) -> Any:
-        expression = sympy.sympify(expression, strict=True)
-        # By name, not by identity: an expression built with real=True symbols means the same law.
-        expression = expression.xreplace(
-            {s: symbols[s.name] for s in expression.free_symbols if s.name in symbols}
-        )
-        expression = expression.replace(sympy.sign(omega), direction)
-        return expression.replace(sympy.Heaviside(omega), (1 + direction) / 2).evalf(17)
-
-    rewritten = tuple(rewrite(e) for e in expressions)
-    count = len(rewritten)
-    values = njit(error_model="numpy")(
-        lambdify(
-            (theta, omega, direction, z, p),
-            rewritten if count > 1 else rewritten[0],
-            modules="math",
-            cse=True,
-        )
-    )
-    if count == 1:
-
-        def scalar_law(theta, omega, direction, state, parameters, out):
-            out[0] = values(theta, omega, direction, state, parameters)
-    else:
-
-        def scalar_law(theta, omega, direction, state, parameters, out):
-            results = values(theta, omega, direction, state, parameters)
-            for i in range(count):
-                out[i] = results[i]
-
-    return scalar_law
-
-
 @njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 def _state_step(address, cubic, u, width, step, parameters, z, k, moved):
     """Fill `moved` with the states a share `width` of a step after `u` (Runge–Kutta, order 4); tell whether one stops.

@@ -67,3 +67,26 @@ def real_blocks(factor: NDArray[np.complex128]) -> Array:
     """
     blocks = np.array([[factor.real, factor.imag], [-factor.imag, factor.real]])
     return blocks.transpose(2, 0, 3, 1).reshape(2 * factor.shape[0], 2 * factor.shape[1])
+
+
+def by_harmonic(factors: NDArray[np.complex128], spare: int = 0) -> Array:
+    """Return complex factors of each harmonic as a matrix on the coefficients of all signals.
+
+    Parameters
+    ----------
+    factors : ndarray of complex, shape (H + 1, n, n)
+    spare : int
+        Rows and columns of zeros behind.
+
+    Returns
+    -------
+    ndarray, shape (n·(2H + 1) + spare, n·(2H + 1) + spare)
+    """
+    count, width = factors.shape[1], 2 * len(factors) - 1
+    rows: NDArray[np.intp] = np.arange(count) * width
+    matrix = np.zeros((count * width + spare,) * 2)
+    matrix[np.ix_(rows, rows)] = factors[0].real
+    for order in range(1, len(factors)):
+        pairs: NDArray[np.intp] = np.ravel(rows[:, None] + np.array([2 * order - 1, 2 * order]))
+        matrix[np.ix_(pairs, pairs)] = real_blocks(factors[order])
+    return matrix

@@ -13,8 +13,8 @@ from sindyjoint.equation.model_file import as_model, read_models
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.mechanics.laws import softening_limit
 from sindyjoint.mechanics.rig_test import BASE, RigTest
-from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure, rig_path
-from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure
+from sindyjoint.mechanics.rigs import Rig, load_rig, rig_path, shipped_rigs
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
