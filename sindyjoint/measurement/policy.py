@@ -46,6 +46,11 @@ class MeasurementPolicy:
         "filter cut there",
         source="filtered noise has 0.02, the last lines of a multisine 0.7 or more",
     )
+    noise_changes: float = limit(
+        0.55,
+        "share of sign changes of third differences from which they are noise",
+        source="white noise has 0.77, a smooth signal hardly any",
+    )
 
 
 POLICY = MeasurementPolicy()

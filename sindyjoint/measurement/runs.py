@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import signals_of
 from sindyjoint.measurement.fusion import fuse
+from sindyjoint.measurement.policy import POLICY
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, MINIMUM_SAMPLES, Run, checked_signal
 from sindyjoint.rig import SensorNoise
@@ -29,8 +30,6 @@ MOST_STEPS, PER_STEP = 20_000, 2
 SIGMAS, QUANTA = 6.0, 1.5
 # Fewest samples that a parabola through a reversal takes.
 FEWEST_AT_A_TURN = 5
-# Share of third differences that change sign, below which they are those of a smooth signal.
-ALTERNATING = 0.6
 # Across a longer gap between measured samples, in steps of the path, nothing is known.
 LONGEST_GAP = 3.0
 # Steps that are left out on either side of a reversal.
@@ -172,7 +171,7 @@ def white_noise(values: Array) -> float:
     """
     third = np.diff(values, 3)
     sign = np.sign(third[third != 0])
-    if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < ALTERNATING:
+    if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < POLICY.noise_changes:
         return 0.0
     return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
 
