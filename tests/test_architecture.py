@@ -17,7 +17,6 @@ BASE = {
     "policy",
     "numeric",
     "documents",
-    "hooks",
     "described",
     "shown",
     "trust",
@@ -32,14 +31,13 @@ DIAGNOSES = RESPONDS | {"bias", "soundness", "evidence", "diagnosis"}
 ALLOWED = {
     "errors": set(),
     "text": set(),
-    "hooks": set(),
     "described": set(),
-    "shown": {"described", "hooks"},  # what shows results is supplied at the package's root
+    "shown": {"described"},  # what shows results is supplied at the root
     "policy": set(),
     "numeric": set(),
     "inputs": {"errors"},
     "rig": {"errors", "text"},
-    "record": {"errors", "hooks", "text", "inputs", "shown", "rig"},
+    "record": {"errors", "text", "inputs", "shown", "rig"},
     "measurement": {
         "errors",
         "numeric",

@@ -15,8 +15,8 @@ from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import UnitError
 
 if TYPE_CHECKING:
+    from sindyjoint.substructure.forced import StructureCurves
     from sindyjoint.substructure.joint_curves import JointCurves
-    from sindyjoint.substructure.structure_curves import StructureCurves
 
 CURVES = "workflows.curves:curves"
 

@@ -273,7 +273,7 @@ class FormulaLaw(_CallbackLaw):
 
     @cached_property
     def _interpreted(self) -> CompiledLaw:
-        from sindyjoint.mechanics.programs import interpreted_law, program_of_expressions
+        from sindyjoint.mechanics.kernels import interpreted_law, program_of_expressions
 
         formulas = (self.expression, *self.state_rates.values())
         program = program_of_expressions(formulas, tuple(self.state_rates), tuple(self.parameters))

@@ -152,7 +152,7 @@ _RECORDS = {
     "diagnosis": "diagnosis.result:Diagnosis",
     "rig": "workflows.rig:RigMotion",
     "joint-curves": "substructure.joint_curves:JointCurves",
-    "structure-curves": "substructure.structure_curves:StructureCurves",
+    "structure-curves": "substructure.forced:StructureCurves",
     "export": "export:Export",
     "simulation": "workflows.simulate:WrittenTest",
     "batch": "workflows.joints.summary:Batch",

@@ -10,8 +10,8 @@ from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
 from sindyjoint.mechanics.excitation import harmonic, pulse, sampled
+from sindyjoint.mechanics.kernels import PROGRAM_CALLBACK
 from sindyjoint.mechanics.laws import FormulaLaw, SumLaw
-from sindyjoint.mechanics.programs import PROGRAM_CALLBACK
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import (
     simulate,
