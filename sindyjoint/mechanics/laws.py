@@ -217,7 +217,7 @@ class FunctionLaw(_CallbackLaw):
 
 @dataclass(frozen=True)
 class FormulaLaw(_CallbackLaw):
-    """A law written as sympy expressions, interpreted by the integrators (:mod:`sindyjoint.mechanics.programs`).
+    """A law written as sympy expressions, interpreted by the integrators (:mod:`sindyjoint.mechanics.kernels`).
 
     They have the functions that formulas of catalogues have. The symbols ``theta`` and ``omega`` are angle and rate,
     ``direction`` the sense of slip; ``sign(omega)`` is taken as ``direction`` and is thereby set-valued at standstill.
