@@ -18,8 +18,7 @@ from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
 from sindyjoint.equation.evaluation import compile_terms
-from sindyjoint.equation.operations import operated, program
-from sindyjoint.equation.pointers import integer_at, intrinsic, pointer, shifted, stacked
+from sindyjoint.equation.operations import integer_at, intrinsic, operated, pointer, program, shifted, stacked
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 from sindyjoint.numeric import Array

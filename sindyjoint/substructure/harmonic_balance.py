@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure, craig_bampton, with_coordinate
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.harmonics import analysis, by_harmonic, rates, real_blocks, synthesis
-from sindyjoint.substructure.period import period_moment
+from sindyjoint.substructure.period import analysis, by_harmonic, period_moment, rates, real_blocks, synthesis
 
 Complex = NDArray[np.complex128]
 
