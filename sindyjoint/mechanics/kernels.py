@@ -7,7 +7,6 @@ it by address, so they are compiled once and cached; a new law costs only its fe
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -123,22 +122,12 @@ def sum_of(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
     """Return the sum of two laws, states and parameters of the first one first; there is nothing to compile."""
     header = np.array([first.address, second.address, first.n_states, first.numbers.size], dtype=np.int64)
     end = SUM_HEADER + first.numbers.size
-
-    def memory(numbers: NDArray[np.float64]) -> CompiledLaw:
-        """Return the one law that has all internal states, or the sum of what is left of both."""
-        one = replace(first, numbers=numbers[SUM_HEADER:end])
-        other = replace(second, numbers=numbers[end:])
-        if first.n_states and second.n_states:
-            return replace(sum_of(one.of_states(), other.of_states()), memory=None)
-        return (one if first.n_states else other).of_states()
-
     return CompiledLaw(
         SUM_CALLBACK,
         np.concatenate([header.view(np.float64), first.numbers, second.numbers]),
         first.n_states + second.n_states,
         np.concatenate([SUM_HEADER + first.places, end + second.places]),
         (first, second),
-        memory,
     )
 
 
@@ -293,37 +282,10 @@ def PROGRAM_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: 
         out[i] = registers[integer_at(shifted(outputs, i))]
 
 
-def rates_alone(program: tuple[Array, Integers, Integers], n_states: int, n_parameters: int) -> Any:
-    """Return a program without the operations that only the moment needs; where the moment was, the angle is."""
-    constants, operations, outputs = program
-    start = 3 + n_states + n_parameters + constants.size
-    needed = {0, *outputs[1:].tolist()}
-    for row in range(len(operations) - 1, -1, -1):
-        if start + row in needed:
-            needed |= set(operations[row, 1:].tolist())
-    kept = [row for row in range(len(operations)) if start + row in needed]
-    # Registers of operations move down by those that went.
-    renamed = np.arange(start + len(operations))
-    renamed[[start + row for row in kept]] = start + np.arange(len(kept))
-    left = operations[kept]
-    left[:, 1:] = renamed[left[:, 1:]]
-    return constants, left, np.concatenate([[0], renamed[outputs[1:]]])
-
-
 def interpreted_law(
     program: tuple[Array, Integers, Integers], n_states: int, parameters: Array
 ) -> CompiledLaw:
     """Return a law of a program: moment and rates of its states, interpreted."""
-    law = _packed(program, n_states, parameters)
-
-    def memory(numbers: Array) -> CompiledLaw:
-        given = numbers[HEADER : HEADER + parameters.size]
-        return _packed(rates_alone(program, n_states, parameters.size), n_states, given)
-
-    return replace(law, memory=memory) if n_states else law
-
-
-def _packed(program: tuple[Array, Integers, Integers], n_states: int, parameters: Array) -> CompiledLaw:
     constants, operations, outputs = program
     plan = np.concatenate([operations.ravel(), outputs]).astype(np.int64)
     header = np.array([n_states, parameters.size, constants.size, len(operations)], dtype=np.int64)

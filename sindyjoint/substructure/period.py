@@ -142,7 +142,7 @@ def steady_states(law: Any, angle: Array, rate: Array, period: float) -> Array:
     SimulationError
         If a state does not stay finite.
     """
-    compiled = as_compiled(law).of_states()
+    compiled = as_compiled(law)
     states = np.zeros((compiled.n_states, angle.size + 1))
     if not compiled.n_states:
         return states[:, :-1]
