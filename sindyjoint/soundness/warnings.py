@@ -203,8 +203,11 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         lines.append("one level only: effects of amplitude cannot be distinguished")
     if campaign.quasi_static:
         lines.append("the noise was estimated from neighbouring samples of the path, not from repetition")
-    elif not periodic:
-        lines.append("no run repeats: noise was estimated from the spectrum, not from repetition")
+    elif any(s.noise.source in ("spectrum", "coherent") for s in states):
+        lines.append(
+            "no run repeats: the noise is estimated from the end of the spectrum and holds whatever signal is there; "
+            "record one run twice to measure it"
+        )
     short = [
         s.run
         for s in periodic
