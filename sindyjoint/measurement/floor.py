@@ -58,8 +58,7 @@ def moment_floor(states: Sequence[ForceStates], inertia: float) -> Floor:
     """
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
     known = np.array([_known(s, inertia) for s in states], dtype=bool)
-    squares = [np.mean(larger_moment(s, inertia)[s.moving] ** 2) if s.moving.any() else 0.0 for s in states]
-    size = float(np.sqrt(weight @ np.array(squares) / max(weight.sum(), 1.0)))
+    size = moment_size(states, inertia)
     if not weight[known].sum() > 0.5 * weight.sum():
         return Floor(float("nan"), float("nan"), UNKNOWN)
     variance = np.array([s.noise.moment**2 + (inertia * s.noise.acceleration) ** 2 for s in states])
@@ -67,6 +66,12 @@ def moment_floor(states: Sequence[ForceStates], inertia: float) -> Floor:
     used = [s.noise.source for s, k in zip(states, known, strict=True) if k]
     words = ", ".join(SOURCES[name] for name in dict.fromkeys(used))
     return Floor(moment, moment / size if size > 0 else float("nan"), words, "coherent" in used)
+
+
+def moment_size(states: Sequence[ForceStates], inertia: float) -> float:
+    """Return the RMS that gaps and floors are relative to: of the larger moment, over the moving samples of all runs."""
+    squares = [larger_moment(s, inertia)[s.moving] ** 2 for s in states]
+    return float(np.sqrt(np.sum(np.concatenate(squares)) / max(sum(square.size for square in squares), 1)))
 
 
 def _known(states: ForceStates, inertia: float) -> bool:

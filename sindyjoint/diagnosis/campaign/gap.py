@@ -22,7 +22,7 @@ from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
-from sindyjoint.measurement.floor import moment_floor
+from sindyjoint.measurement.floor import moment_floor, moment_size
 from sindyjoint.response.compared import pooled_errors
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.run import moment_scale, pooled_nrmse
@@ -40,7 +40,7 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     if work.campaign.validation_runs:
         moment, response = pooled_errors(kept_runs(work, model, effects))
         return Gap(moment, response, kept_weighted_gap(kept_rows(work, model, effects), model, adding))
-    moment, weighted = held_out_gap(work.rows, model, adding, work.noise, work.policy)
+    moment, weighted = _held_out(work, model, adding)
     of_response = continuation_gap if is_free(work.campaign) else response_gap
     return Gap(moment, of_response(work, model, effects), weighted)
 
@@ -50,7 +50,13 @@ def moment_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -
     if work.campaign.validation_runs:
         return gap_of(work, model, effects).moment
     adding = [e for e in effects if not e.shifts]
-    return held_out_gap(work.rows, model, adding, work.noise, work.policy)[0]
+    return _held_out(work, model, adding)[0]
+
+
+def _held_out(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> tuple[float, float]:
+    """Return the moment gap on runs left out, relative to what the noise floor is."""
+    size = moment_size(work.states, work.model.inertia)
+    return held_out_gap(work.rows, model, effects, work.noise, work.policy, size=size)
 
 
 def gap_without(work: Work, found: Sequence[FittedEffect], names: Collection[str]) -> Gap:
