@@ -72,7 +72,9 @@ def reported_together(steps: Sequence[Step]) -> list[tuple[Step, ...]]:
 def without_help(steps: Sequence[Step], least: float) -> tuple[Step, ...]:
     """Return the steps that take away less than a share of either gap: they may stand in for something else."""
     groups = reported_together(steps)
-    return tuple(s for group in groups if not _helps(group[0].gap_before, group[-1].gap_after, least) for s in group)
+    return tuple(
+        s for group in groups if not _helps(group[0].gap_before, group[-1].gap_after, least) for s in group
+    )
 
 
 def _helps(before: Gap, after: Gap, least: float) -> bool:

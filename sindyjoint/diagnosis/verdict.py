@@ -190,7 +190,10 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
         return "unknown", f"the effects found hardly help on data left out of the fit; {size} remains"
     if beyond or excess:
         left = size if beyond else f"{share} of the gap beyond noise"
-        return "partly_named", f"{_explaining('a part', steps, gaps.initial, policy)}; {left} remains unexplained"
+        return (
+            "partly_named",
+            f"{_explaining('a part', steps, gaps.initial, policy)}; {left} remains unexplained",
+        )
     if complaint:
         what = f"the {'motion' if gaps.of_response else 'moment'}"
         return "partly_named", f"{_explaining(what, steps, gaps.initial, policy)}; yet {complaint}"

@@ -69,7 +69,7 @@ def moment_floor(states: Sequence[ForceStates], inertia: float) -> Floor:
 
 
 def moment_size(states: Sequence[ForceStates], inertia: float) -> float:
-    """Return the RMS that gaps and floors are relative to: of the larger moment, over the moving samples of all runs."""
+    """Return the RMS that gaps and floors are relative to: of the larger moment, over all moving samples."""
     squares = [larger_moment(s, inertia)[s.moving] ** 2 for s in states]
     return float(np.sqrt(np.sum(np.concatenate(squares)) / max(sum(square.size for square in squares), 1)))
 

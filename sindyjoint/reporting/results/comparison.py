@@ -32,7 +32,7 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.text import quantities, rounded, spelled
+from sindyjoint.text import list_some, quantities, rounded, spelled
 from sindyjoint.trust import Trust
 
 
@@ -40,28 +40,29 @@ def _inclusion_rows(result: Comparison) -> list[tuple[str, list[float]]]:
     """Return label and share of each term: of the resampled campaigns first, then of every choice."""
     terms = result.shown_ids
     share = dict(zip(result.ids, result.inclusion, strict=True))
-    choices = (*result.methods, *result.frequencies, *result.libraries)
+    choices = [choice for group in result.groups.values() for choice in group]
     chosen = [(choice.name, [float(choice[term] is not None) for term in terms]) for choice in choices]
     return [("resampled campaigns", [share.get(term, 0.0) for term in terms]), *chosen]
 
 
 def inclusion(result: Comparison, ax: Axes) -> Axes:
-    """Draw which term is chosen by what: one row for each method, frequency, library, and the resampled campaigns."""
+    """Draw which term is chosen by what: a row for each choice, and for the resampled campaigns."""
     from matplotlib.patches import Rectangle
 
     terms, rows = result.shown_ids, _inclusion_rows(result)
     for y, (_, values) in enumerate(rows):
         for x, value in enumerate(values):
             # Area shows the share of replicates; a full square is a certain choice.
-            side, colour = 0.86 * np.sqrt(value), PALETTE[0] if terms[x] in result.wanted else PALETTE[1]
+            side, colour = 0.86 * np.sqrt(value), PALETTE[0] if terms[x] in result.reference else PALETTE[1]
             if value > 0:
                 ax.add_patch(Rectangle((x - side / 2, y - side / 2), side, side, color=colour, linewidth=0))
-    for end in np.cumsum([1, len(result.methods), len(result.frequencies)]):
+    for end in np.cumsum([1, *map(len, result.groups.values())])[:-1]:
         ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
-    ax.axvline(len(result.wanted) - 0.5, color=INK, linewidth=0.8)
+    ax.axvline(len(result.reference) - 0.5, color=INK, linewidth=0.8)
+    whose = "the paper's five" if result.of_paper else "the model's terms"
     ax.set(
         xlim=(-0.5, len(terms) - 0.5), ylim=(len(rows) - 0.5, -0.5), yticks=range(len(rows)),
-        yticklabels=[plain(shortened(name, 20)) for name, _ in rows], title="left of the line: the paper's five",
+        yticklabels=[plain(shortened(name, 20)) for name, _ in rows], title=f"left of the line: {whose}",
     )  # fmt: skip
     names = [spelled(term, result.motion) for term in terms]
     ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
@@ -110,13 +111,9 @@ class ComparisonView(
     """A comparison."""
 
     def tables(self, result: Comparison) -> tuple[TextTable, ...]:
-        """Return the tables of a comparison."""
-        tables = [_against_terms("methods", "Methods against terms", result, _best_first(result.methods))]
-        if result.frequencies:
-            title = f"Each single {result.parts} against terms"
-            tables.append(_against_terms(result.several, title, result, result.frequencies))
-        libraries = _best_first(result.libraries)
-        tables.append(_against_terms("libraries", "Libraries against terms", result, libraries))
+        """Return the tables of a comparison, that of all choices first."""
+        tables = [_choices(result)]
+        tables += [_against_terms(by, result, choices) for by, choices in result.groups.items() if choices]
         tables.append(_coefficients(result))
         if result.tests:
             tables.append(_tests(result.tests, result.motion))
@@ -131,14 +128,20 @@ class ComparisonView(
         model = None if result.discovery is None else result.discovery.model
         found = (
             show.equation(markup(mathml(model))) if model and model.terms else "",
-            show.verdict(sentence(result.agreement)),
+            show.verdict(sentence(result.agreement)) if result.of_paper else "",
         )
         about = f"Model by {result.methods[0].name}: {result.model.reason}."
         answers = [
             f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests
         ]
-        above = {"coefficients": show.paragraph(CORRECTED if result.bias else "")}
-        below = {"frequency-dependence": (show.items(answers), show.pictures("dependence"))}
+        above = {
+            "choices": show.paragraph(about, "reason"),
+            "coefficients": show.paragraph(CORRECTED if result.bias else ""),
+        }
+        below = {
+            "choices": (show.pictures("inclusion"),),
+            "frequency-dependence": (show.items(answers), show.pictures("dependence")),
+        }
         sections = [
             section(
                 table.name,
@@ -150,23 +153,12 @@ class ComparisonView(
             )
             for table in self.tables(result)
         ]
-        warnings = show.items(list(map(sentence, self.warnings(result))), heading="", kind="warnings")
         return Page(
             _title(result),
             "Term selection compared",
             result.joint,
-            (show.answers(self.headline(result), self.question, self.hero(show, data, "inclusion"), found),),
-            (
-                section(
-                    "map",
-                    "Which terms are chosen by what",
-                    "Map",
-                    show.paragraph(about, "reason"),
-                    show.pictures("inclusion"),
-                ),
-                *sections,
-                section("warnings", "To be aware of", "", warnings),
-            ),
+            (show.answers(self.headline(result), self.question, "", found),),
+            (*sections, section("warnings", "To be aware of", "", show.warnings(self.warnings(result), ""))),
         )
 
     def origin(self, result: Comparison, command_line: Any, seed: object, files: Any) -> Provenance:
@@ -175,12 +167,7 @@ class ComparisonView(
 
     def records(self, result: Comparison) -> list[dict[str, Any]]:
         """Return every choice, term by term, numbers in SI units."""
-        groups = {
-            "method": result.methods,
-            result.parts: result.frequencies,
-            "library": result.libraries,
-            "model": (result.model,),
-        }
+        groups = {**result.groups, "model": (result.model,)}
         missing = float("nan")
         none = SimpleNamespace(coefficient=missing, standard_error=missing, interval95=(missing, missing))
         return [
@@ -217,9 +204,9 @@ class ComparisonView(
     def about(self, result: Comparison) -> str:
         """Return the joint, and how much is compared."""
         simulated = " (simulated)" if result.simulated else ""
-        apart = f", {len(result.frequencies)} {result.several}" if result.frequencies else ""
-        many = f"{len(result.methods)} methods{apart}, {len(result.libraries)} libraries"
-        return f"{escape(result.joint)}{simulated}: terms by {many}"
+        plural = {"method": "methods", "library": "libraries", result.parts: result.several}
+        many = [f"{len(each)} {plural.get(by, f'{by}s')}" for by, each in result.groups.items() if each]
+        return f"{escape(result.joint)}{simulated}: terms by {', '.join(many)}"
 
     def show_result(self, result: Comparison, console: Console) -> None:
         """Print the model, what every choice leads to, and whether coefficients change with frequency."""
@@ -227,8 +214,9 @@ class ComparisonView(
         known = result.discovery is not None and result.model.terms
         said = result.discovery.model.equation() if known else names or result.model.reason
         console.print(f"  {escape(said)}\n")
-        print_table(_choices(result), console, "lrrrrl", wraps=True)
-        console.print(f"\n{escape(result.agreement)}")
+        print_table(_choices(result).headed(), console, "llrrrrl", wraps=True)
+        if result.of_paper:
+            console.print(f"\n{escape(result.agreement)}")
         if result.tests:
             console.print()
             tests = _tests(result.tests, result.motion).take(
@@ -250,14 +238,14 @@ class ComparisonView(
             "response": lambda choice: short_number(choice.response),
             "terms": lambda choice: " ".join(term.id for term in choice.terms) or "none",
         }
-        choices = (*result.methods, *result.frequencies, *result.libraries)
+        choices = [choice for group in result.groups.values() for choice in group]
         yield from aligned(tabulate("choices", "", choices, columns))
         yield from (f"{stage}: {_seconds(spent)}" for stage, spent in result.seconds.items())
 
 
 def _title(result: Comparison) -> str:
-    apart = f"{result.parts} and " if result.frequencies else "and "
-    return f"{result.joint}: terms by method, {apart}library"
+    *first, last = (by for by, choices in result.groups.items() if choices)
+    return f"{result.joint}: terms by {', '.join(first)} and {last}"
 
 
 def _best_first(choices: Sequence[Choice]) -> list[Choice]:
@@ -278,28 +266,23 @@ def _named(result: Comparison, term: str) -> str:
     return f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})"
 
 
-def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
-    """Return a row for each term, and for what each choice errs; a column for each choice."""
-    load = quantities(result.motion).moment.lower()
-    terms = [t for t in result.shown_ids if t in result.wanted or any(choice[t] for choice in choices)]
-    rows: dict[str, Callable[[Choice], str]] = {
-        **{_named(result, term): partial(_cell, term=term) for term in terms},
-        "terms": lambda choice: str(len(choice.terms)),
-        "the paper's set": lambda choice: "yes" if choice.agrees else "no",
-        "residual": lambda choice: _percent(choice.residual),
-        f"error of left-out {load}": lambda choice: _percent(choice.held_out),
-        "error of left-out response": lambda choice: _percent(choice.response),
-        "time of the path, s": lambda choice: (
-            f"{choice.seconds:.2f}" if np.isfinite(choice.seconds) else DASH
-        ),
-        "its search is not given": lambda choice: ", ".join(choice.not_given) or DASH,
+def _against_terms(by: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
+    """Return a row for each term, and for what a search was not given; a column for each choice, best first."""
+    whole = {
+        "method": ("methods", "Methods against terms"),
+        "library": ("libraries", "Libraries against terms"),
     }
-    cells = {called: tuple(map(cell, choices)) for called, cell in rows.items()}
-    # Of terms all are shown, of what is not known of any choice nothing.
-    shown = list(cells.items())[: len(terms)]
-    shown += [row for row in list(cells.items())[len(terms) :] if set(row[1]) != {DASH}]
-    columns = ("term", *(choice.name for choice in choices))
-    return TextTable(name, title, columns, tuple((called, *row) for called, row in shown))
+    several = {"frequency": "frequencies"}.get(by, f"{by}s")
+    name, title = whole.get(by, (several, f"Each single {by} against terms"))
+    choices = _best_first(choices)
+    held = [t for t in result.shown_ids if t in result.reference or any(choice[t] for choice in choices)]
+    rows = [(_named(result, term), *(_cell(choice, term) for choice in choices)) for term in held]
+    more = {
+        "time of the path, s": [f"{c.seconds:.2f}" if np.isfinite(c.seconds) else DASH for c in choices],
+        "its search is not given": [", ".join(choice.not_given) or DASH for choice in choices],
+    }
+    rows += [(called, *cells) for called, cells in more.items() if set(cells) != {DASH}]
+    return TextTable(name, title, ("term", *(choice.name for choice in choices)), tuple(rows))
 
 
 def _coefficients(result: Comparison) -> TextTable:
@@ -391,54 +374,58 @@ def _markdown(result: Comparison, tables: Sequence[TextTable], warnings: Sequenc
 
 
 def _choices(result: Comparison) -> TextTable:
-    """Return what every choice leads to, by method, frequency (level) and library, best first; and the floor."""
-    groups = {"method": result.methods, result.parts: result.frequencies, "library": result.libraries}
-    rows: list[tuple[str, ...]] = []
-    for group, choices in groups.items():
-        rows += [(f"by {group}", "", "", "", "", "")] * bool(choices)
-        for choice in _best_first(choices):
-            errors = map(_percent, (choice.residual, choice.held_out, choice.response))
-            named = f"  {shortened(choice.name)}", str(len(choice.terms))
-            rows.append((*named, *errors, _difference(choice, result.motion)))
-    given = result.given
+    """Return what every choice leads to, by method, frequency, level and library, best first; and the floor."""
+    own = "the paper's" if result.of_paper else "the model's"
+    load, given = quantities(result.motion).moment.lower(), result.given
+    rows = [
+        (
+            shortened(choice.name),
+            by,
+            str(len(choice.terms)),
+            _percent(choice.held_out, choice.held_out_error),
+            _percent(choice.response),
+            _percent(choice.residual),
+            _difference(result, choice),
+        )
+        for by, choices in result.groups.items()
+        for choice in _best_first(choices)
+    ]
     if given is not None:
-        left_out = DASH if given.seen else _percent(given.residual)
-        held = _percent(given.residual), left_out, _percent(given.response)
-        rows.append(("given model", str(len(given.terms)), *held, _elements(given, result.motion)))
+        held = (
+            DASH if given.seen else _percent(given.residual),
+            _percent(given.response),
+            _percent(given.residual),
+        )
+        rows.append(("given model", "", str(len(given.terms)), *held, _listed(given.elements, result.motion)))
     floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
-    rows.append(("noise floor", "", floor, "", "", ""))
-    instead = f"instead of {result.paper_set.removesuffix(' terms')}"
-    load = quantities(result.motion).moment.lower()
-    columns = ("", "terms", "residual", f"left-out {load}", "response", instead)
-    return TextTable("choices", "", columns, tuple(rows))
-
-
-def _elements(given: GivenModel, motion: str) -> str:
-    names = ", ".join(spelled(name, motion) for name in given.elements)
-    return f"its own, with {names}" if names else "its own"
+    rows.append(("noise floor", *[""] * 4, floor, ""))
+    columns = ("Choice", "By", "Terms", f"Left-out {load}", "Response", "Residual", f"Instead of {own}")
+    title = f"Choices, best first by the error of the left-out {load} with its standard error"
+    return TextTable("choices", title, columns, tuple(rows), text=("Choice",))
 
 
 def _given_model(given: GivenModel, motion: str) -> TextTable:
     """Return a model that was there before, beside the others."""
-    load = quantities(motion).moment.lower()
     rows = (
-        ("terms", ", ".join(spelled(term, motion) for term in given.terms) or DASH),
-        ("elements", ", ".join(spelled(name, motion) for name in given.elements) or DASH),
-        (f"error of the {load}", _percent(given.residual)),
-        ("error of the simulated response", _percent(given.response)),
+        ("terms", _listed(given.terms, motion)),
+        ("elements", _listed(given.elements, motion)),
         ("its numbers were fitted to this campaign", "yes" if given.seen else "no"),
     )
     return TextTable("given-model", "The given model", ("", "given model"), rows)
 
 
-def _difference(choice: Choice, motion: str) -> str:
-    """Return what a choice has instead of the paper's terms."""
+def _listed(ids: Sequence[str], motion: str) -> str:
+    return ", ".join(spelled(name, motion) for name in ids) or DASH
+
+
+def _difference(result: Comparison, choice: Choice) -> str:
+    """Return what a choice has instead of the terms that it is held against."""
     if not choice.terms:
         return "no model"
-    if choice.agrees:
-        return "the same"
-    parts = [f"+ {spelled(term, motion)}" for term in choice.extra]
-    return ", ".join([*parts, *(f"− {spelled(term, motion)}" for term in choice.missing)])
+    extra, missing = choice.beside(result.reference)
+    signed = (("+", extra), ("−", missing))
+    parts = [f"{sign} {spelled(term, result.motion)}" for sign, terms in signed for term in terms]
+    return list_some(parts, "terms") if parts else "the same"
 
 
 def _cell(choice: Choice, term: str) -> str:
@@ -450,10 +437,11 @@ def _value(value: float, error: float) -> str:
     return superscripted(rounded(value, error)) if np.isfinite(error) else f"{value:.4g}".replace("-", "−")
 
 
-def _percent(value: float) -> str:
-    digits = 2 if value < 0.1 else 0
-    return f"{100 * value:.{digits}f} %" if np.isfinite(value) else DASH
+def _percent(value: float, error: float = float("nan")) -> str:
+    if np.isfinite(value) and np.isfinite(error) and error > 0:
+        return f"{rounded(100 * value, 100 * error)} %"
+    return f"{100 * value:.{2 if value < 0.1 else 0}f} %" if np.isfinite(value) else DASH
 
 
 def _seconds(value: float) -> str:
-    return "–" if not np.isfinite(value) else f"{value:.2f} s"
+    return f"{value:.2f} s" if np.isfinite(value) else DASH

@@ -31,7 +31,6 @@ from sindyjoint.reporting.tables import (
     print_table,
     short_number,
     tabulate,
-    terminal,
     terminal_table,
 )
 from sindyjoint.reporting.view import FINDING, View
@@ -135,26 +134,22 @@ class DiscoveryView(
         """Return the equation, its terms, the map, loops, residual, why these terms, and the runs."""
         model, q = data.model, quantities(data.model.joint.motion)
         found, name = bool(model.terms), model.joint.name
-        badge, word = (data.verdict, data.verdict) if found else ("undecided", "no model")
-        question = (
-            ""
-            if data.paper
-            else markup(" The question is that of <cite>{}</cite>, doi:{}.").format(TITLE, DOI)
-        )
+        none = show.verdict(NO_MODEL, "undecided", "no model")
+        source = markup(" The five terms are those of <cite>{}</cite>, doi:{}.").format(TITLE, DOI)
         paper = (
-            show.verdict(HEADLINES[data.verdict] if found else NO_MODEL, badge, word),
-            show.paragraph(markup("{}").format(sentence(data.verdict_reason)) + question, "reason"),
+            show.verdict(HEADLINES[data.verdict], data.verdict, data.verdict) if found else none,
+            show.paragraph(markup("{}").format(sentence(data.verdict_reason)) + source, "reason"),
         )
         answers = (
             self.headline(result),
             self.question,
             show.pictures("fit"),
-            (show.equation(markup(mathml(model))),),
+            (show.equation(markup(mathml(model))) if found or data.paper else none,),
         )
         texts = show.copyable(model.equation()), show.copyable(model.latex())
         terms, *over = self.tables(data)
         listed = (show.table(terms), show.folded("The equation as text and LaTeX", texts))
-        none = (show.paragraph(f"None: {data.selection_reason}."),)
+        empty = (show.paragraph(f"None: {data.selection_reason}."),)
         reasons = [
             f"{row.symbol}: {row.answer} ({row.reason})"
             for each in data.over
@@ -176,7 +171,7 @@ class DiscoveryView(
             (*(paper if data.paper else ()), show.answers(*answers), show.facts(key_facts(data))),
             (
                 section(
-                    "terms", "Terms", "Terms", *(listed if found else none), show.warnings(data.warnings)
+                    "terms", "Terms", "Terms", *(listed if found else empty), show.warnings(data.warnings)
                 ),
                 section("inputs", "Over the inputs", "", *inputs),
                 section(
@@ -199,7 +194,6 @@ class DiscoveryView(
                     path,
                     show.folded(f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]),
                 ),
-                section("paper", "The paper’s five terms", "", *(() if data.paper else paper)),
                 section("runs", "Runs", "Runs", show.table(runs_table(data))),
             ),
             {"map": map_payload(data), "loops": loops_payload(data)},
@@ -224,13 +218,10 @@ class DiscoveryView(
         at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
         title = f"[bold]{escape(model.joint.name + simulated)}[/]"
         line = f"{title}: {fitted.runs} run(s){at}, {fitted.samples} moving samples"
-        return f"{line}\n{_paper_lines(result)}" if result.leads_with_paper else line
-
-    def show(self, result: Discovery) -> None:
-        """Print the question of the paper's terms in the end where it does not lead."""
-        super().show(result)
         if not result.leads_with_paper:
-            terminal().print(_paper_lines(result))
+            return line
+        verdict = result.verdict
+        return f"{line}\n\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}"
 
     def show_result(self, result: Discovery, console: Console) -> None:
         """Print equation, terms and fit."""
@@ -338,14 +329,6 @@ def path_table(data: ReportData) -> TextTable:
 
 def _residual_scale(data: ReportData) -> tuple[float, str]:
     return prefixed(data.model.fitted.residual_rms, quantities(data.model.joint.motion).moment_unit)
-
-
-def _paper_lines(result: Discovery) -> str:
-    """Return whether the joint has the paper's five terms, with markup."""
-    line = f"\n[bold]paper's term set {result.verdict.verdict}[/]: {escape(result.verdict.reason)}"
-    if result.leads_with_paper:
-        return line
-    return f"{line}\n  the five terms of {TITLE}, doi:{DOI}; --paper puts this first"
 
 
 def _fitting(terms: TextTable, console: Console) -> TextTable:
