@@ -39,7 +39,7 @@ from sindyjoint.soundness.check import Check, Checked, RigCheck
 from sindyjoint.soundness.finding import Finding, Soundness
 from sindyjoint.soundness.record import Record
 from sindyjoint.soundness.words import words_of
-from sindyjoint.text import quantities
+from sindyjoint.text import quantities, spelled
 from sindyjoint.trust import Trust
 
 RUNS_PER_FIGURE = 6
@@ -355,6 +355,11 @@ class CheckView(
         if rows:
             shown = replace(table, columns=("severity", "finding", "where", "extent"), rows=rows)
             console.print(terminal_table(shown, "l"))
+            # What a kind of fault does and what to do about it, once.
+            for words in dict.fromkeys(
+                f"{spelled(f.id)}: {f.effect}; {f.remedy}" for f in check.soundness.findings
+            ):
+                console.print(f"- {escape(words)}")
         else:
             console.print("  nothing")
         if check.stopping:
