@@ -166,7 +166,9 @@ def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step
         if advice.frequency:
             level = f"{advice.level:.3g} {result.level_unit}"
             run = f"record a {advice.waveform} at {advice.frequency:.4g} Hz with a peak of {level}"
-            steps.append((run, f"tell {' and '.join(spelled(n, motion) for n in advice.separates)} apart"))
+            named = " and ".join(spelled(n, motion) for n in advice.separates)
+            certainty = f"the true one should then have a probability of {advice.expected_confidence:.2f}"
+            steps.append((run, f"tell {named} apart: {certainty}"))
     if result.verdict in ("unknown", "partly_named"):
         steps.append(OWN_EFFECTS)
     if result.verdict == "undecided" and not math.isfinite(result.noise_floor.moment):
