@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
 from sindyjoint.batch.population import CoefficientScatter, Trend
 from sindyjoint.batch.record import CAMPAIGNS, CampaignRecord
@@ -29,13 +30,13 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.reporting.tables import (
     DASH,
+    Console,
     TextTable,
     aligned,
     csv_records,
     fitting_blocks,
     print_table,
     tabulate,
-    terminal,
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import percent, rounded, spelled
@@ -154,6 +155,11 @@ NAME = 24
 STATUS = {"found": "found", "none": "no model", "broken": "broken"}
 
 
+COMPARED = "Coefficients are compared on the terms that more than half of the models have"
+NOTHING_COMMON = "No term is in more than half of the models: nothing can be compared."
+NONE_DIFFERS = "None: all have the same terms, and no coefficient leaves the distribution of the others."
+
+
 class BatchView(
     View[Batch, Batch],
     results=(Batch,),
@@ -199,18 +205,8 @@ class BatchView(
             ("Trends", str(significant), f"of {len(result.population.trends)} looked for, at 5 % over all"),
         ]
         common = ", ".join(map(spelled, result.common))
-        compared = (
-            f"Coefficients are compared on the terms that more than half of the models have: {common}."
-            if common
-            else "No term is in more than half of the models: nothing can be compared."
-        )
+        compared = f"{COMPARED}: {common}." if common else NOTHING_COMMON
         differ = [markup("<strong>{}</strong>: {}.").format(d.id, d.text) for d in result.differences]
-        none = (
-            ""
-            if differ
-            else "None: all have the same terms, and no coefficient leaves the distribution of the others."
-        )
-        differing = show.items(differ) if differ else show.paragraph(none)
         marked = any(s.outliers for s in result.population.scatters)
         title = (
             "Coefficients of the common terms with one standard error; residual and noise floor as shares of the RMS "
@@ -221,9 +217,13 @@ class BatchView(
             headline(result),
             "Batch of campaigns",
             headline(result),
-            (show.paragraph(compared, "reason"), show.facts(facts), show.warnings(result.notes)),
             (
-                section("differ", "Which joints differ", "Differences", differing),
+                show.paragraph(compared, "reason"),
+                show.facts(facts),
+                show.warnings(result.notes),
+            ),
+            (
+                section("differ", "Which joints differ", "Differences", show.items(differ or [NONE_DIFFERS])),
                 section(
                     "joints",
                     "All joints",
@@ -234,7 +234,7 @@ class BatchView(
                 section(
                     "scatter",
                     "How the joints scatter",
-                    "CoefficientScatter",
+                    "Scatter",
                     show.table(scatter) if scatter.rows else "",
                 ),
                 section(
@@ -255,25 +255,30 @@ class BatchView(
         """Return one line per campaign."""
         return {"batch.csv": batch_csv(result)}
 
-    def show(self, result: Batch) -> None:
-        """Print the table, what stands out and the trends."""
-        joints, console = _joints(result), terminal(markup=False)
+    def about(self, result: Batch) -> str:
+        """Return how the campaigns ended."""
+        return f"{escape(headline(result))}{', all of them simulated' * self.simulated(result)}\n"
+
+    def show_result(self, result: Batch, console: Console) -> None:
+        """Print the table, in blocks as wide as the screen."""
+        joints = _joints(result)
         shown = [tuple(shortened(cell, NAME) for cell in row) for row in joints.rows]
         for columns, rows in fitting_blocks(joints.columns, shown, console.width):
             align = "".join("l" if column in ("campaign", "joint") else "r" for column in columns)
-            print_table(
-                replace(joints, columns=tuple(columns), rows=tuple(map(tuple, rows))), console, align, True
-            )
+            block = replace(joints, columns=tuple(columns), rows=tuple(map(tuple, rows)))
+            print_table(block, console, align, True)
             console.print()
-        virtual = ", all of them simulated" if self.simulated(result) else ""
-        lines = [f"{headline(result)}{virtual}", *(f"- {one.id}: {one.text}" for one in result.differences)]
-        for trend in result.population.trends:
-            if trend.significant:
-                lines.append(
-                    f"- trend: {spelled(trend.coefficient, result.motion)} changes by {100 * trend.change:+.1f} % over "
-                    f"the range of the {trend.covariate} (p = {trend.p_adjusted:.2g})"
-                )
-        console.print("\n".join([*lines, *(f"- note: {note}" for note in result.notes)]), soft_wrap=True)
+
+    def warnings(self, result: Batch) -> list[str]:
+        """Return what stands out, the trends and the notes."""
+        trends = (
+            f"trend: {spelled(each.coefficient, result.motion)} changes by {100 * each.change:+.1f} % over the range "
+            f"of the {each.covariate} (p = {each.p_adjusted:.2g})"
+            for each in result.population.trends
+            if each.significant
+        )
+        notes = (f"note: {note}" for note in result.notes)
+        return [*(f"{one.id}: {one.text}" for one in result.differences), *trends, *notes]
 
     def details(self, result: Batch) -> Iterator[str]:
         """Yield how each campaign ended."""

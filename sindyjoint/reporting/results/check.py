@@ -31,12 +31,11 @@ from sindyjoint.reporting.tables import (
     csv_text,
     findings_table,
     json_text,
-    print_table,
     terminal_table,
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check, Checked, RigCheck
-from sindyjoint.soundness.finding import Finding, Soundness
+from sindyjoint.soundness.finding import Soundness
 from sindyjoint.soundness.record import Record
 from sindyjoint.soundness.words import words_of
 from sindyjoint.text import quantities, spelled
@@ -232,8 +231,6 @@ HEADLINES = {
     "doubtful": "A model can be made of these data; some of its coefficients are biased.",
     "unsound": "No model is made of these data as they are.",
 }
-ACCEPTED = "The data are unsound; what stops a model is accepted."
-LEFT_OUT = "A model can be made of these data; the samples at fault are left out."
 CSV_COLUMNS = ("id", "run", "channel", "severity", "masked", "extent", "effect", "remedy")
 # A terminal of 80 columns, less the other columns.
 EXTENT = 34
@@ -268,8 +265,9 @@ class CheckView(
         return _check_of(result).to_dict()
 
     def tables(self, result: Any) -> tuple[TextTable, ...]:
-        """Return the findings."""
-        return (findings_table(_in_words(_check_of(result))),)
+        """Return the findings, their channels in the words of the joint's kind of motion."""
+        label, findings = _check_of(result).words.label, _check_of(result).soundness.findings
+        return (findings_table([replace(f, channel=f.channel and label(f.channel)) for f in findings]),)
 
     def page(self, result: Any, data: CheckData, show: Blocks, folder: Path | None) -> Page:
         """Return the verdict, every finding, and every channel."""
@@ -283,7 +281,9 @@ class CheckView(
             ("Notes", count["note"], "good to know"),
         ]
         verdict = check.soundness.verdict
-        said = (show.verdict(_headline(check.soundness), BADGES[verdict], verdict),)
+        # Where what stops a model is accepted, the work goes on; the lights say what that is.
+        stands = "doubtful" if verdict == "unsound" and not check.stopping else verdict
+        said = (show.verdict(HEADLINES[stands], BADGES[verdict], verdict),)
         why = sentence(check.reason)
         if why and result is not check:
             why += f" So there is no {type(result).__name__.lower()}."
@@ -375,24 +375,6 @@ def _check_of(result: Any) -> Checked:
     return result if isinstance(result, Checked) else result.stopped
 
 
-def _headline(soundness: Soundness) -> str:
-    if soundness.verdict == "unsound" and not soundness.stopping:
-        return ACCEPTED
-    biases = [f for f in soundness.findings if f.severity == "biases"]
-    if soundness.verdict == "doubtful" and all(f.masked for f in biases):
-        return LEFT_OUT
-    return HEADLINES[soundness.verdict]
-
-
-def _in_words(check: Checked) -> tuple[Finding, ...]:
-    """Return the findings with their channels in the words of the joint's kind of motion."""
-    words = check.words
-    return tuple(
-        f if f.channel is None else replace(f, channel=words.label(f.channel))
-        for f in check.soundness.findings
-    )
-
-
 def wrap_findings(soundness: Soundness) -> Iterator[str]:
     """Yield each finding in full, as lines: what ``--verbose`` adds."""
     for f in soundness.findings:
@@ -441,10 +423,6 @@ class CampaignView(View[Campaign, None], results=(Campaign,)):
         """Return the joint, and how many runs there are."""
         virtual = " (simulated)" if result.simulated else ""
         return f"{escape(result.joint.name)}{virtual}: {len(result.runs)} run(s)"
-
-    def show_result(self, result: Campaign, console: Console) -> None:
-        """Print a line per run."""
-        print_table(self.tables(result)[0], console)
 
     def warnings(self, result: Campaign) -> tuple[str, ...]:
         """Return nothing: what stands against a campaign its check says."""
