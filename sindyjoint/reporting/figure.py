@@ -98,8 +98,9 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
     height = chosen.height(data) if chosen.height else max(2.0, min(0.78 * cell, 2.7))
     with style():
         from matplotlib.figure import Figure
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-        figure = Figure(figsize=(cell * columns, rows * height), layout="constrained")
+        figure = Figure(figsize=(cell * columns, rows * height))
         grid = figure.add_gridspec(rows, columns)
         for index, panel in enumerate(panels):
             row, column = divmod(index, columns)
@@ -108,8 +109,7 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
             cell_spec = grid[row, :] if single else grid[row, column]
             _plain_ticks(panel(data, figure.add_subplot(cell_spec, projection=chosen.projection)))
         # Once: panels that are laid out again while they are written would cost as much as their drawing.
-        figure.get_layout_engine().execute(figure)
-        figure.set_layout_engine("none")
+        ConstrainedLayoutEngine().execute(figure)
     return figure
 
 
