@@ -37,7 +37,7 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.text import spelled
+from sindyjoint.text import quantities, spelled
 from sindyjoint.trust import Trust
 
 
@@ -137,7 +137,11 @@ class ComparisonView(
             show.equation(markup(mathml(model))) if model and model.terms else "",
             show.verdict(sentence(result.agreement)) if result.of_paper else "",
         )
-        about = f"Model by {result.methods[0].name}: {result.model.reason}."
+        load = quantities(result.motion).moment.lower()
+        about = (
+            f"Sorted by the error of the {load} that was left out, with its standard error. Model by "
+            f"{result.methods[0].name}: {result.model.reason}."
+        )
         answers = [
             f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests
         ]

@@ -163,8 +163,7 @@ def choices_table(result: Comparison) -> TextTable:
     floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
     rows.append(("noise floor", *[""] * 4, floor, ""))
     columns = ("Choice", "By", "Terms", f"Left-out {load}", "Response", "Residual", f"Instead of {own}")
-    title = f"Choices, best first by the error of the left-out {load} with its standard error"
-    return TextTable("choices", title, columns, tuple(rows), text=("Choice",))
+    return TextTable("choices", "Choices, best first", columns, tuple(rows), text=("Choice",))
 
 
 def given_model_table(given: GivenModel, motion: str) -> TextTable:

@@ -13,7 +13,7 @@ from sindyjoint.reporting.equation import mathml, model_table
 from sindyjoint.reporting.figure import (
     spread,
 )
-from sindyjoint.reporting.page import Blocks, Page, capital, markup, section, sentence
+from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
 from sindyjoint.reporting.results.verification_pictures import KINDS, response_payload, thinned
 from sindyjoint.reporting.style import (
     prefixed,
@@ -122,9 +122,8 @@ class VerificationView(
             result.model.joint.name,
             (
                 show.answers(self.headline(result), self.question, hero, found),
-                show.paragraph(sentence(result.reason), "reason"),
                 show.facts(facts),
-                show.warnings(result.warnings),
+                show.warnings(self.warnings(result)),
             ),
             (
                 section("runs", "Runs", "Runs", show.table(runs), show.items(failures)),
@@ -171,6 +170,11 @@ class VerificationView(
         rows = tuple((shortened(name), *others) for name, *others in runs.rows)
         print_table(replace(runs, rows=rows).headed(), console, "llr")
         console.print(f"\n{escape(result.reason)}")
+
+    def warnings(self, result: Verification) -> list[str]:
+        """Return those that no light above them holds."""
+        held = "".join(light.sentence for light in self.headline(result).question)
+        return [text for text in result.warnings if text not in held]
 
     def details(self, result: Verification) -> Iterator[str]:
         """Yield how each run was simulated and judged."""
