@@ -11,9 +11,6 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.batch.population import CoefficientScatter, Trend
-from sindyjoint.batch.record import CAMPAIGNS, CampaignRecord
-from sindyjoint.batch.summary import Batch
 from sindyjoint.reporting.equation import superscripted
 from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section
@@ -34,6 +31,9 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import percent, rounded, spelled
+from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
+from sindyjoint.workflows.joints.record import CAMPAIGNS, CampaignRecord
+from sindyjoint.workflows.joints.summary import Batch
 
 # Characters of a name on a terminal.
 NAME = 24

@@ -6,8 +6,6 @@ from functools import partial
 
 import numpy as np
 
-from sindyjoint.batch.population import CoefficientScatter, Trend
-from sindyjoint.batch.summary import TEMPERATURE, Batch
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name
 from sindyjoint.reporting.style import (
     ACCENT,
@@ -21,6 +19,8 @@ from sindyjoint.reporting.style import (
     shortened,
 )
 from sindyjoint.text import spelled
+from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
+from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
 
 # More names than these cannot be read below an axis.
 NAMED = 24
