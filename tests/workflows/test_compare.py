@@ -97,7 +97,7 @@ def test_folder_is_complete_and_offline(result, tmp_path):
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "http://" not in page.replace("http://www.w3.org", "") and "https://" not in page
     assert "simulated, not measured" in page and result.agreement[1:] in page.replace("&#39;", "'")
-    assert (folder / "comparison.tex").read_text(encoding="utf-8").count(r"\begin{table}") == 6
+    assert (folder / "comparison.tex").read_text(encoding="utf-8").count(r"\begin{table}") == 8
 
 
 def test_wrong_options_are_refused(campaign):

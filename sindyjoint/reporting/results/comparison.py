@@ -89,7 +89,7 @@ KINDS = by_name(
         "dependence",
         "Coefficients by frequency",
         "Each coefficient at each single frequency with its 95 % interval; line and grey band: their mean and the "
-        "margin within which they count as the same. Crosses: the paper's tables, where the joint is one of them.",
+        "margin within which they count as the same.{crosses}",
         lambda result: [partial(dependence, test=test) for test in result.tests],
     ),
 )
