@@ -88,8 +88,8 @@ KINDS = by_name(
     Kind(
         "dependence",
         "Coefficients by frequency",
-        "Each coefficient at each single frequency with its 95 % interval; line and grey band: their mean and the "
-        "margin within which they count as the same.{crosses}",
+        "Each coefficient at each single frequency with its 95 % interval.{crosses} Line and grey band: their "
+        "mean and the margin within which they count as the same.",
         lambda result: [partial(dependence, test=test) for test in result.tests],
     ),
 )
