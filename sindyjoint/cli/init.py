@@ -75,7 +75,7 @@ def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
     from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
     from sindyjoint.reporting.registry import draw
-    from sindyjoint.reporting.results.check import TOGETHER
+    from sindyjoint.reporting.results.check_pictures import TOGETHER
     from sindyjoint.reporting.style import figure_bytes
     from sindyjoint.workflows.check import check
 

@@ -124,21 +124,26 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Trust:
             for gap in (result.initial, result.final, result.noise_floor, result.uncertainty)
         )
         if math.isfinite(before) or math.isfinite(after):
-            own.append(_gap(name, before, after, floor, unsure, bool(result.steps)))
-    own.append(Light("effects", NAMED.get(result.verdict, "fair"), result.reason))
+            first = f"{percent(before)} → " if result.steps and math.isfinite(before) else ""
+            # Of a campaign without validation runs the response is simulated over all runs.
+            left_out = " on data left out of the fit" * (field == "moment" or result.source == "structure")
+            what = f"gap {first}{percent(after)}{left_out}"
+            own.append(_gap(name, what, after, floor, unsure))
+    # The figures of the reason, behind its first clause, stand in the lights of the gaps.
+    words = result.reason if result.verdict == "undecided" else result.reason.partition(";")[0]
+    own.append(Light("effects", NAMED.get(result.verdict, "fair"), words))
     if result.trust is not None:
         lights, question = result.trust.lights, tuple(own)
     else:
         data = [] if result.soundness is None else [judge_soundness(result.soundness, simulated)]
-        *gaps, effects = own
-        worst = sorted(gaps, key=lambda light: ORDER.index(light.colour))[-1:]
-        lights, question = (*data, *(replace(light, name="explained") for light in worst)), (*gaps, effects)
-    return Trust(lights or question, tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]), question)
+        worst = max(own[:-1] or own, key=lambda light: ORDER.index(light.colour))
+        explained = Light("explained", worst.colour, f"judged by the gap of the {worst.name}")
+        lights, question = (*data, explained), tuple(own)
+    return Trust(lights, tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]), question)
 
 
-def _gap(name: str, before: float, after: float, floor: float, unsure: float, changed: bool) -> Light:
+def _gap(name: str, what: str, after: float, floor: float, unsure: float) -> Light:
     """Return what a gap came to, as a light; where only the uncertainty of the law explains it, it says so."""
-    what = f"gap {percent(before)} → {percent(after)}" if changed else f"gap {percent(after)}"
     if not math.isfinite(after):
         return Light(name, "poor", f"{what}: could not be simulated")
     if not math.isfinite(floor):
@@ -161,7 +166,9 @@ def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step
         if advice.frequency:
             level = f"{advice.level:.3g} {result.level_unit}"
             run = f"record a {advice.waveform} at {advice.frequency:.4g} Hz with a peak of {level}"
-            steps.append((run, f"tell {' and '.join(spelled(n, motion) for n in advice.separates)} apart"))
+            named = " and ".join(spelled(n, motion) for n in advice.separates)
+            certainty = f"the true one should then have a probability of {advice.expected_confidence:.2f}"
+            steps.append((run, f"tell {named} apart: {certainty}"))
     if result.verdict in ("unknown", "partly_named"):
         steps.append(OWN_EFFECTS)
     if result.verdict == "undecided" and not math.isfinite(result.noise_floor.moment):

@@ -230,7 +230,7 @@ def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tu
 def _explained(model: JointModel, test: TestNuisances, states: ForceStates, group: str) -> Explained:
     """Return what a model leaves of one run, block by block, over moving samples."""
     kept, residual = _residual(model, test, states)
-    moment = larger_moment(kept, model.inertia)
+    moment = larger_moment(kept, model.joint.inertia or 0.0)
     rows = np.array_split(np.flatnonzero(kept.moving), BLOCKS)
     squares = [np.array([np.sum(signal[part] ** 2) for part in rows]) for signal in (residual, moment)]
     return Explained(group, squares[0], squares[1])
@@ -288,9 +288,10 @@ def left_out_error(
     """Return the relative RMS error of groups of runs left out, and that of the fit to all.
 
     Groups are frequencies, else runs, else consecutive parts of the only run. Columns are the terms, and the moments
-    of the elements as they are; what the test adds is not fitted again.
+    of the elements as they are; what the test adds is not fitted again. Both are relative to the moment that a gap is.
     """
     rows = [_columns(model, test, each) for each in states]
+    size = sum(float(_explained(model, test, each, "").moment.sum()) for each in states)
     if len(states) == 1:
         rows = list(zip(*(np.array_split(part, PARTS) for part in rows[0]), strict=True))
     groups = group_labels(states) if len(states) > 1 else [str(part) for part in range(PARTS)]
@@ -307,10 +308,9 @@ def left_out_error(
         coefficients = np.linalg.lstsq(matrix, vector, rcond=1e-14)[0]
         return sum(float(np.sum((rows[i][1] - rows[i][0] @ coefficients) ** 2)) for i in chosen[name])
 
-    total = sum(float(y @ y) for _, y in rows)
     outside = sum(error(name, whole - grams[name], right - rights[name]) for name in names)
     inside = sum(error(name, whole, right) for name in names)
-    return math.sqrt(outside / total), math.sqrt(inside / total)
+    return math.sqrt(outside / size), math.sqrt(inside / size)
 
 
 def _columns(model: JointModel, test: TestNuisances, states: ForceStates) -> tuple[Array, Array]:

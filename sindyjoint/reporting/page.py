@@ -200,9 +200,9 @@ class Blocks:
         kind = self._kinds[name]
         return self.picture(markup(inline_svg(svg, id, kind.title)), id, caption or kind.caption)
 
-    def warnings(self, texts: Sequence[str]) -> str:
+    def warnings(self, texts: Sequence[str], heading: str = "To be aware of") -> str:
         """Return sentences to be aware of."""
-        return self.items(list(map(sentence, texts)), "To be aware of", "warnings")
+        return self.items(list(map(sentence, texts)), heading, "warnings")
 
 
 def sentence(text: str) -> str:

@@ -70,13 +70,9 @@ def moment_floor(states: Sequence[ForceStates], inertia: float | None) -> Floor:
         Between the sensor and the joint, kg·m² (kg); None where it is identified: that of the linear law then.
     """
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
-    moments = [larger_moment(s, inertia or 0.0) for s in states]
-    squares = [
-        np.mean(m[s.moving] ** 2) if s.moving.any() else 0.0 for m, s in zip(moments, states, strict=True)
-    ]
-    size = float(np.sqrt(weight @ np.array(squares) / max(weight.sum(), 1.0)))
     slopes = _slopes(states, inertia)
     known = np.array([_known(s, slopes[2]) for s in states], dtype=bool)
+    size = moment_size(states, inertia)
     if not weight[known].sum() > 0.5 * weight.sum():
         return Floor(float("nan"), float("nan"), UNKNOWN)
     variance = np.array([_variance(s, slopes) for s in states])
@@ -108,6 +104,12 @@ def _variance(states: ForceStates, slopes: Array) -> float:
             damping * noise.rate
         ) ** 2
     return float(variance)
+
+
+def moment_size(states: Sequence[ForceStates], inertia: float | None) -> float:
+    """Return the RMS that gaps and floors are relative to: of the larger moment, over all moving samples."""
+    squares = [larger_moment(s, inertia or 0.0)[s.moving] ** 2 for s in states]
+    return float(np.sqrt(np.sum(np.concatenate(squares)) / max(sum(square.size for square in squares), 1)))
 
 
 def _known(states: ForceStates, inertia: float) -> bool:

@@ -203,8 +203,11 @@ def held_out_gap(
     noise: dict[str, float],
     policy: DiagnosisPolicy = CAMPAIGN,
     refitted: bool = True,
+    size: float | None = None,
 ) -> float:
     """Return the moment gap on runs that were left out, relative RMS.
+
+    Relative to ``size``, N·m; default: the RMS of the rows.
 
     Each group of runs is left out in turn; coefficients and, unless they are not to be ``refitted``, nonlinear
     parameters come from the others.
@@ -233,7 +236,7 @@ def held_out_gap(
             rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])
         residual[out] = target[out] - used[out] @ coefficients
-    return _relative(runs, residual, target, noise)
+    return _rms(runs, residual, noise) / (size or float(np.sqrt(np.mean(target**2))))
 
 
 def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> list[float]:
@@ -256,15 +259,15 @@ def whitened(runs: Sequence[GapRun], rows: Array) -> Array:
     return np.concatenate([run.white(part) for run, part in zip(runs, np.split(rows, ends), strict=True)])
 
 
-def _relative(runs: Sequence[GapRun], residual: Array, target: Array, noise: dict[str, float]) -> float:
-    """Return the relative RMS of a residual, within the band in which accelerations are known."""
+def _rms(runs: Sequence[GapRun], residual: Array, noise: dict[str, float]) -> float:
+    """Return the RMS of a residual, within the band in which accelerations are known."""
     ends = np.cumsum([run.target.size for run in runs])[:-1]
     square = []
     for run, part in zip(runs, np.split(residual, ends), strict=True):
         part = part if run.processing is None else part + run.processing
         within = part if run.band is None else run.band.within(part)
         square.append(within**2 + (noise[run.name] ** 2 if run.folded else 0.0))
-    return float(np.sqrt(np.mean(np.concatenate(square)) / np.mean(target**2)))
+    return float(np.sqrt(np.mean(np.concatenate(square))))
 
 
 def refit_nonlinear(

@@ -47,7 +47,9 @@ NO_RUN = "none: no prescribed angle that was tried separates them"
 NOT_WITHIN = (
     "none: no run that was tried is within the limits of the actuator, at the frequencies and angles tested"
 )
-NO_FREQUENCY = "none: runs are tried about the frequencies of those that were made, and these declare none"
+NO_FREQUENCY = (
+    "none: no run can be proposed, since the runs declare no frequency; record a sine at several levels"
+)
 READ_ZEROS = "none: no motion separates them; read both channels with the joint unloaded and at rest"
 
 
