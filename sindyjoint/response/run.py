@@ -24,7 +24,7 @@ from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.start import cycle_of, fitted_start, internal_size, start_on_line, steady_start
+from sindyjoint.response.start import cycle_of, fitted_start, internal_size, start_on_parabola, steady_start
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.mask import without_noise_travel
 
@@ -415,7 +415,7 @@ def _simulate_motion(
         used = max(round(cycle_of(states) * rate), POLICY.fewest_initial)
         if drive == "free run":
             span, used, excitation = slice(0, run.n_samples), first, sampled(run.moment, rate)
-            start, size[2:] = start_on_line(run, states, first), internal_size(law, inner)
+            start, size[2:] = start_on_parabola(run, states, first), internal_size(law, inner)
             z = brought_from_rest(law, run.angle[:1], states.rate, rest_of(states))
         found = np.concatenate([start, np.broadcast_to(z, law.n_states)])
         noise = states.noise.angle / size[0]
