@@ -106,7 +106,7 @@ def slide(name: str, force, displacement, rate: float):
     from sindyjoint import Campaign
 
     signals = {"force": np.ravel(force), "displacement": np.ravel(displacement)}
-    return Campaign.from_arrays(**signals, rate=rate, name=name)
+    return Campaign.from_arrays(**signals, rate=rate, frequency=None, name=name)
 
 
 def matrices(*files: Path) -> dict:
