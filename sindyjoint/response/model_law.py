@@ -66,18 +66,16 @@ def model_law(model: JointModel) -> Law:
     elements = sum_law(parts_of(model.elements))
     if any(term.inputs for term in model.terms):
         model = model.at()
-    law = _terms_law(model)
-    return law if elements is None else SumLaw(law, elements)
-
-
-def _terms_law(model: JointModel) -> Law:
-    """Return the law of a model's terms, without its elements."""
     terms = law_terms(model)
-    ids = {term.id for term in terms}
-    if ids <= PAPER_PARAMETERS.keys() and not _has_negative_friction(terms):
+    # PaperLaw refuses negative friction, which a prescribed motion can still use.
+    negative = any(term.id == "coulomb_friction" and term.coefficient < 0 for term in terms)
+    law: Law
+    if not negative and {term.id for term in terms} <= PAPER_PARAMETERS.keys():
         values = {PAPER_PARAMETERS[term.id]: term.coefficient for term in terms}
-        return PaperLaw(**{"k1": 0.0, **values}, inertia=model.inertia, name=model.joint.name)
-    return _build_formula_law(model, terms)
+        law = PaperLaw(**{"k1": 0.0, **values}, inertia=model.inertia, name=model.joint.name)
+    else:
+        law = _build_formula_law(model, terms)
+    return law if elements is None else SumLaw(law, elements)
 
 
 def simulated_states(model: JointModel, start: Array, time: Array, moment: Array) -> Array:
@@ -151,11 +149,6 @@ def draw_models(model: JointModel, count: int, generator: np.random.Generator) -
     least = np.where(model.numbers[inner] > 0, LEAST_DRAWN * model.numbers[inner], -np.inf)
     draws[:, inner] = np.maximum(draws[:, inner], least)
     return [model.with_numbers(draw) for draw in draws]
-
-
-def _has_negative_friction(terms: Sequence[ModelTerm]) -> bool:
-    """Whether the Coulomb friction is negative: PaperLaw refuses what a prescribed motion can still use."""
-    return any(term.id == "coulomb_friction" and term.coefficient < 0 for term in terms)
 
 
 def _build_formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> FormulaLaw:
