@@ -319,7 +319,8 @@ def unit_in_name(name: str) -> tuple[str, bool] | None:
     if ending is None:
         return None
     base, unit = ending["base"], ending["unit"]
-    if unit in KNOWN or (unit in LETTERS and len(base) > 3 and base.isalpha()):
+    last = re.split(r"[./]", base)[-1]
+    if unit in KNOWN or (unit in LETTERS and len(last) > 3 and last.isalpha()):
         return _spelled(unit), True
     return None
 

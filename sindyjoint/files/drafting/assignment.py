@@ -21,7 +21,7 @@ ROLES: dict[Motion, dict[str, str]] = {
     "translation": {"moment": "force", "angle": "displacement", "rate": "velocity"},
 }
 _OWN = {motion: {key for key, _ in keys.values()} - {"acceleration"} for motion, keys in KEYS.items()}
-ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate") + tuple(
+ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate", "runs") + tuple(
     f"{key}{part}" for key in CHANNEL_KEYS for part in ("", ".unit", ".gain")
 )
 # Never taken for moment or angle, whatever else is missing.
@@ -215,7 +215,7 @@ def _guess_by_shape(
 ) -> Column:
     """Return the likeliest of columns that no name tells apart: a load jumps and is rough, a motion is smooth."""
     moving = [c for c in free if c.role not in OTHERS and np.ptp(c.values) > 0]
-    open_ones = [c for c in moving if c.role in (None, "position")]
+    open_ones = [c for c in moving if c.role in (None, "position", "command")]
     needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
     if len(open_ones) < needed:
         names = ", ".join(column.title for column in bundle.columns)

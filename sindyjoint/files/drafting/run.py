@@ -211,5 +211,5 @@ def name_levels(names: Sequence[str], peaks: Sequence[float], unit: str) -> list
         stem = _HERTZ.sub(" ", names[i])
         word, size = _LEVEL_WORD.search(stem), _LEVEL_SIZE.search(stem)
         written = word[1].lower() if word else f"{re.sub('[,p]', '.', size[1])} {size[2]}" if size else ""
-        labels[i] = written or f"{lowest:.2g} {unit}"
+        labels[i] = written or f"{float(f'{lowest:.2g}'):g} {unit}"
     return labels

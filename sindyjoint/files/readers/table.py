@@ -31,6 +31,8 @@ VARIABLE = "SINDYJOINT_LARGEST"
 DEFAULT = 1 << 30
 MOST_COLUMNS = 10_000
 LARGEST_ITEM = 1 << 16
+# What programs call the unit of a column in its attributes.
+UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string", "NI_UnitDescription")
 _SIZE = re.compile(r"\s*(\d{1,15}(?:\.\d{1,3})?)\s*([kMGT]?)(i?)B?\s*", re.IGNORECASE)
 
 
