@@ -53,6 +53,7 @@ def _run(arguments: list[str]) -> int:
     from sindyjoint.cli.encoding import spell_output
     from sindyjoint.errors import SindyJointError
     from sindyjoint.threads import all_cores
+    from sindyjoint.trust import PLACES, Places
 
     spell_output()
     for number, argument in enumerate(arguments):
@@ -66,6 +67,7 @@ def _run(arguments: list[str]) -> int:
     usage_error: type[Exception]
     click_error: type[Exception]
     _, usage_error, click_error = typer.BadParameter.__mro__[:3]
+    here = PLACES.set(Places(("sindyjoint", *arguments)))
     try:
         with nullcontext() if limited else all_cores():
             status = command()(args=arguments, prog_name="sindyjoint", standalone_mode=False)
@@ -90,6 +92,8 @@ def _run(arguments: list[str]) -> int:
         status = error.status
     except typer.Abort:
         raise KeyboardInterrupt from None
+    finally:
+        PLACES.reset(here)
     if status == INTERRUPTED:
         # What typer makes of Ctrl-C, without a word.
         raise KeyboardInterrupt

@@ -53,5 +53,5 @@ def check(
         return run(campaign, tuple(accept or ()), progress=progress.say)
 
     files = [campaign] if campaign is not None and is_rig(campaign) else []
-    result = answer(find, out, output, progress, None, files)
+    result = answer(find, out, output, progress, None, files, campaign)
     raise typer.Exit(1 if result.stopping else 0)

@@ -85,5 +85,5 @@ def compare(
         )
 
     files = [] if model is None else [model]
-    result = answer(find, out, output, progress, random_state, files)
+    result = answer(find, out, output, progress, random_state, files, campaign, model)
     raise typer.Exit(0 if result.model.terms else 1)

@@ -111,7 +111,7 @@ def diagnose(
         )
 
     files = [path for path in (model, campaign) if path is not None and path.exists()]
-    result = answer(find, out, output, progress, random_state, files)
+    result = answer(find, out, output, progress, random_state, files, campaign, model)
     raise typer.Exit(0 if result.settled else 1)
 
 

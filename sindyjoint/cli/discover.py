@@ -127,13 +127,14 @@ def discover(
         }  # fmt: skip
         refined = answer(
             partial(_refine_model, model, campaign, progress, options), out, output, progress, random_state,
-            [path for path in (model, campaign) if path is not None and path.exists()],
+            [path for path in (model, campaign) if path is not None and path.exists()], campaign, model,
         )  # fmt: skip
         raise typer.Exit(0 if refined.refined else 1)
 
     options = {**search, **work.arguments(), "accept": accepted, "correct": correct, "paper": paper}
     result = answer(
-        partial(_find_terms, campaign, progress, options, kinds if refine else None), out, output, progress
+        partial(_find_terms, campaign, progress, options, kinds if refine else None), out, output, progress,
+        subject=campaign,
     )
     raise typer.Exit(0 if result.found else 1)
 

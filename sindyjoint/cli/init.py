@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -67,7 +68,7 @@ def init(
         typer.echo(f"  {finding.severity}: {finding.run or 'all runs'}: {finding.extent}")
     if len(telling) > SHOWN:
         typer.echo(f"  and {len(telling) - SHOWN} more")
-    typer.echo(f"\nnext: sindyjoint check {folder}, then sindyjoint discover {folder} --out RESULTS")
+    typer.echo(f"\nnext: {shlex.join(['sindyjoint', 'discover', str(folder), '--out', 'results'])}")
 
 
 def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:

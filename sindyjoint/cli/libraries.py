@@ -112,13 +112,16 @@ def copy(
 ) -> None:
     """Copy a library's file, byte for byte, as a start for another one; never over an existing file.
 
+    Effects are copied by family: effects/friction, effects/stiffness, effects/damping, effects/memory and others.
+
     Example: sindyjoint libraries copy extended mine.toml
     """
-    from sindyjoint.equation.catalogue_file import find_catalogue
+    from sindyjoint.equation.catalogue_file import find_catalogue, library_folder
     from sindyjoint.errors import OutputError
     from sindyjoint.files.atomic import write_bytes
 
-    source = find_catalogue(name)
+    effects = library_folder() / f"{name}.toml"
+    source = effects if name.startswith("effects/") and effects.is_file() else find_catalogue(name)
     target = destination / source.name if destination.is_dir() else destination
     if target.exists():
         raise OutputError(f"{target} exists already; give another name or remove it first")

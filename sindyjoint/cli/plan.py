@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +16,7 @@ from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import Output, with_blocks
 from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import InputError, UnitError
+from sindyjoint.trust import PLACES
 
 if TYPE_CHECKING:
     from sindyjoint.planning.plan import Plan
@@ -31,6 +33,7 @@ class _Drive(StrEnum):
 
 
 PLAN = "workflows.plan:plan"
+NEXT = (("sindyjoint simulate --plan RESULTS --out virtual", "try these runs on a simulated joint before the bench"),)
 SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
 # Of a joint that turns, and of one that slides.
@@ -157,7 +160,12 @@ def plan(
         )
 
     files = [path for path in (model, campaign, diagnosis) if path is not None]
-    answer(find, out, output, progress, random_state, files)
+    result = answer(find, out, output, progress, random_state, files, campaign, model)
+    places = PLACES.get()
+    if result.runs and places is not None and not output.as_json:
+        # No results of another kind go into the folder of a plan.
+        for step in replace(places, results=places.results if out else "plan").fill(NEXT):
+            typer.echo(f"next: {step.do}  to {step.to}")
 
 
 def _share(text: str, where: str) -> float:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, write
 from sindyjoint.cli.options import Output
 from sindyjoint.cli.progress import Progress
 
@@ -44,15 +43,13 @@ def discover_structure(
         chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
         return discover_rig(rig, progress=progress.say, **chosen)
 
-    result = answer(find, out, output, progress, seed, [rig])
+    result = answer(find, out, output, progress, seed, [rig], rig)
     if out is not None:
-        from sindyjoint.reporting.output import write_results
         from sindyjoint.reporting.results.structure_joints import place_of_law
 
         for law in result.laws:
             if law.discovery is not None:
-                command = ["sindyjoint", *sys.argv[1:]]
-                write_results(law.discovery, out / place_of_law(law), command, seed, force=output.force)
+                write(law.discovery, out / place_of_law(law), progress, seed, force=output.force)
     return result.found
 
 

@@ -99,5 +99,5 @@ def verify(
             progress=progress.say,
         )
 
-    result = answer(find, out, output, progress, random_state, (model, against))
+    result = answer(find, out, output, progress, random_state, (model, against), against, model)
     raise typer.Exit(0 if result.passed else 1)

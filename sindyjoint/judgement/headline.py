@@ -13,7 +13,7 @@ from sindyjoint.trust import Light, Trust
 # Commands that several headlines advise, and what they are for.
 SEE_FAULTS = ("sindyjoint check CAMPAIGN --out soundness", "see the faults of the data in every channel")
 VERIFY = ("sindyjoint verify RESULTS CAMPAIGN", "simulate the model and hold it against the runs")
-EXPORT = ("sindyjoint export RESULTS --to FORMAT", "use the model in another program")
+EXPORT = ("sindyjoint export RESULTS --to python --out joint", "use the model elsewhere; --help lists the programs")
 
 
 @dataclass(frozen=True)
