@@ -88,7 +88,9 @@ class Places:
         first = []
         if not self.kept and any("RESULTS" in do for do, _ in steps):
             again = [word for word in self.typed if word != "--json"]
-            first = [NextStep(shlex.join([*again, "--out", Path(self.results).parts[0]]), "keep what was found")]
+            first = [
+                NextStep(shlex.join([*again, "--out", Path(self.results).parts[0]]), "keep what was found")
+            ]
         return (*first, *(NextStep(self._filled(do), self._filled(to)) for do, to in steps))
 
     def _filled(self, text: str) -> str:
@@ -177,4 +179,8 @@ class Trust(Described):
     def advised(self) -> tuple[NextStep, ...]:
         """What to do next."""
         places = PLACES.get()
-        return tuple(NextStep(*step) for step in self.next_steps) if places is None else places.fill(self.next_steps)
+        return (
+            tuple(NextStep(*step) for step in self.next_steps)
+            if places is None
+            else places.fill(self.next_steps)
+        )

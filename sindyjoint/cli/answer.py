@@ -36,8 +36,8 @@ def answer(
 ) -> R:
     """Find a result, write it into a folder if one is given, print it, and say where its page lies.
 
-    Next steps name the campaign or rig that it is of, and the model that was given. Where the data are too much at fault
-    to go on, that is done with their check, and the exit status is 1.
+    Next steps name the campaign or rig that it is of, and the model that was given. Where the data are too much at
+    fault to go on, that is done with their check, and the exit status is 1.
     """
     places = PLACES.get() or Places()
     PLACES.set(replace(places, subject=str(subject or ""), model=str(model or "")))

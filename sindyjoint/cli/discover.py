@@ -133,7 +133,10 @@ def discover(
 
     options = {**search, **work.arguments(), "accept": accepted, "correct": correct, "paper": paper}
     result = answer(
-        partial(_find_terms, campaign, progress, options, kinds if refine else None), out, output, progress,
+        partial(_find_terms, campaign, progress, options, kinds if refine else None),
+        out,
+        output,
+        progress,
         subject=campaign,
     )
     raise typer.Exit(0 if result.found else 1)

@@ -37,7 +37,10 @@ def export(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="File, with the target's suffix if it has none; folder where a target has several. [text to stdout]"),
+        typer.Option(
+            "--out",
+            help="File, with the target's suffix if it has none; folder where a target has several. [text to stdout]",
+        ),
     ] = None,
     rig: Annotated[
         str | None,

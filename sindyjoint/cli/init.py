@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import shlex
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sindyjoint.cli.options import AsJson
+from sindyjoint.cli.options import AsJson, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.files.drafting.assignment import Question
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 SHOWN = 8  # findings
 
 
+@with_blocks
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with the data files of the runs.")],
     answers: Annotated[
@@ -35,6 +38,8 @@ def init(
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the campaign.toml that is there.")] = False,
     as_json: AsJson = False,
+    *,
+    progress: Progress,
 ) -> None:
     """Write a campaign.toml for a folder of data files: channels, units, rates, frequencies, levels.
 
@@ -53,10 +58,14 @@ def init(
             raise InputError(f"--set {answer!r}: expected KEY=VALUE, such as angle.unit=mrad")
         given[key.strip()] = value.strip()
     asks = not yes and sys.stdin.isatty() and sys.stderr.isatty()
-    made = run(folder, given, ask=_ask if asks else None, guess=yes, force=force)
+    # No spinner runs through what a person is typing.
+    with nullcontext() if asks else progress:
+        progress.say("reading the files")
+        made = run(folder, given, ask=_ask if asks else None, guess=yes, force=force)
     if not as_json:
         typer.echo(str(made))
-    checked, picture = _check(made.manifest, force)
+    with progress:
+        checked, picture = _check(made.manifest, force, progress)
     if as_json:
         record = made.to_dict() | {"check": to_plain(checked.soundness), "picture": str(picture)}
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
@@ -71,7 +80,7 @@ def init(
     typer.echo(f"\nnext: {shlex.join(['sindyjoint', 'discover', str(folder), '--out', 'results'])}")
 
 
-def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
+def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Checked, Path]:
     """Check what was written, and draw all runs beside it."""
     from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
@@ -82,7 +91,8 @@ def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
 
     target = manifest.with_name("runs.svg")
     refuse_foreign_file(target, force)
-    checked = check(manifest)
+    checked = check(manifest, progress=progress.say)
+    progress.say("drawing all runs")
     return checked, write_bytes(target, figure_bytes(draw(TOGETHER, checked), "svg"))
 
 

@@ -33,7 +33,12 @@ class _Drive(StrEnum):
 
 
 PLAN = "workflows.plan:plan"
-NEXT = (("sindyjoint simulate --plan RESULTS --out virtual", "try these runs on a simulated joint before the bench"),)
+NEXT = (
+    (
+        "sindyjoint simulate --plan RESULTS --out virtual",
+        "try these runs on a simulated joint before the bench",
+    ),
+)
 SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
 # Of a joint that turns, and of one that slides.

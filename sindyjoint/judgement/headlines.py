@@ -113,8 +113,15 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
             )
         )
     if result.beyond_range:
-        steps.append(("record runs at these levels", "fit the model where it is used"))
-    return Trust(lights, tuple((steps or [(EXPORT[0].replace("RESULTS", "MODEL"), EXPORT[1])])[:MOST_STEPS]), question)
+        steps.append(
+            (
+                f"record runs that go as far as {list_some(result.beyond_range)}",
+                "fit the model where it is used",
+            )
+        )
+    return Trust(
+        lights, tuple((steps or [(EXPORT[0].replace("RESULTS", "MODEL"), EXPORT[1])])[:MOST_STEPS]), question
+    )
 
 
 def judge_diagnosis(result: Diagnosis, simulated: bool) -> Trust:
@@ -172,7 +179,10 @@ def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step
             ('write noise = "0.02 N*m" to a channel in campaign.toml', "have a noise floor to judge by")
         )
     if not steps and result.verdict == "ambiguous":
-        steps.append(("record runs at other frequencies and levels", "tell the effects apart"))
+        fitted = result.model.fitted
+        steps.append(
+            (advise_runs(Excitations(fitted.frequencies, (), fitted.runs)), "tell the effects apart")
+        )
     target = "CAMPAIGN" if result.source == "campaign" else "RIG"
     if result.settled:
         steps.append((VERIFY[0].replace("CAMPAIGN", target), "simulate the repaired model and compare"))
@@ -214,10 +224,13 @@ def judge_comparison(result: Comparison) -> Trust:
     if "frequency" in weak:
         steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what makes coefficients change"))
     if weak & {"methods", "single", "resampled"}:
-        steps.append(
-            ("record runs at other frequencies and levels", "tell terms apart that are alike on these runs")
-        )
-    return Trust(lights, tuple((steps or [DISCOVER, (VERIFY[0].replace("RESULTS", "results"), VERIFY[1])])[:MOST_STEPS]), tuple(own))
+        tested = Excitations.of(result.discovery.campaign)
+        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
+    return Trust(
+        lights,
+        tuple((steps or [DISCOVER, (VERIFY[0].replace("RESULTS", "results"), VERIFY[1])])[:MOST_STEPS]),
+        tuple(own),
+    )
 
 
 def _constancy(result: Comparison) -> Light:

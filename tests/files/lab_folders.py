@@ -24,7 +24,8 @@ def mat_structs(folder: Path, truth: Campaign) -> dict[str, str]:
     for name, run in files(truth):
         held = {"torque_Nm": run.moment, "theta_deg": np.degrees(run.angle), "fs": run.sample_rate}
         savemat(
-            folder / f"{name}.mat", {"rec": held | {"supply_V": np.full(run.n_samples, 24.0)}, "note": "bench"}
+            folder / f"{name}.mat",
+            {"rec": held | {"supply_V": np.full(run.n_samples, 24.0)}, "note": "bench"},
         )
     return {}
 

@@ -186,7 +186,9 @@ def _split(files: Sequence[Bundle], dialogue: Dialogue) -> list[Bundle]:
         runs, told = split_runs(file)
         if not told:
             names = list_some([run.run for run in runs], "names")
-            text = f"are {names} in {file.name} runs of one joint (yes), or its columns those of one run (no)?"
+            text = (
+                f"are {names} in {file.name} runs of one joint (yes), or its columns those of one run (no)?"
+            )
             if dialogue.ask("runs", text, "yes") == "no":
                 runs = (file,)
         found += runs
@@ -255,7 +257,9 @@ def _used_time(file: str, column: Column | None, channels: dict[str, str], dialo
 def _why(column: Column, key: str, unit: str, dialogue: Dialogue) -> str:
     """Return why a column is a channel, and in that unit."""
     by_file = "its name" if column.role else "its values"
-    of_unit = "the file" if column.unit and column.unit == unit else "as usual" if key == "time" else "its size"
+    of_unit = (
+        "the file" if column.unit and column.unit == unit else "as usual" if key == "time" else "its size"
+    )
     return f"column: {dialogue.why(key, by_file)}; unit: {dialogue.why(f'{key}.unit', of_unit)}"
 
 
@@ -268,10 +272,17 @@ def _list_used(runs: Sequence[_Run]) -> tuple[UsedColumn, ...]:
     for run in runs:
         for used in run.used:
             called = run.drafted.run
-            column = str(used.column).replace(called, "*") if called and used.column is not None else used.column
+            column = (
+                str(used.column).replace(called, "*") if called and used.column is not None else used.column
+            )
             same.setdefault(replace(used, file="", column=column), []).append(used.file)
     merged = [
-        replace(used, file=f"all {len(files)}" if len(files) == len(runs) > 1 else list_some(list(dict.fromkeys(files)), "files"))
+        replace(
+            used,
+            file=f"all {len(files)}"
+            if len(files) == len(runs) > 1
+            else list_some(list(dict.fromkeys(files)), "files"),
+        )
         for used, files in same.items()
     ]
     return tuple(sorted(merged, key=lambda used: used.quantity == UNUSED))

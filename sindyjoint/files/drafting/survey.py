@@ -195,7 +195,9 @@ def split_runs(file: Bundle) -> tuple[tuple[Bundle, ...], bool]:
         called = os.path.commonprefix([c.title for c in columns]).strip("/._- ") or " ".join(mark)
         # Without the run, the unit may stand at the end.
         stated = [unit_in_name(c.title.replace(called, "").strip("/._- ")) for c in columns]
-        columns = [replace(c, unit=c.unit or (s[0] if s else "")) for c, s in zip(columns, stated, strict=True)]
+        columns = [
+            replace(c, unit=c.unit or (s[0] if s else "")) for c, s in zip(columns, stated, strict=True)
+        ]
         shared = [c for c, words in zip(file.columns, marks, strict=True) if words not in whole]
         scalars = tuple(each for each in file.scalars if not rest & {*_marks(each[0])})
         made = replace(file, columns=(*columns, *shared), scalars=scalars, run=called)
