@@ -43,17 +43,17 @@ def answer(
     PLACES.set(replace(places, subject=str(subject or ""), model=str(model or "")))
     if out is not None:
         check_place(out, output.force)
-    stopped, place = False, None
-    with progress:
-        # Not before the output is known to be writable: the imports take two seconds.
-        result: Any
-        try:
-            result = find()
-        except UnsoundError as error:
-            result, stopped = error.check, True
-        place_results(result, out or places.results, kept=out is not None)
-        place = write(result, out, progress, seed, files, output.force)
-        progress.show_details(result)
+    stopped = False
+    # Not before the output is known to be writable: the imports take two seconds.
+    result: Any
+    try:
+        result = find()
+    except UnsoundError as error:
+        result, stopped = error.check, True
+    place_results(result, out or places.results, kept=out is not None)
+    place = write(result, out, progress, seed, files, output.force)
+    progress.show_details(result)
+    progress.end()
     if output.as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:

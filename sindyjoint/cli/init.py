@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -58,14 +57,17 @@ def init(
             raise InputError(f"--set {answer!r}: expected KEY=VALUE, such as angle.unit=mrad")
         given[key.strip()] = value.strip()
     asks = not yes and sys.stdin.isatty() and sys.stderr.isatty()
-    # No spinner runs through what a person is typing.
-    with nullcontext() if asks else progress:
-        progress.say("reading the files")
-        made = run(folder, given, ask=_ask if asks else None, guess=yes, force=force)
+    progress.say("reading the files")
+    if asks:
+        # No spinner runs through what a person is typing.
+        progress.end()
+    made = run(folder, given, ask=_ask if asks else None, guess=yes, force=force)
+    progress.end()
     if not as_json:
         typer.echo(str(made))
-    with progress:
-        checked, picture = _check(made.manifest, force, progress)
+    progress.begin()
+    checked, picture = _check(made.manifest, force, progress)
+    progress.end()
     if as_json:
         record = made.to_dict() | {"check": to_plain(checked.soundness), "picture": str(picture)}
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))

@@ -199,7 +199,10 @@ BLOCKS = (Finding, Output, Progress, Work)
 
 
 def with_blocks(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the fields of the :data:`BLOCKS` among its parameters as options, where those parameters stand."""
+    """Give a command the fields of the :data:`BLOCKS` among its parameters as options, where those parameters stand.
+
+    What shows its stages does so from before its first import to its end.
+    """
     blocks: dict[str, tuple[Callable[..., Any], list[str]]] = {}
     parameters: list[inspect.Parameter] = []
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
@@ -215,7 +218,14 @@ def with_blocks(command: Callable[..., None]) -> Callable[..., None]:
             name: block(**{option: given.pop(option) for option in options})
             for name, (block, options) in blocks.items()
         }
-        command(**made, **given)
+        shown = next((block for block in made.values() if isinstance(block, Progress)), None)
+        if shown is None:
+            return command(**made, **given)
+        try:
+            shown.begin()
+            command(**made, **given)
+        finally:
+            shown.end()
 
     with_options.__name__, with_options.__doc__ = command.__name__, command.__doc__
     with_options.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

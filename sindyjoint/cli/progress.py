@@ -6,12 +6,11 @@ import re
 import sys
 import threading
 import time
-from types import TracebackType
 from typing import Annotated, Any
 
 import typer
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Nothing on stderr but warnings and errors.")]
 Verbose = Annotated[
     bool,
     typer.Option(
@@ -58,7 +57,8 @@ class Progress:
         self._first: tuple[str, int, float] = ("", 0, 0.0)
         self._timer: threading.Timer | None = None
 
-    def __enter__(self) -> Progress:
+    def begin(self) -> Progress:
+        """Begin to show what happens."""
         if self._spins:
             from rich.console import Console
 
@@ -117,10 +117,10 @@ class Progress:
             for line in details(result):
                 print(f"           {line}".rstrip(), file=sys.stderr)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def end(self) -> None:
+        """Show nothing more: what is printed from now on stands alone."""
         if self._timer is not None:
             self._timer.cancel()
         if self._status is not None:
             self._status.stop()
+            self._status = None

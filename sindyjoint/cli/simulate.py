@@ -190,12 +190,12 @@ def simulate(
         accelerometer="" if accelerometer is None else accelerometer.value,
         angle_drift=drift,
     )
-    with progress:
-        campaign, channels = _make_campaign(test, held, plan, random_state, progress)
-        progress.say("writing the files")
-        sensors = SENSOR_RIG if channels else None
-        manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
-        progress.show_details(campaign)
+    campaign, channels = _make_campaign(test, held, plan, random_state, progress)
+    progress.say("writing the files")
+    sensors = SENSOR_RIG if channels else None
+    manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
+    progress.show_details(campaign)
+    progress.end()
     if known is not None:
         _warn_of_range(known, campaign)
     runs = (WrittenRun(run.name, run.frequency, run.level, run.n_samples) for run in campaign.runs)

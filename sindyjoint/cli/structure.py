@@ -86,24 +86,24 @@ def simulate_structure(
 
     known = None if model is None else read_model(model)
     warnings: list[str] = []
-    with progress:
-        laws = {} if known is None else {"model": model_law(known)}
-        plan = load_rig_plan(rig, laws)
-        modelled = [h.name for h in plan.test.structure.hinges if h.law is laws.get("model")]
-        if known is not None and not modelled:
-            raise InputError(
-                f'{rig}: --model is given, and no joint is a place for it; write law = "model" for the joints that '
-                "it stands for, or leave it out"
-            )
+    laws = {} if known is None else {"model": model_law(known)}
+    plan = load_rig_plan(rig, laws)
+    modelled = [h.name for h in plan.test.structure.hinges if h.law is laws.get("model")]
+    if known is not None and not modelled:
+        raise InputError(
+            f'{rig}: --model is given, and no joint is a place for it; write law = "model" for the joints that '
+            "it stands for, or leave it out"
+        )
 
-        def seen(run: str, response: Response) -> None:
-            if known is not None:
-                warnings.extend(f"{run}: {line}" for line in joint_range_warnings(known, response, modelled))
+    def seen(run: str, response: Response) -> None:
+        if known is not None:
+            warnings.extend(f"{run}: {line}" for line in joint_range_warnings(known, response, modelled))
 
-        progress.say(f"simulating {len(plan.drives)} runs")
-        test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed, seen)
-        progress.say("writing the files")
-        manifest = write_rig_test(rig, test, out, format, force)
+    progress.say(f"simulating {len(plan.drives)} runs")
+    test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed, seen)
+    progress.say("writing the files")
+    manifest = write_rig_test(rig, test, out, format, force)
+    progress.end()
     for line in warnings:
         typer.echo(line, err=True)
     runs = tuple(WrittenRun(run.name, run.frequency, run.level, run.drive.size) for run in test.runs)
