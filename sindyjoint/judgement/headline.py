@@ -16,7 +16,7 @@ SEE_FAULTS = ("sindyjoint check CAMPAIGN --out soundness", "see the faults of th
 VERIFY = ("sindyjoint verify RESULTS CAMPAIGN", "simulate the model and hold it against the runs")
 EXPORT = (
     "sindyjoint export RESULTS --to python --out joint",
-    "use the model elsewhere; --help lists the programs",
+    "use the model in other programs; sindyjoint export --help lists them",
 )
 
 

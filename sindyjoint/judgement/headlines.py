@@ -224,7 +224,8 @@ def judge_comparison(result: Comparison) -> Trust:
     if "frequency" in weak:
         steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what makes coefficients change"))
     if weak & {"methods", "single", "resampled"}:
-        tested = Excitations.of(result.discovery.campaign)
+        found = result.discovery
+        tested = Excitations((), (), 0) if found is None else Excitations.of(found.campaign)
         steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
     return Trust(
         lights,
