@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 @checks_options()
 @single_threaded()
 def diagnose(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     model: JointModel | None = None,
     *,
     accept: Sequence[str] = (),

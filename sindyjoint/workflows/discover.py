@@ -61,7 +61,7 @@ def regressor_options() -> tuple[str, ...]:
 @checks_options(regressor_options)
 @single_threaded()
 def discover(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     library: Any = "extended",
     *,
     states: str = "auto",
@@ -81,7 +81,8 @@ def discover(
 
     Parameters
     ----------
-    campaign : Campaign, path of a campaign.toml, or None
+    campaign : Campaign, path of a campaign.toml, data frame or several by name, or None
+        A frame as in :meth:`~sindyjoint.Campaign.from_frames`, with units in the names or attributes of its columns.
         ``None``: the built-in virtual test of the paper's inter-panel joint, which is simulated.
     library : str, Path, Catalogue, feature library of pysindy, or sequence of these
         Candidate terms; see :class:`~sindyjoint.JointRegressor`. With the default, sin θ is among them where the joint
@@ -250,9 +251,12 @@ def _judge_terms(
 
 
 def the_campaign(
-    campaign: Campaign | str | Path | None, random_state: Any = None, longest: int | None = None
+    campaign: Campaign | str | Path | Any, random_state: Any = None, longest: int | None = None
 ) -> Campaign:
-    """Return a campaign from itself, a file, or the built-in virtual test; of runs beyond ``longest`` a segment."""
+    """Return a campaign from itself, a file, data frames, or the built-in virtual test.
+
+    Of runs in files that are longer than ``longest`` only a segment is read.
+    """
     if isinstance(campaign, Campaign):
         return campaign
     if campaign is None:
@@ -262,7 +266,9 @@ def the_campaign(
             "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
         )
 
-    return load_campaign(campaign, longest)
+    if isinstance(campaign, str | Path):
+        return load_campaign(campaign, longest)
+    return Campaign.from_frames(campaign)
 
 
 def discover_rig(

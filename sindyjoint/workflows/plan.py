@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
+from typing import Any
 
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.policy import CAMPAIGN
@@ -51,7 +52,7 @@ def plan(
     like: str | None = None,
     *,
     model: JointModel | str | Path | None = None,
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     drive: str = "moment",
     band: tuple[float, float] | None = None,

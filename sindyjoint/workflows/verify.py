@@ -36,6 +36,7 @@ from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.text import percent
 from sindyjoint.threads import single_threaded
 from sindyjoint.trust import Trust
+from sindyjoint.workflows.discover import the_campaign
 
 DRAWS = 20
 
@@ -209,8 +210,10 @@ def _with_check(result: Verification, soundness: Soundness, before: Sequence[str
 
 def _open_input(against: Rig | RigTest | Campaign | str | Path) -> Rig | RigTest | Campaign:
     """Return the rig, with recorded runs or without, or the campaign that a path means."""
-    if isinstance(against, Rig | RigTest | Campaign):
+    if isinstance(against, Rig | RigTest):
         return against
+    if not isinstance(against, str | Path):
+        return the_campaign(against)
     path = Path(against)
     if has_measured_runs(path) and str(against) not in shipped_rigs():
         return load_rig_test(path)

@@ -31,6 +31,7 @@ def mat_structs(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def mat_v73(folder: Path, truth: Campaign) -> dict[str, str]:
+    """MATLAB v7.3 with the sampling interval beside the channels."""
     h5py = pytest.importorskip("h5py")
     for name, run in files(truth):
         buffer = io.BytesIO()
@@ -80,6 +81,7 @@ def wide_table(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def universal(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Universal files (58, binary) with units of their ordinates."""
     pytest.importorskip("pyuff")
     for name, run in files(truth):
         parts = [(run.moment, "Moment", "N*m"), (1e3 * run.angle, "Angle", "mrad")]
@@ -92,6 +94,7 @@ def universal(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def tdms(folder: Path, truth: Campaign) -> dict[str, str]:
+    """TDMS with LabVIEW's increment and units in properties."""
     nptdms = pytest.importorskip("nptdms")
     for name, run in files(truth):
         clock = {"wf_increment": 1 / run.sample_rate, "wf_start_offset": 0.0}
@@ -107,6 +110,7 @@ def tdms(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def parquet(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Parquet, a constant temperature among its columns."""
     pa = pytest.importorskip("pyarrow")
     import pyarrow.parquet as pq
 
@@ -132,6 +136,18 @@ def arm_and_stroke(folder: Path, truth: Campaign) -> dict[str, str]:
         head = "Time (sec),Load (lbf),Stroke command (mm),Stroke (mm)\n"
         (folder / f"{name}.csv").write_text(head + rows(columns, ","))
     return {}
+
+
+def free_swings(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Three free decays in degrees without a moment, the rate in a header block: 9 Hz, 2 % of critical damping."""
+    rng, turn = np.random.default_rng(3), 2 * np.pi * 9.0
+    for number, size in enumerate((4.0, 6.0, 8.0), start=1):
+        time = np.arange(0, 3, 1e-3)
+        angle = size * np.exp(-0.02 * turn * time) * np.cos(turn * np.sqrt(1 - 0.02**2) * time)
+        noisy = angle + 5e-3 * size * rng.standard_normal(time.size)
+        head = "Recorder 7\nSampling rate: 1000 Hz\n\ntheta [deg]\n"
+        (folder / f"swing{number}.txt").write_text(head + rows([noisy], ","))
+    return {"moment": "0 N*m"}
 
 
 LAB: list[Callable[[Path, Campaign], dict[str, str]]] = [
