@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
+from sindyjoint.states.broadband import smoothing_kernels
 
 #: What showed the noise of a moment, in words.
 SOURCES = {
@@ -44,17 +46,27 @@ class Floor:
     bound: bool = False
 
 
-def moment_floor(states: Sequence[ForceStates], inertia: float) -> Floor:
+class Law(Protocol):
+    """A moment over angle and rate."""
+
+    def slopes(self, angle: Array, rate: Array) -> tuple[Array, Array]:
+        """Return ∂M/∂θ and ∂M/∂θ̇ along a motion."""
+
+
+def moment_floor(states: Sequence[ForceStates], inertia: float, law: Law | None = None) -> Floor:
     """Return the floor of some runs, pooled over their moving samples.
 
-    The noise of a transfer moment is that of the moment and the inertia's times that of the acceleration. The noise of
-    the motion must be known where it would matter were it twice as large.
+    The noise of a transfer moment is that of the moment, the inertia's times that of the acceleration, and what noise
+    of a motion that does not repeat adds through the slopes of the law. The noise of the motion must be known where it
+    would matter were it twice as large.
 
     Parameters
     ----------
     states : sequence of ForceStates
     inertia : float
         kg·m² (kg).
+    law : Law, optional
+        What explains the moment.
     """
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
     known = np.array([_known(s, inertia) for s in states], dtype=bool)
@@ -63,10 +75,22 @@ def moment_floor(states: Sequence[ForceStates], inertia: float) -> Floor:
     if not weight[known].sum() > 0.5 * weight.sum():
         return Floor(float("nan"), float("nan"), UNKNOWN)
     variance = np.array([s.noise.moment**2 + (inertia * s.noise.acceleration) ** 2 for s in states])
+    if law is not None:
+        variance += [_through_slopes(s, law) for s in states]
     moment = float(np.sqrt(np.average(variance[known], weights=weight[known])))
     used = [s.noise.source for s, k in zip(states, known, strict=True) if k]
     words = ", ".join(SOURCES[name] for name in dict.fromkeys(used))
     return Floor(moment, moment / size if size > 0 else float("nan"), words, "coherent" in used)
+
+
+def _through_slopes(states: ForceStates, law: Law) -> float:
+    """Return the variance of a law's moment by noise of the motion, ⟨(k·σ_θ)² + (c·σ_θ̇)²⟩; a mean period has none."""
+    if states.method != "broadband" or not states.moving.any():
+        return 0.0
+    stiffness, damping = law.slopes(states.angle[states.moving], states.rate[states.moving])
+    kernel = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
+    angle = states.noise.angle * float(np.linalg.norm(kernel))
+    return float(np.mean((stiffness * angle) ** 2 + (damping * states.noise.rate) ** 2))
 
 
 def _known(states: ForceStates, inertia: float) -> bool:
