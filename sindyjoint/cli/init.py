@@ -28,7 +28,8 @@ def init(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="What the files do not tell: angle.unit=mrad, rate='1 kHz', force=ch2, motion=rotation. Repeatable.",
+            help="What the files do not tell: angle.unit=mrad, rate='1 kHz', force=ch2, inertia='0.02 kg*m^2'; "
+            "validate=RUN for runs that no fit shall use. Repeatable.",
         ),
     ] = None,
     yes: Annotated[

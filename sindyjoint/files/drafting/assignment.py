@@ -21,7 +21,7 @@ ROLES: dict[Motion, dict[str, str]] = {
     "translation": {"moment": "force", "angle": "displacement", "rate": "velocity"},
 }
 _OWN = {motion: {key for key, _ in keys.values()} - {"acceleration"} for motion, keys in KEYS.items()}
-ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate", "runs") + tuple(
+ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate", "runs", "validate") + tuple(
     f"{key}{part}" for key in CHANNEL_KEYS for part in ("", ".unit", ".gain")
 )
 # Never taken for moment or angle, whatever else is missing.

@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, nearest
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.assignment import (
     NO_LOAD,
@@ -320,12 +320,17 @@ def _write(
     stems = [str(PurePosixPath(run.file).with_suffix("")) for run in runs]
     once = len({run.run for run in runs}) == len(runs)
     names = [(run.run if once else f"{run.file} {run.run}") if run.run else run.file for run in runs]
+    kept = [each.strip() for each in dialogue.answers.get("validate", "").split(",") if each.strip()]
+    for each in kept:
+        if each not in (*names, *stems):
+            raise InputError(f"validate = {each!r} is no run; {nearest(each, stems, 'runs there:')}")
     entries = [
         [
             f"file = {toml_string(run.file)}",
             *([f"name = {toml_string(name)}"] if stems.count(stem) > 1 else []),
             f"# {run.course}: no frequency" if run.frequency is None else f"frequency = {run.frequency!r}",
             f"level = {toml_string(run.level)}",
+            *['use = "validate"'] * (not {name, stem}.isdisjoint(kept)),
         ]
         for run, name, stem in zip(runs, names, stems, strict=True)
     ]

@@ -50,7 +50,7 @@ SAME_LEVEL = 1.15
 SMALL = 0.1
 _HERTZ = re.compile(r"(\d+(?:[.,p]\d+)?)\s*[hH]z")
 _LEVEL_WORD = re.compile(
-    r"(?:^|[^a-z])(low|lo|mid|medium|high|hi|small|large|max|min|full|half)(?![a-z])", re.IGNORECASE
+    r"(?:^|[^a-z])(low|lo|middle|mid|medium|high|hi|small|large|max|min|full|half)(?![a-z])", re.IGNORECASE
 )
 _LEVEL_SIZE = re.compile(
     r"(\d+(?:[.,p]\d+)?)\s*(Nm|N|kN|mm|in|inch|deg|mrad|rad|um|lb|lbf|V|percent|pct)(?![a-zA-Z])"
