@@ -135,6 +135,7 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
         When a run has too few columns, or an answer names none.
     """
     found: dict[str, Column] = {}
+    answers = dialogue.answers
     clock = _choose(bundle, "time", "time", [c for c in bundle.columns if c.role == "time"], dialogue)
     if clock is None:
         clock = next((c for c in bundle.columns if c.role is None and is_clock(c.values)), None)
@@ -155,9 +156,11 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
             continue
         if chosen is None and quantity != "rate":
             chosen = _guess_by_shape(bundle, quantity, key, free, dialogue)
-        if chosen is not None:
+        # A velocity beside the displacement is welcome, not needed: nobody is asked for its unit.
+        untold = quantity == "rate" and chosen and not chosen.unit and not {key, f"{key}.unit"} & answers.keys()
+        if chosen is not None and not untold:
             found[quantity] = chosen
-    if accelerometer is not None and ("angle" not in found or "acceleration" in dialogue.answers):
+    if accelerometer is not None and ("angle" not in found or "acceleration" in answers):
         found["acceleration"] = accelerometer
     return found
 
