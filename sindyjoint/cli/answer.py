@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -66,6 +67,16 @@ def answer(
         raise typer.Exit(1)
     found: R = result
     return found
+
+
+def call(function: str, *arguments: Any, **options: Any) -> Callable[[], Any]:
+    """Return a call of a function of the package, such as ``"workflows.check:check"``, imported when it is made."""
+
+    def made() -> Any:
+        module, _, name = function.partition(":")
+        return getattr(import_module(f"sindyjoint.{module}"), name)(*arguments, **options)
+
+    return made
 
 
 def write(

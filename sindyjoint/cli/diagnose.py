@@ -11,7 +11,7 @@ from sindyjoint.cli.answer import answer, write
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import AcceptOption, AlignOption, Output, Work, with_blocks
 from sindyjoint.cli.progress import Progress
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 
 MOST = default_of("workflows.diagnose:diagnose", "max_effects")
 MOST_OF_RIG = default_of("workflows.diagnose:diagnose_structure", "max_effects")
@@ -135,23 +135,20 @@ def _diagnosed(
             f"--{elsewhere[0]} is for campaigns; {campaign} is a rig, whose candidates are tried on threads"
         )
     accept = options.pop("accept")
-    if accept and not recorded:
-        raise InputError(f"--accept is for data that are checked; {campaign} is a rig without [[run]]s")
-    if options.pop("align"):
-        raise InputError(f"--align is for campaigns, which have two channels; {campaign} is a rig")
-    if options.pop("refine"):
-        raise InputError(
-            f"--refine is for campaigns; {campaign} is a rig, whose numbers are fitted to its response already"
-        )
-    if base:
-        raise InputError(
-            f"--base is for campaigns; {campaign} is a rig, whose joint has a law already, or --model"
-        )
+    held_out, of_rig = recorded and options.pop("hold_out"), f"is for campaigns; {campaign} is a rig"
+    refuse(
+        [
+            (
+                accept and not recorded,
+                f"--accept is for data that are checked; {campaign} is a rig without [[run]]s",
+            ),
+            (options.pop("align"), f"--align {of_rig}, which has no two channels"),
+            (options.pop("refine"), f"--refine {of_rig}, whose numbers are fitted to its response already"),
+            (base, f"--base {of_rig}, whose joint has a law already, or --model"),
+            (held_out, f"--hold-out: mark runs of {campaign} use = 'validate' to keep them out of the fit"),
+        ]
+    )
     if recorded:
-        if options.pop("hold_out"):
-            raise InputError(
-                f"--hold-out: mark runs of {campaign} use = 'validate' to keep them out of the fit"
-            )
         from sindyjoint.cli.structure import models_of
         from sindyjoint.workflows.diagnose import diagnose_rig
 

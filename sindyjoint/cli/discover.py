@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
     DISCOVER,
@@ -27,7 +27,6 @@ from sindyjoint.cli.structure import discover_structure, is_rig
 
 if TYPE_CHECKING:
     from sindyjoint.judgement.discovery import Discovery
-    from sindyjoint.workflows.refine import RefinedModel
 
 
 # What a search for the laws of the joints of a rig takes.
@@ -126,7 +125,8 @@ def discover(
             "nuisance": kinds, "accept": accepted, "align": finding.align, "random_state": random_state,
         }  # fmt: skip
         refined = answer(
-            partial(_refine_model, model, campaign, progress, options), out, output, progress, random_state,
+            call("workflows.refine:refine", model, campaign, progress=progress.say, **options),
+            out, output, progress, random_state,
             [path for path in (model, campaign) if path is not None and path.exists()], campaign, model,
         )  # fmt: skip
         raise typer.Exit(0 if refined.refined else 1)
@@ -145,14 +145,6 @@ def discover(
 def _require_refine(refine: bool | None, option: str) -> None:
     if not refine:
         raise typer.BadParameter("belongs to --refine; add --refine, or leave it out", param_hint=option)
-
-
-def _refine_model(
-    model: Path, campaign: Path | None, progress: Progress, options: dict[str, Any]
-) -> RefinedModel:
-    from sindyjoint.workflows.refine import refine
-
-    return refine(model, campaign, progress=progress.say, **options)
 
 
 def _find_terms(

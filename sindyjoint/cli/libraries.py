@@ -22,11 +22,7 @@ app = typer.Typer(
 )
 
 
-class _Motion(StrEnum):
-    rotation = "rotation"
-    translation = "translation"
-
-
+_Motion = StrEnum("_Motion", ["rotation", "translation"])
 Library = Annotated[
     str, typer.Argument(metavar="NAME", help="A shipped library, or the path of a .toml file.")
 ]

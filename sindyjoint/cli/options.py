@@ -24,27 +24,10 @@ METHODS = (
 """Ways to make the path of models, as discovery has them."""
 
 
-class Selection(StrEnum):
-    """How one model of the path is chosen."""
-
-    evidence = "evidence"
-    one_standard_error = "one_standard_error"
-
-
-class Nuisance(StrEnum):
-    """What may be estimated together with the coefficients."""
-
-    delay = "delay"
-    gain = "gain"
-    offset = "offset"
-
-
-class States(StrEnum):
-    """How rates are made of angles."""
-
-    auto = "auto"
-    periodic = "periodic"
-    broadband = "broadband"
+# How one model of the path is chosen, what may be estimated with the coefficients, how rates are made of angles.
+Selection = StrEnum("Selection", ["evidence", "one_standard_error"])
+Nuisance = StrEnum("Nuisance", ["delay", "gain", "offset"])
+States = StrEnum("States", ["auto", "periodic", "broadband"])
 
 
 REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"

@@ -21,29 +21,10 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.simulate import WrittenTest
 
 
-class _Joint(StrEnum):
-    inter_panel = "inter-panel"
-    panel_root = "panel-root"
-
-
-class _Drive(StrEnum):
-    moment = "moment"
-    rig = "rig"
-    displacement = "displacement"
-
-
-class _Accelerometer(StrEnum):
-    instead = "instead"
-    beside = "beside"
-
-
-class _Format(StrEnum):
-    csv = "csv"
-    tsv = "tsv"
-    npz = "npz"
-    parquet = "parquet"
-    h5 = "h5"
-    mat = "mat"
+_Joint = StrEnum("_Joint", {"inter_panel": "inter-panel", "panel_root": "panel-root"})
+_Drive = StrEnum("_Drive", ["moment", "rig", "displacement"])
+_Accelerometer = StrEnum("_Accelerometer", ["instead", "beside"])
+_Format = StrEnum("_Format", ["csv", "tsv", "npz", "parquet", "h5", "mat"])
 
 
 def _numbers(text: str, option: str) -> tuple[float, ...]:

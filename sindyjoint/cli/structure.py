@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.cli.answer import answer, write
+from sindyjoint.cli.answer import answer, call, write
 from sindyjoint.cli.options import Output
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
-    from sindyjoint.judgement.rig_discovery import RigDiscovery
     from sindyjoint.mechanics.transient import Response
     from sindyjoint.workflows.simulate import WrittenTest
 
@@ -36,13 +35,8 @@ def discover_structure(
     options: Mapping[str, Any],
 ) -> bool:
     """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
-
-    def find() -> RigDiscovery:
-        from sindyjoint.workflows.discover import discover_rig
-
-        chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
-        return discover_rig(rig, progress=progress.say, **chosen)
-
+    chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
+    find = call("workflows.discover:discover_rig", rig, progress=progress.say, **chosen)
     result = answer(find, out, output, progress, seed, [rig], rig)
     if out is not None:
         from sindyjoint.reporting.results.structure_joints import place_of_law

@@ -15,7 +15,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model, read_models
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
-from sindyjoint.errors import InputError, MissingInputError, checks_options
+from sindyjoint.errors import InputError, MissingInputError, checks_options, refuse
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.headlines import judge_verification
@@ -118,10 +118,13 @@ def verify(
         Where the check of the data finds what stops the work.
     """
     say = progress or (lambda stage: None)
-    if not (np.isfinite(tolerance) and tolerance > 0):
-        raise InputError(f"tolerance is {tolerance!r}; expected a number above zero")
-    if draws < 0:
-        raise InputError(f"draws is {draws!r}; expected a number that is not negative")
+    positive = np.isfinite(tolerance) and tolerance > 0
+    refuse(
+        [
+            (not positive, f"tolerance is {tolerance!r}; expected a number above zero"),
+            (draws < 0, f"draws is {draws!r}; expected a number that is not negative"),
+        ]
+    )
     against = _open_input(against)
     if not isinstance(model, JointModel | Sequence) or isinstance(model, str):
         model = read_models(model) if isinstance(against, RigTest) else read_model(model)
@@ -136,32 +139,33 @@ def verify(
             f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"
         )
     if isinstance(against, Campaign):
-        if truth:
-            raise InputError(
-                f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given"
-            )
-        return _of_campaign(models[0], against, accept, align, settings, say)
-    if free_run is not None:
-        raise InputError(
-            f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
+        refuse(
+            [(truth, f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given")]
         )
-    if align:
-        raise InputError("align belongs to a campaign, which has two channels; a rig is given")
+        return _of_campaign(models[0], against, accept, align, settings, say)
+    free = f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
+    recorded = isinstance(against, RigTest)
+    refuse(
+        [
+            (free_run is not None, free),
+            (align, "align belongs to a campaign, which has two channels; a rig is given"),
+            (
+                truth and recorded,
+                f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig has recorded runs",
+            ),
+            (
+                accept and not recorded,
+                f"accept is {', '.join(accept)}: belongs to data that are checked; a pulse test is given",
+            ),
+        ]
+    )
     if isinstance(against, RigTest):
-        if truth:
-            raise InputError(
-                f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig has recorded runs"
-            )
         say("checking the data")
         found = require_sound(check_rig_test(against, accept))
         result: Verification = _with_check(
             verify_runs(models, found.usable, settings, say), found.soundness, found.warnings
         )
         return replace(result, trust=judge_verification(result, against.simulated, found.soundness))
-    if accept:
-        raise InputError(
-            f"accept is {', '.join(accept)}: belongs to data that are checked; a pulse test is given"
-        )
     result = verify_rig(models[0], against, settings, truth, say)
     return replace(result, trust=judge_verification(result, False, None))
 

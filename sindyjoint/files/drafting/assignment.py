@@ -157,7 +157,9 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
         if chosen is None and quantity != "rate":
             chosen = _guess_by_shape(bundle, quantity, key, free, dialogue)
         # A velocity beside the displacement is welcome, not needed: nobody is asked for its unit.
-        untold = quantity == "rate" and chosen and not chosen.unit and not {key, f"{key}.unit"} & answers.keys()
+        untold = (
+            quantity == "rate" and chosen and not chosen.unit and not {key, f"{key}.unit"} & answers.keys()
+        )
         if chosen is not None and not untold:
             found[quantity] = chosen
     if accelerometer is not None and ("angle" not in found or "acceleration" in answers):
