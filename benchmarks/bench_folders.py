@@ -68,7 +68,8 @@ def typed(arguments: Sequence[str], place: Path) -> tuple[float, subprocess.Comp
 
 def one(name: str, style: str, answers: dict[str, str], place: Path) -> dict:
     """Return how it went from the files in a folder to a report."""
-    record: dict = {"name": name, "style": style, "commands": [], "asked": []}
+    load = os.getloadavg()[0]
+    record: dict = {"name": name, "style": style, "commands": [], "asked": [], "load": load}
 
     def do(*arguments: str) -> subprocess.CompletedProcess[str]:
         seconds, done = typed(arguments, place)
@@ -101,12 +102,14 @@ def run(args: argparse.Namespace) -> None:
     with TemporaryDirectory() as scratch:
         place = Path(scratch)
         for writer in (*LAB, *ODD, free_swings):
+            if args.names and writer.__name__ not in args.names:
+                continue
             (place / writer.__name__).mkdir()
             answers = writer(place / writer.__name__, truth)
             style = (writer.__doc__ or "").split("\n")[0]
             show(args.out, one(writer.__name__, style, answers, place))
         for folder in sorted(args.public.iterdir()) if args.public else ():
-            if folder.is_dir():
+            if folder.is_dir() and (not args.names or folder.name in args.names):
                 ignored = shutil.ignore_patterns("campaign.toml")
                 shutil.copytree(folder, place / folder.name, ignore=ignored)
                 show(args.out, one(folder.name, "Public data.", PUBLIC.get(folder.name, {}), place))
@@ -120,7 +123,9 @@ def show(out: Path, record: dict) -> None:
 def page(args: argparse.Namespace) -> None:
     """Write the page of what was run."""
     records = records_in([args.folders])
-    lines = [HEAD]
+    load = max(record.get("load", 0.0) for record in records)
+    cores = f"{os.cpu_count()} cores, which up to {load:.0f} processes shared"
+    lines = [HEAD, f"The seconds are those of {cores}: of an idle machine they are a fraction.", ""]
     for record in records:
         lines += [f"## {record['name']}", "", record["style"], "", "```text"]
         lines += [f"$ {command}    # {seconds:g} s" for command, seconds, _ in record["commands"]]
@@ -142,6 +147,7 @@ if __name__ == "__main__":
     running = verbs.add_parser("run")
     running.add_argument("--out", type=Path, required=True)
     running.add_argument("--public", type=Path)
+    running.add_argument("--names", nargs="*")
     running.set_defaults(do=run)
     writing = verbs.add_parser("page")
     writing.add_argument("folders", type=Path)

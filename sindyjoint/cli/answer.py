@@ -42,6 +42,7 @@ def answer(
     """
     places = PLACES.get() or Places()
     PLACES.set(replace(places, subject=str(subject or ""), model=str(model or "")))
+    used = [each for each in (model, subject, *files) if each and Path(each).exists()]
     if out is not None:
         check_place(out, output.force)
     stopped = False
@@ -52,7 +53,7 @@ def answer(
     except UnsoundError as error:
         result, stopped = error.check, True
     place_results(result, out or places.results, kept=out is not None)
-    place = write(result, out, progress, seed, files, output.force)
+    place = write(result, out, progress, seed, used, output.force)
     progress.show_details(result)
     progress.end()
     if output.as_json:

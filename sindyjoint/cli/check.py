@@ -10,7 +10,6 @@ import typer
 from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.options import AcceptOption, Output, with_blocks
 from sindyjoint.cli.progress import Progress
-from sindyjoint.cli.structure import is_rig
 
 
 @with_blocks
@@ -44,6 +43,5 @@ def check(
     Example: sindyjoint check virtual --out soundness
     """
     find = call("workflows.check:check", campaign, tuple(accept or ()), progress=progress.say)
-    files = [campaign] if campaign is not None and is_rig(campaign) else []
-    result = answer(find, out, output, progress, None, files, campaign)
+    result = answer(find, out, output, progress, subject=campaign)
     raise typer.Exit(1 if result.stopping else 0)

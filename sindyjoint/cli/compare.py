@@ -69,6 +69,5 @@ def compare(
         align=align, replicates=replicates, margin=margin, random_state=random_state, progress=progress.say,
         **work.arguments(),
     )  # fmt: skip
-    files = [] if model is None else [model]
-    result = answer(find, out, output, progress, random_state, files, campaign, model)
+    result = answer(find, out, output, progress, random_state, (), campaign, model)
     raise typer.Exit(0 if result.model.terms else 1)

@@ -87,10 +87,7 @@ def curves(
             band=None if band is None else span(band, "Hz", "--band"),
         ),
     )
-    from sindyjoint.mechanics.rig_test_file import rig_path
-
-    files = [*(model or []), rig_path(subject)]
-    answer(find, out, output, progress, files=files)
+    answer(find, out, output, progress, files=model or (), subject=subject)
 
 
 def _sizes(text: str) -> tuple[float, float]:

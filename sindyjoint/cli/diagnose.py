@@ -102,7 +102,14 @@ def diagnose(
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
             advise=advise,
-            before_advice=lambda result: write(result, out, progress, random_state, files, output.force),
+            before_advice=lambda result: write(
+                result,
+                out,
+                progress,
+                random_state,
+                [p for p in (model, campaign) if p and p.exists()],
+                output.force,
+            ),
             refine=refine,
             random_state=random_state,
             progress=progress.say,
@@ -110,8 +117,7 @@ def diagnose(
             **given(max_effects=max_effects),
         )
 
-    files = [path for path in (model, campaign) if path is not None and path.exists()]
-    result = answer(find, out, output, progress, random_state, files, campaign, model)
+    result = answer(find, out, output, progress, random_state, (), campaign, model)
     raise typer.Exit(0 if result.settled else 1)
 
 
@@ -120,12 +126,11 @@ def _diagnosed(
 ) -> Diagnosis:
     """Return the diagnosis of a campaign, or of a structure."""
     from sindyjoint.equation.model_file import read_model
-    from sindyjoint.mechanics.rig_test_file import has_measured_runs
-    from sindyjoint.workflows.verify import is_structure
+    from sindyjoint.mechanics.rig_test_file import has_measured_runs, is_rig_test
 
     recorded = campaign is not None and has_measured_runs(campaign)
     start = None if model is None or recorded else read_model(model)
-    if campaign is None or not (recorded or is_structure(campaign)):
+    if campaign is None or not (recorded or is_rig_test(campaign)):
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
         return of_campaign(campaign, start, **given(base=base), **options)

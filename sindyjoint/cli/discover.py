@@ -127,7 +127,7 @@ def discover(
         refined = answer(
             call("workflows.refine:refine", model, campaign, progress=progress.say, **options),
             out, output, progress, random_state,
-            [path for path in (model, campaign) if path is not None and path.exists()], campaign, model,
+            (), campaign, model,
         )  # fmt: skip
         raise typer.Exit(0 if refined.refined else 1)
 

@@ -152,8 +152,7 @@ def plan(
         **_noise(noise or []),
     )
 
-    files = [path for path in (model, campaign, diagnosis) if path is not None]
-    result = answer(find, out, output, progress, random_state, files, campaign, model)
+    result = answer(find, out, output, progress, random_state, [diagnosis or ""], campaign, model)
     places = PLACES.get()
     if result.runs and places is not None and not output.as_json:
         # No results of another kind go into the folder of a plan.

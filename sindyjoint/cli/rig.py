@@ -35,5 +35,4 @@ def rig(
     Example: sindyjoint rig four-panel-wing --out wing
     """
     find = call("workflows.rig:rig_motion", rig, model, progress=progress.say)
-    files = [path for path in (model, Path(rig)) if path is not None]
-    answer(find, out, output, progress, files=files)
+    answer(find, out, output, progress, subject=rig, model=model)

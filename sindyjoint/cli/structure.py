@@ -37,7 +37,7 @@ def discover_structure(
     """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
     chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
     find = call("workflows.discover:discover_rig", rig, progress=progress.say, **chosen)
-    result = answer(find, out, output, progress, seed, [rig], rig)
+    result = answer(find, out, output, progress, seed, subject=rig)
     if out is not None:
         from sindyjoint.reporting.results.structure_joints import place_of_law
 

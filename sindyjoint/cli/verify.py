@@ -81,5 +81,5 @@ def verify(
         window=window, free_run=free_run, noise=noise, presliding=presliding, loss_factor=loss_factor,
         random_state=random_state, progress=progress.say,
     )  # fmt: skip
-    result = answer(find, out, output, progress, random_state, (model, against), against, model)
+    result = answer(find, out, output, progress, random_state, (), against, model)
     raise typer.Exit(0 if result.passed else 1)

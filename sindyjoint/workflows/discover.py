@@ -37,9 +37,10 @@ from sindyjoint.judgement.verdict import (
     undecided_without_time,
     unresolved_delay,
 )
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound
+from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
@@ -48,7 +49,6 @@ from sindyjoint.threads import single_threaded
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.judgement.rig_discovery import RigDiscovery
-    from sindyjoint.mechanics.rig_test import RigTest
 
 
 def regressor_options() -> tuple[str, ...]:
@@ -311,9 +311,7 @@ def discover_rig(
     """
     from sindyjoint.discovery.foreign_library import catalogue_of
     from sindyjoint.judgement.rig_discovery import of_data
-    from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.soundness.check import check_rig_test
 
     say = progress or (lambda stage: None)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sindyjoint.discovery.delay import align_channels
-from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model, read_models
 from sindyjoint.equation.test_record import TestNuisances
@@ -22,7 +21,7 @@ from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import assess
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import has_measured_runs, load_rig_test
+from sindyjoint.mechanics.rig_test_file import has_measured_runs, is_rig_test, load_rig_test, rig_path
 from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import put_right
@@ -228,23 +227,9 @@ def _open_input(against: Rig | RigTest | Campaign | str | Path) -> Rig | RigTest
             f"{str(against)!r}: no such file or folder; expected a campaign.toml, its folder, a rig's TOML file or one "
             f"of the shipped rigs ({', '.join(shipped_rigs())})"
         )
-    if path.is_file() and is_rig(path):
-        return load_rig(path, PLACEHOLDERS)
+    if is_rig_test(path):
+        return load_rig(rig_path(path), PLACEHOLDERS)
     return load_campaign(path)
-
-
-def is_rig(path: Path) -> bool:
-    """Return whether a file is TOML with a rig in it."""
-    try:
-        return bool({"chain", "pulse", "base"} & read_toml(path).keys())
-    except InputError:
-        return False
-
-
-def is_structure(path: str | Path) -> bool:
-    """Return whether a path or name means a rig: a shipped one, or a TOML file with a chain."""
-    path = Path(path)
-    return (str(path) in shipped_rigs() and not path.is_dir()) or (path.is_file() and is_rig(path))
 
 
 def given_model(model: JointModel | str | Path, campaign: Campaign, accept: Sequence[str]) -> GivenModel:
