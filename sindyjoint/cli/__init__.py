@@ -23,21 +23,18 @@ def main(arguments: list[str] | None = None) -> None:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         _flush()
     except KeyboardInterrupt as error:
-        _complain("; ".join(["interrupted", *map(str, error.args)]))
-        status = INTERRUPTED
+        status = _complain("; ".join(["interrupted", *map(str, error.args)]), INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output has gone (head, less): nothing to say, and no one to say it to.
         _discard(sys.stdout, sys.stderr)
         status = 0
     except MemoryError:
-        _complain("not enough memory for this; give it less data at once, or a larger machine")
-        status = 2
+        status = _complain("not enough memory for this; give it less data at once, or a larger machine")
     except OSError as error:
         # What the system refuses at large: a full disk below stdout, a handle that was closed.
         _discard(sys.stdout)
         where = f" {error.filename!r}" if error.filename else ""
-        _complain(f"the system refuses to read or write{where}: {error.strerror or error}")
-        status = 2
+        status = _complain(f"the system refuses to read or write{where}: {error.strerror or error}")
     raise SystemExit(status)
 
 
@@ -59,10 +56,9 @@ def _run(arguments: list[str]) -> int:
     for number, argument in enumerate(arguments):
         if not argument or (argument.startswith("--") and argument.endswith("=")):
             option = argument or (arguments[number - 1] if number else "argument 1")
-            _complain(
+            return _complain(
                 f"nothing is given where something is expected ({option}); give a value, or leave it out"
             )
-            return 2
     # typer may bundle click: its public names lead to the classes that it raises.
     usage_error: type[Exception]
     click_error: type[Exception]
@@ -82,14 +78,11 @@ def _run(arguments: list[str]) -> int:
             raise SystemExit(2) from None
         # Typer hands on what a validation library says.
         said = error.format_message().replace("Value error, ", "")  # type: ignore[attr-defined]
-        _complain(f"{said} (see 'sindyjoint{_command(error)} --help')")
-        status = 2
+        status = _complain(f"{said} (see 'sindyjoint{_command(error)} --help')")
     except click_error as error:
-        _complain(error.format_message())  # type: ignore[attr-defined]
-        status = 2
+        status = _complain(error.format_message())  # type: ignore[attr-defined]
     except SindyJointError as error:
-        _complain(str(error))
-        status = error.status
+        status = _complain(str(error), error.status)
     except typer.Abort:
         raise KeyboardInterrupt from None
     finally:
@@ -124,12 +117,13 @@ def _discard(*streams: TextIO) -> None:
             os.close(nowhere)
 
 
-def _complain(message: str) -> None:
-    """Print one line on stderr, whatever the message holds."""
+def _complain(message: str, status: int = 2) -> int:
+    """Print one line on stderr, whatever the message holds; return the exit status that goes with it."""
     from sindyjoint.text import printable
 
     with suppress(OSError, ValueError):
         print("sindyjoint: " + printable(" ".join(message.split())), file=sys.stderr)
+    return status
 
 
 def _command(error: object) -> str:

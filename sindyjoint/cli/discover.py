@@ -23,7 +23,7 @@ from sindyjoint.cli.options import (
     with_blocks,
 )
 from sindyjoint.cli.progress import Progress
-from sindyjoint.cli.structure import discover_structure, is_rig
+from sindyjoint.cli.structure import discover_structure
 
 if TYPE_CHECKING:
     from sindyjoint.judgement.discovery import Discovery
@@ -102,7 +102,9 @@ def discover(
     if nuisance:
         _require_refine(refine, "--nuisance")
     search = {**given(library=library), **finding.arguments(), "random_state": random_state}
-    if campaign is not None and is_rig(campaign):
+    from sindyjoint.mechanics.rig_test_file import is_rig_test
+
+    if campaign is not None and is_rig_test(campaign):
         refuse_other_options(context, OF_A_RIG, "is not for the joints of a rig; leave it out")
         found = discover_structure(
             campaign,

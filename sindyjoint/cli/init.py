@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sindyjoint.cli.options import AsJson, with_blocks
+from sindyjoint.cli.options import AsJson, split_pairs, with_blocks
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -48,15 +48,9 @@ def init(
     Example: sindyjoint init virtual --force
     """
     from sindyjoint.described import to_plain
-    from sindyjoint.errors import InputError
     from sindyjoint.files.drafting.init import init as run
 
-    given = {}
-    for answer in answers or []:
-        key, separator, value = answer.partition("=")
-        if not separator or not value.strip():
-            raise InputError(f"--set {answer!r}: expected KEY=VALUE, such as angle.unit=mrad")
-        given[key.strip()] = value.strip()
+    given = split_pairs(answers, "--set", "KEY=VALUE, such as angle.unit=mrad")
     asks = not yes and sys.stdin.isatty() and sys.stderr.isatty()
     progress.say("reading the files")
     if asks:

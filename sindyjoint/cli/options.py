@@ -239,14 +239,16 @@ def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, fl
 
     known = {each.name: each for each in model.inputs}
     values: dict[str, float] = {}
-    for name, value in split_inputs(given).items():
+    for name, value in split_pairs(given).items():
         input_values(model, {name: 0.0})
         values[name] = value_in(known[name], value, f"--at {name}")
     return values
 
 
-def split_inputs(given: Sequence[str] | None) -> dict[str, str]:
-    """Return the text of each value that options give, by the input's name.
+def split_pairs(
+    given: Sequence[str] | None, option: str = "--at", expected: str = "INPUT=VALUE, such as temperature=-40"
+) -> dict[str, str]:
+    """Return the text of each value that options give, by its name.
 
     Raises
     ------
@@ -257,8 +259,8 @@ def split_inputs(given: Sequence[str] | None) -> dict[str, str]:
 
     values = {}
     for text in given or ():
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise InputError(f"--at {text!r}: expected INPUT=VALUE, such as temperature=-40")
+        name, _, value = text.partition("=")
+        if not value.strip():
+            raise InputError(f"{option} {text!r}: expected {expected}")
         values[name.strip()] = value.strip()
     return values

@@ -19,13 +19,6 @@ if TYPE_CHECKING:
 OF_CHANNELS = ("states", "bandwidth", "align")
 
 
-def is_rig(path: Path) -> bool:
-    """Return whether a path is a rig, and no campaign."""
-    from sindyjoint.mechanics.rig_test_file import is_rig_test
-
-    return is_rig_test(path)
-
-
 def discover_structure(
     rig: Path,
     out: Path | None,

@@ -128,15 +128,17 @@ def verify(
     if not isinstance(model, JointModel | Sequence) or isinstance(model, str):
         model = read_models(model) if isinstance(against, RigTest) else read_model(model)
     models = [model] if isinstance(model, JointModel) else list(model)
-    if not all(each.terms or each.elements for each in models):
-        raise InputError("the model has no terms: there is nothing to simulate; run discover first")
     settings = Settings(tolerance, draws, np.random.default_rng(random_state), window, free_run)
     given = {"noise": noise, "presliding": presliding, "loss_factor": loss_factor}
     truth = {name: value for name, value in given.items() if value is not None}
-    if not isinstance(against, RigTest) and len(models) != 1:
-        raise InputError(
-            f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"
-        )
+    several = f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"
+    empty = not all(each.terms or each.elements for each in models)
+    refuse(
+        [
+            (empty, "the model has no terms: there is nothing to simulate; run discover first"),
+            (not isinstance(against, RigTest) and len(models) != 1, several),
+        ]
+    )
     if isinstance(against, Campaign):
         refuse(
             [(truth, f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given")]
