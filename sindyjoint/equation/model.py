@@ -258,15 +258,15 @@ class JointModel:
 
     def equation(self) -> str:
         """Return the equation as text, with symbols for coefficients, and the rates of internal states behind it."""
-        from sindyjoint.equation.equation_text import plain_equation
+        from sindyjoint.equation.equation_text import PLAIN
 
-        return plain_equation(self.joint, self.terms, self.elements)
+        return PLAIN.equation(self.joint, self.terms, self.elements)
 
     def latex(self) -> str:
         """Return the equation as LaTeX, with symbols for coefficients."""
-        from sindyjoint.equation.equation_text import latex_equation
+        from sindyjoint.equation.equation_text import LATEX
 
-        return latex_equation(self.joint, self.terms, self.elements)
+        return LATEX.equation(self.joint, self.terms, self.elements)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as plain JSON data, schema 2; floats keep every bit."""

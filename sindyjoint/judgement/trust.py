@@ -20,7 +20,6 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SindyJointError
 from sindyjoint.judgement.policy import POLICY
-from sindyjoint.measurement.floor import Floor, larger_moment, moment_floor
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.response.law_in_run import as_followed
@@ -28,6 +27,7 @@ from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.response.run import along_motion, cut_states, settling
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, one_after_another, states_of
+from sindyjoint.states.floor import Floor, larger_moment, moment_floor
 from sindyjoint.states.rows import group_labels
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import Colour, Light
@@ -224,7 +224,6 @@ def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tu
     """Return the states that count and the moment along their motion less the measured one, N·m."""
     skip, law = settling(states), law_of_test(test, model, states)
     moment, _ = along_motion(law, states, states.sample_rate)
-    moment = moment + getattr(law, "added", 0.0)
     return cut_states(states, skip), (moment - states.moment)[skip:]
 
 

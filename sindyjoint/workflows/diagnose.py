@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-    from sindyjoint.mechanics.actuator import Actuator
+    from sindyjoint.mechanics.excitation import Actuator
     from sindyjoint.mechanics.rigs import Rig
 
 

@@ -14,13 +14,13 @@ from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, effect_law
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.terms import Reference
-from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.response.run import simulate_run
 from sindyjoint.states import campaign_states, force_states
+from sindyjoint.states.floor import moment_floor
 
 STEP = 0.002
 

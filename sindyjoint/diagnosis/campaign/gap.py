@@ -24,11 +24,11 @@ from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
-from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.response.compared import pooled_errors
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.run import moment_scale, pooled_nrmse
 from sindyjoint.states import ForceStates
+from sindyjoint.states.floor import moment_floor
 
 
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:

@@ -46,7 +46,7 @@ from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
-from sindyjoint.mechanics.actuator import Actuator
+from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import (
     identifiability_notes,
