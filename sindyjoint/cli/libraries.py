@@ -60,7 +60,8 @@ def show(
     """
     from sindyjoint.equation.catalogue import load_catalogue
 
-    catalogue, kind = load_catalogue(name), motion.value
+    catalogue = load_catalogue(name)
+    kind: Any = motion.value
     # A terminal shows θ̇; what is piped into a file or another program stays in the ASCII of the catalogues.
     pretty, plain = [], []
     for term in catalogue:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+from sindyjoint import simulate
 from sindyjoint.record import Campaign, Run
 
 FREQUENCIES, LEVELS, RATE, DURATION = (3.0, 5.0), (0.4, 0.7, 0.9), 500.0, 4.0
@@ -19,16 +19,15 @@ FREQUENCIES, LEVELS, RATE, DURATION = (3.0, 5.0), (0.4, 0.7, 0.9), 500.0, 4.0
 
 def campaign() -> Campaign:
     """Return the measured truth of all folders: a virtual test of the inter-panel joint, 1 % noise, seed 0."""
-    plan = virtual_test(
+    return simulate(
         "inter-panel",
         frequencies=FREQUENCIES,
         levels=LEVELS,
         sample_rate=RATE,
         duration=DURATION,
         noise=0.01,
+        random_state=0,
     )
-    made = run_tests(plan, np.random.default_rng(0))
-    return Campaign(campaign_joint(plan), tuple(one.run for one in made), simulated=True)
 
 
 def rows(columns: Sequence[Sequence[object]], delimiter: str, comma: bool = False) -> str:

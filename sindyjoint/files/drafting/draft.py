@@ -181,7 +181,7 @@ def draft_manifest(
 
 def _split(files: Sequence[Bundle], dialogue: Dialogue) -> list[Bundle]:
     """Return the runs of all files; where numbers alone tell several in one apart, they may be several joints."""
-    found = []
+    found: list[Bundle] = []
     for file in files:
         runs, told = split_runs(file)
         if not told:
@@ -323,7 +323,7 @@ def _write(
     kept = [each.strip() for each in dialogue.answers.get("validate", "").split(",") if each.strip()]
     for each in kept:
         if each not in (*names, *stems):
-            raise InputError(f"validate = {each!r} is no run; {nearest(each, stems, 'runs there:')}")
+            raise InputError(f"validate = {each!r} is no run; {nearest(each, names, 'runs there:')}")
     entries = [
         [
             f"file = {toml_string(run.file)}",
