@@ -94,7 +94,7 @@ def advise_runs(tested: Excitations) -> str:
         missing.append(" and ".join(f"{frequency:.2g} Hz" for frequency in beside[:need]))
     levels = POLICY.enough - len(set(tested.levels))
     if levels > 0:
-        missing.append(f"{levels} more level{'s' * (levels > 1)} at each frequency")
+        missing.append(f"{levels} more level{'s' * (levels > 1)}")
     return (
         f"record runs at {' and at '.join(missing)}"
         if missing
