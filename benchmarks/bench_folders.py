@@ -6,7 +6,8 @@ python benchmarks/bench_folders.py page folders.jsonl
 
 ``run`` writes one joint's runs into folders as laboratories leave them (tests/files/odd_folders.py and lab_folders.py),
 and copies those of ``--public`` without their manifests; then it types what a person would: ``init``, the same again
-with answers where something is asked, and ``discover --out``. ``page`` writes docs/folders.md.
+with answers where something is asked, and ``discover --out``. ``page`` writes
+docs/folders.txt.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from odd_folders import ODD, campaign  # noqa: E402
 
 from benchmarks.resumed import append, records_in  # noqa: E402
 
-PAGE = HERE.parent / "docs" / "folders.md"
+PAGE = HERE.parent / "docs" / "folders.txt"
 # What a person who made the test would answer.
 PUBLIC = {
     "emps": {
@@ -48,12 +49,10 @@ PUBLIC = {
     },
 }  # fmt: skip
 HEAD = """\
-# Folders of files
-
 What it takes from a folder of files to a report, without an edited line: the commands as they were typed, the seconds
-of each with the start of Python, and what `init` asked. The folders hold six runs of one simulated joint (k1 = 6061
-N·m/rad, five terms; free decays of another) as laboratories leave them; those at the end are public data without their
-manifests. `benchmarks/bench_folders.py` writes this page.
+of each with the start of Python, and what init asked. The folders hold six runs of one simulated joint (k1 = 6061
+N*m/rad, five terms; free decays of another) as laboratories leave them; those at the end are public data without their
+manifests. python benchmarks/bench_folders.py writes this file.
 """
 
 
@@ -121,21 +120,17 @@ def show(out: Path, record: dict) -> None:
 
 
 def page(args: argparse.Namespace) -> None:
-    """Write the page of what was run."""
+    """Write the log of what was run."""
     records = records_in([args.folders])
     load = max(record.get("load", 0.0) for record in records)
     cores = f"{os.cpu_count()} cores, which up to {load:.0f} processes shared"
     lines = [HEAD, f"The seconds are those of {cores}: of an idle machine they are a fraction.", ""]
     for record in records:
-        lines += [f"## {record['name']}", "", record["style"], "", "```text"]
-        lines += [f"$ {command}    # {seconds:g} s" for command, seconds, _ in record["commands"]]
-        lines += [
-            "```",
-            "",
-            f"Asked: {', '.join(record['asked']) or 'nothing'}. The data are {record['data']}.",
-        ]
+        lines += [f"{record['name']}: {record['style']}"]
+        lines += [f"  $ {command}    # {seconds:g} s" for command, seconds, _ in record["commands"]]
+        lines += [f"  asked: {', '.join(record['asked']) or 'nothing'}; the data are {record['data']}"]
         terms = ", ".join(f"{id} {value:.4g} {unit}" for id, value, unit in record.get("terms", []))
-        lines += [f"Found: {terms or 'no model, with the reason in the report'}.", ""]
+        lines += [f"  found: {terms or 'no model, with the reason in the report'}", ""]
     PAGE.write_text("\n".join(lines), encoding="utf-8")
 
 
