@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import namedtuple
 from contextlib import nullcontext, suppress
 from typing import TextIO
 
@@ -23,6 +24,9 @@ def main(arguments: list[str] | None = None) -> None:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         _flush()
     except KeyboardInterrupt as error:
+        # Where the signal came while Python ran code of a string, as in making a record, it would end the process by
+        # that signal although it was handled, until other such code has run: one more record is made.
+        namedtuple("Ended", ())
         status = _complain("; ".join(["interrupted", *map(str, error.args)]), INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output has gone (head, less): nothing to say, and no one to say it to.
