@@ -360,8 +360,8 @@ class Campaign(Shown):
         return campaign
 
     @classmethod
-    def from_frames(cls, frames: Mapping[str, Any], **options: Any) -> Campaign:
-        """Return a campaign of data frames by name; see :func:`sindyjoint.files.arrays.campaign_from_frames`."""
+    def from_frames(cls, frames: Any, **options: Any) -> Campaign:
+        """Return a campaign of one data frame or several; see :func:`sindyjoint.files.arrays.campaign_from_frames`."""
         campaign: Campaign = supplied("arrays").campaign_from_frames(frames, **options)
         return campaign
 

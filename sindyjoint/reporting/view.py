@@ -257,9 +257,9 @@ class View(Generic[R, D]):
             console.print(f"- {escape(warning)}")
         if headline is not None:
             console.print(f"\n[bold]{NEXT}[/]")
-            for do, to in headline.next_steps:
+            for step in headline.advised:
                 # Commands in one line each, to be copied.
-                console.print(f"  {escape(do)}  [dim]to {escape(to)}[/]", soft_wrap=True)
+                console.print(f"  {escape(step.do)}  [dim]to {escape(step.to)}[/]", soft_wrap=True)
 
     def show_result(self, result: R, console: Console) -> None:
         """Print what the result is: its tables."""

@@ -19,7 +19,7 @@ from sindyjoint.workflows.discover import the_campaign
 @checks_options()
 @single_threaded()
 def check(
-    campaign: Campaign | RigTest | str | Path | None = None,
+    campaign: Campaign | RigTest | str | Path | Any = None,
     accept: Sequence[str] = (),
     *,
     random_state: Any = None,

@@ -52,7 +52,7 @@ REPLICATES = 500
 @checks_options(lambda: (*inspect.signature(discover).parameters, *regressor_options()))
 @single_threaded()
 def compare(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     library: Any = "extended",
     *,
     model: JointModel | str | Path | None = None,

@@ -23,7 +23,7 @@ from sindyjoint.judgement.tested import Tested, followed, no_surer_than, stopped
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound
+from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.substructure.recovery import recover
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import discover_rig, laws_of_rig, the_campaign
@@ -33,14 +33,13 @@ if TYPE_CHECKING:
 
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.mechanics.excitation import Actuator
-    from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rigs import Rig
 
 
 @checks_options()
 @single_threaded()
 def diagnose(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     model: JointModel | None = None,
     *,
     accept: Sequence[str] = (),
@@ -307,7 +306,6 @@ def diagnose_rig(
     from sindyjoint.diagnosis.structure.records import runs_problem
     from sindyjoint.judgement.rig_discovery import described
     from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.soundness.check import check_rig_test
 
     say = progress or (lambda stage: None)
     known_effects = _known_effects(library, effects, max_effects)
