@@ -36,8 +36,7 @@ from sindyjoint.diagnosis.campaign.start import (
 )
 from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.effects.inputs import input_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect, input_effects
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy

@@ -12,13 +12,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.change import Change, structure_changes
 from sindyjoint.diagnosis.effects.joint import joint_changes
-from sindyjoint.diagnosis.effects.structure import (
-    Change,
-    Scales,
-    load_structure_effects,
-    structure_changes,
-)
+from sindyjoint.diagnosis.effects.setup import Scales
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
 from sindyjoint.diagnosis.ranking import Ranking
@@ -31,6 +27,7 @@ from sindyjoint.diagnosis.structure.result import with_slopes
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.diagnosis.structure.segment_gaps import UNITS, locate_segments, measured_power, segment_gaps
+from sindyjoint.diagnosis.structure.start import outside_joints
 from sindyjoint.diagnosis.structure.tested_range import beyond_tested
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
@@ -42,9 +39,6 @@ from sindyjoint.substructure.simulated.runs import SteadyRun
 
 Complex = NDArray[np.complex128]
 
-# Accelerometers see neither; the others act on what every sensor shows.
-UNSEEN = ("sensor zero", "sensor drift")
-OF_CHAINS = ("loss factor", "bending stiffness", "mass per length", "point mass", "clamp compliance")
 # Periods and samples of each in the pictures.
 SHOWN, SAMPLES = 8, 64
 FEW = 4  # runs, of which none is kept out unless it is marked
@@ -226,14 +220,9 @@ def divide_runs(test: RigTest) -> tuple[list[RigRun], list[RigRun]]:
 
 def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tuple[Change, ...]:
     """Return the ways in which the structure, and each kind of joint, may differ from what is described."""
-    chain = problem.test.chain
     setup = problem.setup(x)
-    known = [
-        effect
-        for effect in load_structure_effects()
-        if effect.acts_on not in UNSEEN and (chain is not None or effect.acts_on not in OF_CHAINS)
-    ]
-    changes = list(structure_changes(known, setup, Scales(main_period(problem), 1.0, 1.0)))
+    # Accelerometers see neither zero nor drift.
+    changes = list(structure_changes(outside_joints(effects), setup, Scales(main_period(problem))))
     laws = problem.laws(setup)
     motions = list(joint_motions(problem, x))
     for kind in problem.kinds:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
-from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.structure.result import assemble_model
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
@@ -79,19 +80,18 @@ class JointKind:
     def change(self, change: Change, several: bool) -> Change:
         """Return a change of the law as one of the joints of this kind; its numbers bear the kind's name."""
 
-        def apply(setup: Setup, x: Array) -> Setup:
-            return replace(setup, kinds={**setup.kinds, self.name: change.apply(setup.kinds[self.name], x)})
+        def act(setup: Setup, values: Array) -> Setup:
+            return replace(
+                setup, kinds={**setup.kinds, self.name: change.act(setup.kinds[self.name], values)}
+            )
 
         def named(name: str) -> str:
             return f"{name} of {self.name}" if several else name
 
-        def report(x: Array) -> dict[str, float]:
-            return {named(name): value for name, value in change.report(x).items()}
-
-        units = {named(name): unit for name, unit in change.units.items()}
         return replace(
-            change, way=f"{self.name}: {change.way}", apply=apply, report=report, units=units, kind=self.name
-        )
+            change, way=f"{self.name}: {change.way}", act=act, names=tuple(map(named, change.names)),
+            units={named(name): unit for name, unit in change.units.items()}, kind=self.name,
+        )  # fmt: skip
 
     def whole(self, numbers: Mapping[str, float], after: JointModel, found: Sequence[Change]) -> JointModel:
         """Return the model with what the changes of such joints have added, of the law's numbers of a setup."""

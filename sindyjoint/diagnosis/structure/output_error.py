@@ -14,8 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
+from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.joint import JointLaws, place_of
-from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.noise import RecordNoise
 from sindyjoint.equation.model import INERTIA, JointModel

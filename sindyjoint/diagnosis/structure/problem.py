@@ -13,7 +13,7 @@ import numpy as np
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.structure import Change
+from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place, most_informative
 from sindyjoint.diagnosis.loop import add_effects
@@ -154,7 +154,7 @@ class StructureProblem(Problem):
     def propose(self, refused: Collection[str], say: Say) -> Ranking[FittedChange] | None:
         """Return the candidates in order of probability."""
         taken = {*refused, *(each.name for each in self.named)}
-        candidates = [change for change in self.changes if change.effect not in taken]
+        candidates = [change for change in self.changes if change.effect.id not in taken]
         fitted = search(self.pulse, self.best, candidates, self.period, say)
         explained = sum(each.gain for each in self.named)
         return rank_changes(self.pulse, fitted, self.best.cost, explained) if fitted else None
@@ -248,4 +248,10 @@ def _gap(figures: Sequence[float]) -> Gap:
 
 def _part_of_budget(change: Change) -> str:
     """Return the part of the budget that an effect belongs to."""
-    return "run" if not change.inside else "history" if change.memory else "state"
+    return (
+        "run"
+        if not change.inside
+        else "history"
+        if any(v.states for v in change.effect.variants)
+        else "state"
+    )

@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.calibration import widened

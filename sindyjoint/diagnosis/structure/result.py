@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
-from sindyjoint.diagnosis.effects.parts import parts_of_law
-from sindyjoint.diagnosis.effects.structure import Change
 from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, prior_root
 from sindyjoint.equation.model import INERTIA, JointModel
@@ -83,9 +83,11 @@ def assemble_model(
             friction = numbers[place_of(FRICTION)] / len(replacing)
             coefficients = [friction / numbers[addition.name("level")]]
         values = [numbers[addition.name(name)] for name in addition.variant.names]
-        more, element = parts_of_law(change.effect, change.family, addition.variant, coefficients, values)
-        terms += more
-        elements += [element] if element is not None else []
+        added = FittedEffect(change.effect, addition.variant, np.array(values), np.array(coefficients), 0.0)
+        if addition.variant.states:
+            elements.append(added.element())
+        else:
+            terms += added.terms()
     return replace(after, terms=tuple(terms), elements=tuple(elements), covariance=())
 
 

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.clock import spend
-from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
 from sindyjoint.equation.model import JointModel

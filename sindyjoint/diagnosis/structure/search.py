@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sindyjoint.diagnosis.effects.structure import Change
+from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
 from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
 from sindyjoint.numeric import Array
@@ -44,12 +44,12 @@ class FittedChange:
     @property
     def name(self) -> str:
         """Id of the effect."""
-        return self.change.effect
+        return self.change.effect.id
 
     @property
     def family(self) -> str:
         """Of the effect."""
-        return self.change.family
+        return self.change.effect.family
 
     @property
     def own(self) -> Array:
@@ -107,7 +107,7 @@ def _search(
     steps = horizons(problem, period)
     small = base.cost < problem.policy.linear * problem.rows()
     start = base.x if small else _held(problem, base)
-    say(f"trying {len({c.effect for c in changes})} effects")
+    say(f"trying {len({c.effect.id for c in changes})} effects")
     tried = _begin(problem, start, changes, steps[0])
     if small:
         return _linearised(problem, base, tried)
@@ -116,7 +116,7 @@ def _search(
     fits: list[tuple[Change, Fit]] = []
     for index, horizon in enumerate(steps):
         words = f"over {horizon:.3g} s" if horizon else "in the steady motion"
-        say(f"trying {len({c.effect for c, _ in alive})} effects {words}")
+        say(f"trying {len({c.effect.id for c, _ in alive})} effects {words}")
         jacobian = _base_jacobian(problem, anchor, horizon)
         if jacobian is None:
             jacobian = _base_jacobian(problem, (start, None), horizon)
@@ -233,8 +233,8 @@ def _close(
     for change, found in fits:
         behind = (found.cost - cost) / (2 * residual * policy.temper)
         behind += 0.5 * change.size * np.log(rows) / policy.temper
-        if change.effect not in kept or behind < kept[change.effect][0]:
-            kept[change.effect] = behind, change, found
+        if change.effect.id not in kept or behind < kept[change.effect.id][0]:
+            kept[change.effect.id] = behind, change, found
     best = min(behind for behind, _, _ in kept.values())
     limit = best + policy.behind + policy.column_error * cost
     return [(change, found) for behind, change, found in kept.values() if last or behind <= limit]
@@ -287,11 +287,11 @@ def _linearised(
     fits = _fits(problem, [_put(base, *tried[i]) for i in chosen], duration, columns, 4)
     found = _refined(problem, base, fits) if fits else []
     others = [tried[int(i)] + (gains[int(i)],) for i in order if int(i) not in chosen]
-    known = {f.change.effect for f in found}
+    known = {f.name for f in found}
     return found + [
         FittedChange(change, x, max(min(gain, max([f.gain for f in found], default=gain)), 0.0))
         for change, x, gain in others
-        if change.effect not in known
+        if change.effect.id not in known
     ]
 
 

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
+from sindyjoint.diagnosis.effects.change import Change, structure_changes
 from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes
-from sindyjoint.diagnosis.effects.structure import Change, Scales, load_structure_effects, structure_changes
+from sindyjoint.diagnosis.effects.setup import PLACES, Scales
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.structure.hidden import model_of_law
 from sindyjoint.diagnosis.structure.noise import RecordNoise, record_noise
@@ -91,7 +92,7 @@ def pulse_problem(
     problem = problem.prepared(problem.start())
     period = 1 / main_frequency(records[0].displacement, records[0].sample_rate)
     scales = Scales(period, float(np.std(records[0].displacement)), problem.duration)
-    outside = structure_changes(load_structure_effects(), problem.setup(problem.start()), scales)
+    outside = structure_changes(outside_joints(effects), problem.setup(problem.start()), scales)
     beyond = tuple(joint_range_warnings(model, motion, places, GIVEN))
     return problem, (*outside, *joint_changes(laws, effects, Reference(angle, rate), moment)), period, beyond
 
@@ -103,6 +104,12 @@ def _measured(
     assert rig.measured is not None
     records = (rig.measured, *rig.also_measured)
     return records, tuple(record_noise(r.displacement, r.sample_rate, policy) for r in records)
+
+
+def outside_joints(effects: Sequence[Effect]) -> Sequence[Effect]:
+    """Return the effects outside the joints: the shipped ones, and those among others."""
+    own = [effect for effect in effects if effect.enters in PLACES]
+    return list({effect.id: effect for effect in (*load_effects(of="structure"), *own)}.values())
 
 
 def other_pulse(problem: PulseProblem, rig: Rig) -> PulseProblem:
