@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sindyjoint.diagnosis.effort import Effort
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.problem import Problem, Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import COMPLETE, NOT_NEEDED, STOPPED, Advice, AdviceSearch, Step
@@ -21,10 +21,9 @@ def advise(
     classes = [step for step in steps if len(step.members) > 1 and step.effect in rankings]
     if not classes:
         return (), AdviceSearch(NOT_NEEDED)
-    effort = Effort(problem.policy.advice_work, problem.policy.advice_seconds, say)
-    found: list[Advice] = []
-    with effort.clock:
-        for step in classes:
-            found += problem.separating_runs(step, rankings[step.effect], effort)
-    status = STOPPED if effort.stopped else COMPLETE
-    return tuple(found), AdviceSearch(status, effort.tried, effort.planned, effort.stopped)
+    search = Portion(problem.policy.advice_work, problem.policy.advice_seconds)
+    found, tried, planned = list[Advice](), 0, 0
+    for step in classes:
+        advice, some, of = problem.separating_runs(step, rankings[step.effect], search, say)
+        found, tried, planned = [*found, *advice], tried + some, planned + of
+    return tuple(found), AdviceSearch(STOPPED if search.stopped else COMPLETE, tried, planned, search.stopped)

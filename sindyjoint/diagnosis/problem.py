@@ -8,7 +8,6 @@ from typing import Any, Generic, Protocol, Self, TypeVar
 
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import Candidate, Ranking
@@ -163,8 +162,11 @@ class Problem(Protocol):
     def places(self) -> tuple[Place, ...]:
         """Return where the gap of the model as it was given lies."""
 
-    def separating_runs(self, step: Step, ranking: Ranking[Any], effort: Effort) -> tuple[Advice, ...]:
-        """Return the runs that would tell the members of a class apart, as far as the effort goes."""
+    def separating_runs(
+        self, step: Step, ranking: Ranking[Any], search: Portion, say: Say
+    ) -> tuple[tuple[Advice, ...], int, int]:
+        """Return the runs that would tell the members of a class apart, how many were tried, and of how many."""
+        return (), 0, 0
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result: what was found, completed by model, effects, pictures and warnings."""

@@ -37,7 +37,6 @@ from sindyjoint.diagnosis.campaign.start import (
 from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, input_effects
-from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Problem, Say, Start
@@ -290,10 +289,11 @@ class CampaignProblem(Problem):
         return locate_gap(moments, self.work.campaign.joint.motion)
 
     def separating_runs(
-        self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
-    ) -> tuple[Advice, ...]:
-        """Return the runs that would tell the members of a class apart."""
-        return separating_runs(self.work, self.found, step, ranking.members[1:], effort, self.actuator)
+        self, step: Step, ranking: Ranking[FittedEffect], search: Portion, say: Say
+    ) -> tuple[tuple[Advice, ...], int, int]:
+        """Return the runs that would tell the members of a class apart, how many were tried, and of how many."""
+        rivals = ranking.members[1:]
+        return separating_runs(self.work, self.found, step, rivals, search, say, self.actuator)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""

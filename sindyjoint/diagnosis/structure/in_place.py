@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change, structure_changes
 from sindyjoint.diagnosis.effects.joint import joint_changes
 from sindyjoint.diagnosis.effects.setup import Scales
-from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
+from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
 from sindyjoint.diagnosis.structure.motions import joint_motions, main_period
@@ -161,10 +162,10 @@ class RunsDiagnosis(StructureProblem):
         return most_informative(regions.found, self.policy, one_per_axis=True)
 
     def separating_runs(
-        self, step: Step, ranking: Ranking[FittedChange], effort: Effort
-    ) -> tuple[Advice, ...]:
+        self, step: Step, ranking: Ranking[FittedChange], search: Portion, say: Say
+    ) -> tuple[tuple[Advice, ...], int, int]:
         """Return none: further runs of a structure are not searched for."""
-        return ()
+        return (), 0, 0
 
     def diagnosis(self, first: RunsDiagnosis, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result: the model of each kind of joint, and the structure's numbers."""

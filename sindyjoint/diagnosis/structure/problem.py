@@ -14,7 +14,6 @@ from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change
-from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.localisation import Place, most_informative
 from sindyjoint.diagnosis.loop import add_effects
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -218,10 +217,10 @@ class StructureProblem(Problem):
         return most_informative(locate_gap(self.pulse), self.policy, one_per_axis=True)
 
     def separating_runs(
-        self, step: Step, ranking: Ranking[FittedChange], effort: Effort
-    ) -> tuple[Advice, ...]:
-        """Return the pulse that would tell the two likeliest members of a class apart."""
-        return separating_pulses(self.pulse, ranking.members, self.period, effort)
+        self, step: Step, ranking: Ranking[FittedChange], search: Portion, say: Say
+    ) -> tuple[tuple[Advice, ...], int, int]:
+        """Return the pulse that would tell the two likeliest members of a class apart, and how many were tried."""
+        return separating_pulses(self.pulse, ranking.members, self.period, search, say)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
