@@ -21,14 +21,6 @@ P = TypeVar("P", bound="Problem")
 
 
 @dataclass(frozen=True)
-class Added(Generic[P]):
-    """A problem with one effect more, and the ids of effects found before that it makes needless."""
-
-    problem: P
-    needless: Collection[str] = ()
-
-
-@dataclass(frozen=True)
 class Start(Generic[P]):
     """Where a search begins.
 
@@ -134,8 +126,8 @@ class Problem(Protocol):
         """Return what physics has against the law with the effects; empty if nothing."""
         return ""
 
-    def add(self, best: Any) -> Added[Self] | None:
-        """Return the problem with an effect more, everything fitted together; None where the fit fails."""
+    def add(self, best: Any) -> Self | None:
+        """Return the problem with an effect more, less those that it makes needless; None where the fit fails."""
         return None
 
     def units(self, fitted: Any) -> dict[str, str]:

@@ -10,11 +10,8 @@ from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.change import structure_changes
 from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes, steady_level
 from sindyjoint.diagnosis.effects.setup import Scales, Setup
-from sindyjoint.diagnosis.policy import STRUCTURE
-from sindyjoint.diagnosis.ranking import EvidenceScale, rank
 from sindyjoint.diagnosis.structure.gap import regions_of
 from sindyjoint.diagnosis.structure.noise import record_noise
-from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw
 from sindyjoint.mechanics.pulse_test import presliding_law, with_laws
@@ -150,24 +147,3 @@ def test_where_a_gap_lies_in_time_and_phase():
     early[:400] *= 1.2
     times = [p for _, p in regions_of(decay, early, 1000.0, 1e-4) if p.axis == "time"]
     assert times[0].range[0] == 0 and times[0].share > 0.9
-
-
-def test_ranking_pays_for_numbers_and_knows_that_nothing_may_be_missing():
-    _, changes = laws_and_changes(["quadratic_damping", "dead_zone"])
-    one, two = changes["quadratic_damping quadratic_damping_0a"], changes["dead_zone dead_zone_0a"]
-    x = np.zeros(3)
-
-    def ranked(fitted, chi_square):
-        scale = EvidenceScale(chi_square, 5000.0, 5000.0, STRUCTURE.column_error)
-        return rank(fitted, [f.change.size for f in fitted], scale, STRUCTURE)
-
-    ranking = ranked([FittedChange(two, x, 400.0), FittedChange(one, x, 400.0)], 5400.0)
-    # The same gain: the effect that chooses fewer numbers is likelier, the other is of its class.
-    assert [f.name for f in ranking.fitted] == ["quadratic_damping", "dead_zone"]
-    assert [f.name for f in ranking.members] == ["quadratic_damping", "dead_zone"]
-    assert ranking.nothing < 1e-6
-    nothing = ranked([FittedChange(one, x, 4.0), FittedChange(two, x, 6.0)], 5000.0)
-    assert nothing.nothing > 0.5
-    assert sum(ranking.probabilities) + ranking.nothing == pytest.approx(1)
-    # What is left is noise, too: beside a misfit of a hundred times the noise the same gain says nothing.
-    assert ranked([FittedChange(one, x, 400.0)], 500_000.0).nothing > 0.5

@@ -238,7 +238,7 @@ def _variant(entry: _VariantEntry, outside: bool) -> Variant:
         raise InputError("a variant has a column at least, and parameters with identifiers that are positive")
     names = [parameter.name for parameter in entry.parameters]
     states = [state.name for state in entry.states]
-    units = {p.name: p.unit for p in (*entry.parameters, *entry.states)}
+    units = {p.name: p.unit for p in entry.parameters} | {s.name: s.unit for s in entry.states}
     columns = []
     for column in entry.columns:
         expression = parse_formula(column.formula, names, [*states, *SIGNALS])

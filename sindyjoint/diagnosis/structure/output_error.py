@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.joint import JointLaws, place_of
@@ -21,12 +22,15 @@ from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.noise import RecordNoise
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.evidence.score import Evidence, Score
 from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.numeric import Array
 
 # Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
 STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4
+# Parts of the rows, at least, that are predicted one from the others.
+GROUPS = 8
 # Modes are added to the search only as far as records can show them.
 MODES = 6
 
@@ -41,11 +45,13 @@ class Fit:
         Numbers of the base, then of the candidate.
     cost : float
         Sum of squares of the residuals, prior rows included, in units of noise.
+    residual : ndarray, shape (rows,)
     jacobian : ndarray, shape (rows, x.size)
     """
 
     x: Array
     cost: float
+    residual: Array = field(repr=False)
     jacobian: Array = field(repr=False)
 
 
@@ -55,6 +61,10 @@ class Fitted(Protocol):
     @property
     def base_size(self) -> int:
         """Numbers of the base."""
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Of each residual what is predicted together from the others, shape (rows,)."""
 
     def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
         """Return lower and upper bounds of the numbers."""
@@ -112,6 +122,12 @@ class PulseProblem:
         duration = self.duration if duration is None else duration
         counts = [self.count(record, duration) for record in self.records]
         return sum(count / noise.length for count, noise in zip(counts, self.noise, strict=True))
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Of each residual what is predicted together from the others: stretches of the records, and the priors."""
+        parts = parted([self.count(record, self.duration) for record in self.records])
+        return np.append(parts, np.full(self.priors, parts.max() + 1))
 
     @property
     def priors(self) -> int:
@@ -265,6 +281,23 @@ class PulseProblem:
         return replace(self, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
 
 
+def parted(sizes: Sequence[int]) -> NDArray[np.intp]:
+    """Return labels of the rows of several pieces, which are cut so that there are enough parts in all."""
+    parts = -(-GROUPS // max(len(sizes), 1))
+    labels = [place * parts + np.arange(size) * parts // size for place, size in enumerate(sizes) if size]
+    return np.concatenate([np.empty(0, dtype=np.intp), *labels])
+
+
+def score_of(problem: Fitted, found: Any) -> Score:
+    """Return the predictive score of a fit of all its numbers, by linearisation where it ended.
+
+    ``found`` has residuals in units of noise and their derivatives.
+    """
+    labels = np.unique(problem.groups, return_inverse=True)[1]
+    evidence = Evidence(-found.residual, labels, np.zeros(labels.size))
+    return evidence.score(evidence.add(found.jacobian[:, np.any(found.jacobian != 0, axis=0)]))
+
+
 def prior_root(model: JointModel, least: float) -> Array:
     """Return L with L·Lᵀ the covariance of a model's coefficients (inertia left out), each ``least`` of itself more."""
     kept = [i for i, term in enumerate(model.terms) if term.id != INERTIA]
@@ -359,7 +392,7 @@ def fit(
             if stale or not fixed or gain < tolerance:
                 break
             stale = True
-    return Fit(x, cost, jacobian)
+    return Fit(x, cost, residual, jacobian)
 
 
 def _step(jacobian: Array, residual: Array, x: Array, low: Array, high: Array, damping: float) -> Array:

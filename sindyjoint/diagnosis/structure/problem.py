@@ -17,12 +17,12 @@ from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.localisation import Place, most_informative
 from sindyjoint.diagnosis.loop import add_effects
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Added, Problem, Say
-from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.problem import Problem, Say
+from sindyjoint.diagnosis.ranking import Ranking, rise
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test
-from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
+from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import separating_pulses
 from sindyjoint.diagnosis.structure.result import model_after, warnings_of, whole_model
 from sindyjoint.diagnosis.structure.search import FittedChange, rank_changes, search
@@ -36,6 +36,7 @@ from sindyjoint.diagnosis.structure.start import (
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.evidence.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig
 
 
@@ -155,11 +156,10 @@ class StructureProblem(Problem):
         taken = {*refused, *(each.name for each in self.named)}
         candidates = [change for change in self.changes if change.effect.id not in taken]
         fitted = search(self.pulse, self.best, candidates, self.period, say)
-        explained = sum(each.gain for each in self.named)
-        return rank_changes(self.pulse, fitted, self.best.cost, explained) if fitted else None
+        return rank_changes(self.pulse, fitted, self.best) if fitted else None
 
-    def add(self, best: FittedChange) -> Added[Self] | None:
-        """Return the problem with an effect more; earlier ones that it makes needless go."""
+    def add(self, best: FittedChange) -> Self | None:
+        """Return the problem with an effect more; earlier ones that predict nothing beside it go."""
         pulse = replace(self.pulse, found=(*self.pulse.found, best.change))
         pulse = pulse.prepared(best.x)
         found = fit(pulse, best.x, pulse.duration, iterations=4)
@@ -171,14 +171,14 @@ class StructureProblem(Problem):
             fewer = replace(pulse, found=tuple(c for c in pulse.found if c is not each.change))
             start = np.delete(found.x, range(at, at + each.change.size))
             less = fit(fewer, start, pulse.duration, iterations=4)
-            if less is not None and less.cost - found.cost < self.policy.needless_gain * each.change.size:
+            if less is not None and rise(score_of(pulse, found), score_of(fewer, less)) < -np.log(
+                POLICY.chance
+            ):
                 pulse, found = fewer, less
             else:
                 kept.append(each)
-        needless = [each.name for each in self.named if each not in kept]
         drop = (_part_of_budget(best.change), self.best.cost - found.cost)
-        later = replace(self, pulse=pulse, best=found, named=(*kept, best), drops=(*self.drops, drop))
-        return Added(later, needless)
+        return replace(self, pulse=pulse, best=found, named=(*kept, best), drops=(*self.drops, drop))
 
     def units(self, fitted: FittedChange) -> dict[str, str]:
         """Return the units of an effect's parameters."""

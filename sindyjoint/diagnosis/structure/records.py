@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.structure.output_error import parted
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
@@ -48,6 +49,12 @@ class RecordsProblem(RunsProblem):
     def rows(self, duration: float | None = None) -> float:
         """Return the number of residuals."""
         return super().rows() + sum(record.rows for record in self.records)
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Of each residual what is predicted together from the others."""
+        steady = super().groups
+        return np.append(steady, len(steady) + 1 + parted([record.rows for record in self.records]))
 
     def residuals(self, x: Array, duration: float = 0.0, extra: Change | None = None) -> Array | None:
         """Return simulated less measured in units of noise, prior rows among them; None without a motion."""

@@ -21,6 +21,7 @@ from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
+from sindyjoint.diagnosis.structure.output_error import parted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
@@ -116,6 +117,12 @@ class RunsProblem:
     def rows(self, duration: float | None = None) -> float:
         """Return the number of residuals."""
         return float(sum(run.rows for run in self.runs))
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Of each residual what is predicted together from the others: runs, and the priors."""
+        parts = parted([run.rows for run in self.runs])
+        return np.append(parts, np.full(len(range(self.priors)[self._with_prior]), len(parts)))
 
     @property
     def numbers(self) -> int:

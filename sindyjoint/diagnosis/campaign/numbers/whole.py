@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
+from typing import cast
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.test_record import Nuisance, TestNuisances
+from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import with_coefficients
 
@@ -251,7 +252,7 @@ def nuisances_of(
             symbol = each.variant.columns[0].symbol
             blank = Value(symbol, 0.0, 0.0, (0.0, 0.0), each.variant.units(motion)[symbol])
             number = blank.renewed(*numbers.value(numbers.coefficients[each.name].start))
-            found.append(Nuisance(each.name, enters, number))
+            found.append(Nuisance(each.name, cast(Enters, enters), number))
         elif not each.is_term and not is_element(each):
             places = (numbers.coefficients[each.name], numbers.inner[each.name])
             sure = [numbers.value(at) for place in places for at in _indices(place)]
