@@ -10,7 +10,8 @@ import numpy as np
 from sindyjoint.diagnosis.localisation import Place, Regions
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import RecordGap
-from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
+from sindyjoint.diagnosis.structure.output_error import Fit, fit
+from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.numeric import Array, main_frequency, rms
 from sindyjoint.response.oscillation import hilbert_envelope
 

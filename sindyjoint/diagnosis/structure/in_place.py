@@ -20,11 +20,11 @@ from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
+from sindyjoint.diagnosis.structure.kinds import with_slopes
 from sindyjoint.diagnosis.structure.motions import joint_motions, main_period
 from sindyjoint.diagnosis.structure.output_error import fit
 from sindyjoint.diagnosis.structure.problem import StructureProblem
 from sindyjoint.diagnosis.structure.records import RecordsProblem
-from sindyjoint.diagnosis.structure.result import with_slopes
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.diagnosis.structure.segment_gaps import UNITS, locate_segments, measured_power, segment_gaps

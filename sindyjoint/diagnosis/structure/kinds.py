@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
 from sindyjoint.diagnosis.effects.setup import Setup
-from sindyjoint.diagnosis.structure.result import assemble_model
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
@@ -20,6 +20,8 @@ from sindyjoint.response.model_law import model_law
 
 # No positive number of an element falls below this share of it.
 LEAST = 0.02
+# Step of the differences, in the scaled numbers of a fit.
+STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,3 +140,45 @@ def root_of(covariance: Array) -> Array:
     matrix = covariance / np.outer(errors, errors)
     size, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
     return np.asarray(errors[:, None] * (vectors * np.sqrt(np.maximum(size, 0.0))))
+
+
+def with_slopes(
+    assembled: Callable[[Array], JointModel], x: Array, high: Array, covariance: Array
+) -> JointModel:
+    """Return the model of some numbers of a fit with the covariance that follows from theirs, by linearisation."""
+    whole = assembled(x)
+    slopes = np.empty((whole.numbers.size, x.size))
+    for place in range(x.size):
+        step = np.zeros(x.size)
+        step[place] = STEP if x[place] + STEP <= high[place] else -STEP
+        slopes[:, place] = (assembled(x + step).numbers - whole.numbers) / step[place]
+    spread = slopes @ covariance @ slopes.T
+    return whole.with_numbers(whole.numbers, (spread + spread.T) / 2)
+
+
+def assemble_model(
+    numbers: Mapping[str, float], laws: JointLaws, after: JointModel, changes: Sequence[Change]
+) -> JointModel:
+    """Return the whole model of a law's numbers with what changes have added; its errors are not yet known."""
+    additions = [(change, laws.additions.get(change.way)) for change in changes]
+    replacing = [each for _, each in additions if each is not None and each.replaces]
+    terms, elements = [], list(after.elements)
+    for term in after.terms:
+        if not (term.id == FRICTION and replacing):
+            terms.append(replace(term, coefficient=numbers.get(place_of(term.id), term.coefficient)))
+    for change, addition in additions:
+        if addition is None:
+            continue
+        names = [f"c{k}" for k in range(len(addition.variant.columns))]
+        coefficients = [numbers.get(addition.name(name), 0.0) for name in names]
+        if addition.replaces:
+            # It carries the friction: its column comes to `level` under steady slip.
+            friction = numbers[place_of(FRICTION)] / len(replacing)
+            coefficients = [friction / numbers[addition.name("level")]]
+        values = [numbers[addition.name(name)] for name in addition.variant.names]
+        added = FittedEffect(change.effect, addition.variant, np.array(values), np.array(coefficients), 0.0)
+        if addition.variant.states:
+            elements.append(added.element())
+        else:
+            terms += added.terms()
+    return replace(after, terms=tuple(terms), elements=tuple(elements), covariance=())

@@ -22,9 +22,9 @@ from sindyjoint.diagnosis.ranking import Ranking, rise
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test
-from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit, score_of
-from sindyjoint.diagnosis.structure.pulses import separating_pulses
-from sindyjoint.diagnosis.structure.result import model_after, warnings_of, whole_model
+from sindyjoint.diagnosis.structure.kinds import assemble_model, with_slopes
+from sindyjoint.diagnosis.structure.output_error import Fit, fit, score_of
+from sindyjoint.diagnosis.structure.pulses import PulseProblem, separating_pulses
 from sindyjoint.diagnosis.structure.search import FittedChange, rank_changes, search
 from sindyjoint.diagnosis.structure.start import (
     first_fit,
@@ -38,6 +38,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.evidence.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig
+from sindyjoint.numeric import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,6 +225,7 @@ class StructureProblem(Problem):
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
+        after, whole = whole_model(self.pulse, self.best)
         return Diagnosis(
             **found,
             warnings=(
@@ -232,8 +234,8 @@ class StructureProblem(Problem):
                 ),
                 *self.beyond,
             ),
-            model=model_after(self.pulse, self.best),
-            whole=whole_model(self.pulse, self.best),
+            model=after,
+            whole=whole,
             hidden=self.hidden,
             source="structure",
             rig=self.pulse.rig.name,
@@ -254,3 +256,63 @@ def _part_of_budget(change: Change) -> str:
         if any(v.states for v in change.effect.variants)
         else "state"
     )
+
+
+def whole_model(problem: PulseProblem, best: Fit) -> tuple[JointModel, JointModel]:
+    """Return the model with its numbers beside the effects, and with what these change in the joint's law.
+
+    That is terms, and elements with a memory; effects outside of the joint belong to the structure. The covariance is
+    that of the fit, by linearisation.
+    """
+    changes = [change for change in problem.found if change.inside]
+    own, inverse = slice(2, problem.priors), _inverse(best)
+    after = problem.kind.with_numbers(best.x[own], inverse[own, own])
+    if not changes:
+        return after, after
+
+    def assembled(x: Array) -> JointModel:
+        return assemble_model(problem.setup(x).numbers, problem.kind.laws, after, changes)
+
+    return after, with_slopes(assembled, best.x, problem.bounds()[1], inverse)
+
+
+def _inverse(best: Fit) -> Array:
+    """Return the covariance of the numbers of a fit, from its Jacobian in units of noise."""
+    normal = best.jacobian.T @ best.jacobian
+    scale = np.sqrt(np.diag(normal))
+    scale[scale == 0] = 1.0
+    inverse: Array = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+    return inverse
+
+
+def warnings_of(
+    problem: PulseProblem, records: Sequence[RecordGap], virtual: bool, drawn: bool, others: bool
+) -> tuple[str, ...]:
+    """Return what to know before believing the diagnosis.
+
+    Records may be simulated (``virtual``), the model be ``drawn`` from the rig's own law, and ``others`` be held out.
+    """
+    lines = []
+    if virtual:
+        lines.append("the response is simulated (a virtual pulse test of the rig), not measured")
+    if drawn:
+        share = 100 * problem.policy.known_to
+        lines.append(
+            f"no model was given: the terms of the rig's own joint were taken as known to {share:.3g} %"
+        )
+    if not others:
+        lines.append(
+            f"one pulse only: the gaps are those of a fit to the first {records[0].held_from:.3g} s, told on the rest"
+        )
+    for record, noise in zip(problem.records, problem.noise, strict=True):
+        if noise.length > 3:
+            lines.append(
+                f"the noise at {record.point} is not white: {noise.length:.3g} neighbouring samples count as one"
+            )
+    for error, noise in zip(problem.step_error, problem.noise, strict=False):
+        if np.sqrt(np.mean(error**2)) > 3 * noise.sigma:
+            lines.append(
+                f"the time step of {problem.rig.step:g} s is coarse for this noise; reduce step in [output]"
+            )
+            break
+    return tuple(lines)

@@ -21,7 +21,7 @@ from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
-from sindyjoint.diagnosis.structure.output_error import parted
+from sindyjoint.diagnosis.structure.output_error import OutputError, parted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
@@ -44,7 +44,7 @@ BALANCE_SAMPLES = 2e4
 
 
 @dataclass(frozen=True, eq=False)
-class RunsProblem:
+class RunsProblem(OutputError):
     """Runs of a structure, models in its joints, and the effects named so far.
 
     Parameters
@@ -135,23 +135,12 @@ class RunsProblem:
         return self.numbers + sum(kind.size for kind in self.kinds)
 
     @property
-    def base_size(self) -> int:
-        """Numbers of the base."""
-        return self.priors + sum(change.size for change in self.found)
-
-    def start(self) -> Array:
-        """Return the base without anything added."""
-        return np.concatenate([np.zeros(self.priors), *(change.start for change in self.found)])
-
-    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
-        """Return lower and upper bounds of the numbers."""
-        changes = (*self.found, *((extra,) if extra is not None else ()))
+    def free(self) -> Array:
+        """How far each number with a prior may move, in its standard errors; laws' numbers without one, further."""
         free = np.full(self.priors, 8.0)
         if not self.known:
             free[self.numbers :] = FREE
-        return np.concatenate([-free, *(c.low for c in changes)]), np.concatenate(
-            [free, *(c.high for c in changes)]
-        )
+        return free
 
     def parts(self, x: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return the numbers of each kind among those of the base."""
@@ -178,11 +167,7 @@ class RunsProblem:
             chain.items if chain else (), 1 / chain.clamp_stiffness if chain else 0.0, {},
             kinds={kind.name: kind.setup(own[kind.name]) for kind in self.kinds},
         )  # fmt: skip
-        at = self.priors
-        for change in (*self.found, *((extra,) if extra is not None else ())):
-            setup = change.apply(setup, x[at : at + change.size])
-            at += change.size
-        return setup
+        return self.changed(setup, x, extra)
 
     def structure(self, setup: Setup, x: Array) -> Structure:
         """Return the structure of a setup."""

@@ -10,7 +10,8 @@ import numpy as np
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.policy import STRUCTURE
 from sindyjoint.diagnosis.ranking import Ranking, rank
-from sindyjoint.diagnosis.structure.output_error import Fit, Fitted, PulseProblem, fit, score_of
+from sindyjoint.diagnosis.structure.output_error import Fit, OutputError, fit, score_of
+from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.numeric import Array
 from sindyjoint.parallel import side_by_side
 
@@ -64,7 +65,7 @@ class FittedChange:
         return self.change.report(self.own)
 
 
-def rank_changes(problem: Fitted, fitted: Sequence[FittedChange], base: Fit) -> Ranking[FittedChange]:
+def rank_changes(problem: OutputError, fitted: Sequence[FittedChange], base: Fit) -> Ranking[FittedChange]:
     """Return the candidates with their probabilities, the best variant of each effect alone."""
     simplest = sorted(fitted, key=lambda each: each.change.size)
     scored = [(each, score_of(problem, each)) for each in simplest]

@@ -10,12 +10,14 @@ import numpy as np
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
 from sindyjoint.diagnosis.effects.change import Change, structure_changes
-from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes
+from sindyjoint.diagnosis.effects.joint import joint_changes
 from sindyjoint.diagnosis.effects.setup import PLACES, Scales
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.structure.hidden import model_of_law
+from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.diagnosis.structure.noise import RecordNoise, record_noise
-from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
+from sindyjoint.diagnosis.structure.output_error import Fit, fit
+from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
@@ -78,9 +80,9 @@ def pulse_problem(
     """Return the problem, its candidates, the period of the main oscillation, s, and where the model was not tested."""
     records, noise = _measured(rig, policy)
     law = model_law(model)
-    laws = JointLaws(model, getattr(law, "softening_limit", (-np.inf, np.inf)))
+    kind = JointKind.of(model.joint.name, (), model, policy.model_error)
     problem = PulseProblem(
-        rig, places, model, laws, records, noise, pulse_uncertainty=rig.pulse_uncertainty, policy=policy
+        rig, places, kind, records, noise, pulse_uncertainty=rig.pulse_uncertainty, policy=policy
     )
     in_place = with_laws(rig, lambda hinge: law if hinge.name in places else hinge.law)
     try:
@@ -94,7 +96,12 @@ def pulse_problem(
     scales = Scales(period, float(np.std(records[0].displacement)), problem.duration)
     outside = structure_changes(outside_joints(effects), problem.setup(problem.start()), scales)
     beyond = tuple(joint_range_warnings(model, motion, places, GIVEN))
-    return problem, (*outside, *joint_changes(laws, effects, Reference(angle, rate), moment)), period, beyond
+    return (
+        problem,
+        (*outside, *joint_changes(kind.laws, effects, Reference(angle, rate), moment)),
+        period,
+        beyond,
+    )
 
 
 def _measured(
