@@ -155,7 +155,7 @@ class Folder:
 @pytest.fixture(scope="session", autouse=True)
 def no_step_makes_the_gap_larger():
     """Check every diagnosis that a test of this process makes: the gap falls from step to step, or group of steps."""
-    from sindyjoint.diagnosis.falling import grows, reported_together
+    from sindyjoint.diagnosis.loop import grows, reported_together
     from sindyjoint.diagnosis.result import Diagnosis
 
     plain = Diagnosis.__init__

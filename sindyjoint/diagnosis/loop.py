@@ -1,17 +1,75 @@
-"""How far a search has come; and the greedy search of a structure, where each candidate costs simulations."""
+"""Steps of a search, when a gap grows, and the greedy search where each candidate costs simulations."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.falling import grows
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.problem import P, Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.evidence.policy import POLICY
+
+
+def grows(before: Gap, after: Gap) -> bool:
+    """Return whether a gap of the moment grows, or that of the response where no moment is measured.
+
+    Where the response falls to a fraction of what it was, the moment may grow: that of a free motion is its inertia's.
+    """
+    if before.moment == before.moment and after.moment == after.moment:
+        falls = after.response <= CAMPAIGN.little_help * before.response
+        return after.moment > before.moment and not falls
+    return after.response > before.response
+
+
+def with_falling_gaps(steps: Sequence[Step], initial: Gap) -> tuple[Step, ...]:
+    """Return steps none of which makes the gap larger: those that help only together have one gap, before and after.
+
+    A displacement that is counted from the joint's own zero, say, fits worse until the law is there that has its middle
+    at that zero. Such steps name each other, and share the gap before the first and after the last of them; where it
+    grows at the end, with the step before.
+    """
+    groups: list[list[Step]] = []
+    before, pending = initial, list[Step]()
+    for step in steps:
+        pending.append(step)
+        if not grows(before, step.gap_after):
+            groups.append(pending)
+            before, pending = step.gap_after, []
+    while pending and groups:
+        pending = [*groups.pop(), *pending]
+        before = groups[-1][-1].gap_after if groups else initial
+        if not grows(before, pending[-1].gap_after):
+            groups.append(pending)
+            pending = []
+    if pending:
+        groups.append(pending)
+    return tuple(_joined(groups, initial))
+
+
+def _joined(groups: Sequence[Sequence[Step]], initial: Gap) -> Iterator[Step]:
+    before = initial
+    for group in groups:
+        after = group[-1].gap_after
+        names = tuple(step.effect for step in group) if len(group) > 1 else ()
+        for step in group:
+            yield replace(step, gap_before=before, gap_after=after, together=names)
+        before = after
+
+
+def reported_together(steps: Sequence[Step]) -> list[tuple[Step, ...]]:
+    """Return the steps in groups that share a gap, in their order."""
+    groups: list[tuple[Step, ...]] = []
+    for step in steps:
+        if step.together and groups and groups[-1][-1].together == step.together:
+            groups[-1] = (*groups[-1], step)
+        else:
+            groups.append((step,))
+    return groups
+
 
 # Of the rivals of a step so many are reported, with more than this probability.
 RIVALS, LEAST_RIVAL = 6, 1e-4

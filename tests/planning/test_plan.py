@@ -16,9 +16,9 @@ from sindyjoint.files.drafting.init import init
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.planning import planner
 from sindyjoint.planning.information import Sensors, half_widths, run_information, stacked
-from sindyjoint.planning.joints import like_law
 from sindyjoint.planning.plan_file import plan_text, play, read_plan
 from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.prior import like_law
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.separating_runs import rivals_of
 from sindyjoint.reporting.packing import record_schema

@@ -10,9 +10,9 @@ from sindyjoint.mechanics.actuator import tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
 from sindyjoint.planning import runs as planned_runs
 from sindyjoint.planning.information import Information, Sensors, run_information
-from sindyjoint.planning.joints import like_law, like_model
 from sindyjoint.planning.plan_file import play
 from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.prior import like_law, like_model
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, highest_level, motion
 from sindyjoint.planning.search import Choice, best_runs
 from sindyjoint.record import Campaign, Joint

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.cli import main
-from sindyjoint.diagnosis.structure.hidden import model_of_law
+from sindyjoint.diagnosis.structure.start import model_of_law
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.rig_test_file import load_rig_plan, load_rig_test
 from sindyjoint.mechanics.virtual_rig import Drive, virtual_rig_test

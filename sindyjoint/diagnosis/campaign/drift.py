@@ -11,7 +11,7 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
-from sindyjoint.diagnosis.falling import grows
+from sindyjoint.diagnosis.loop import grows
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.equation.dimensions import unit_for

@@ -10,7 +10,6 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign import admissible
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
@@ -34,10 +33,10 @@ from sindyjoint.diagnosis.campaign.start import (
     first_model,
     is_free,
 )
-from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget
+from sindyjoint.diagnosis.campaign.unnamed import make_budget
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, input_effects
-from sindyjoint.diagnosis.localisation import Place
+from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Problem, Say, Start
 from sindyjoint.diagnosis.ranking import Ranking

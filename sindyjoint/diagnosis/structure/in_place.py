@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,32 +12,78 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change, structure_changes
 from sindyjoint.diagnosis.effects.joint import joint_changes
 from sindyjoint.diagnosis.effects.setup import Scales
-from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
+from sindyjoint.diagnosis.parts import Budget, Place, Regions, divide_gap, most_informative
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
+from sindyjoint.diagnosis.structure.gap import UNITS, locate_segments, measured_power, segment_gaps
 from sindyjoint.diagnosis.structure.kinds import with_slopes
-from sindyjoint.diagnosis.structure.motions import joint_motions, main_period
-from sindyjoint.diagnosis.structure.output_error import fit
+from sindyjoint.diagnosis.structure.output_error import FittedChange, fit
 from sindyjoint.diagnosis.structure.problem import StructureProblem
-from sindyjoint.diagnosis.structure.records import RecordsProblem
+from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
 from sindyjoint.diagnosis.structure.runs import RunsProblem
-from sindyjoint.diagnosis.structure.search import FittedChange
-from sindyjoint.diagnosis.structure.segment_gaps import UNITS, locate_segments, measured_power, segment_gaps
 from sindyjoint.diagnosis.structure.start import outside_joints
-from sindyjoint.diagnosis.structure.tested_range import beyond_tested
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.equation.terms import Reference
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import SIMULATED
+from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.substructure.simulated.runs import SteadyRun
+
+# Samples of the highest harmonic over a period.
+PHASES = 8
+
+
+def joint_motions(problem: RunsProblem, x: Array) -> Iterator[tuple[str, Array, Array]]:
+    """Yield the name of a run, and angle and rate of the joints over its period or a segment, shape (joints, n)."""
+    for place, run in enumerate(problem.runs):
+        found = problem.answer(place, x)
+        if found is None:
+            continue
+        amplitudes = run.angles(found[0])
+        orders = np.arange(amplitudes.shape[1])
+        wave = np.exp(1j * np.outer(orders, np.linspace(0, 2 * np.pi, PHASES * orders.size)))
+        yield run.name, (amplitudes @ wave).real, (1j * run.omega * orders * amplitudes @ wave).real
+    if not isinstance(problem, RecordsProblem):
+        return
+    for record in problem.records:
+        with suppress(SimulationError, InputError):
+            channels = channels_of(problem.setup(x))
+            reduced = problem.simulated(record, x)
+            for _, (angle, rate) in record.begun(reduced).motions(reduced, channels):
+                yield record.name, angle.T, rate.T
+
+
+def main_period(problem: RunsProblem) -> float:
+    """Return the longest period of the strongest lines of the drives, or of what sensors show of other runs, s."""
+    found = [2 * np.pi / (run.omega * (1 + int(np.argmax(np.abs(run.drive[1:]))))) for run in problem.runs]
+    if isinstance(problem, RecordsProblem):
+        found += [1 / main_frequency(record.measured[0], record.rate) for record in problem.records]
+    return max(found)
+
+
+def beyond_tested(problem: RunsProblem) -> list[str]:
+    """Return a warning for each run and joint that moves beyond what its model, as given, was tested to."""
+    names = [hinge.name for hinge in problem.test.structure.hinges]
+    motions: dict[str, list[tuple[Array, Array]]] = {}
+    for name, angle, rate in joint_motions(problem, problem.start()):
+        motions.setdefault(name, []).append((angle, rate))
+    lines: list[str] = []
+    for run, parts in motions.items():
+        angle, rate = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        for kind in problem.kinds:
+            fitted, motion = kind.model.fitted, kind.model.joint.motion
+            for at in kind.places:
+                lines += range_warnings(fitted, motion, angle[at], rate[at], f"{GIVEN}{run}, {names[at]}")
+    return lines
+
 
 Complex = NDArray[np.complex128]
 

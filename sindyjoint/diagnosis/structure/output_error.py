@@ -46,6 +46,50 @@ class Fit:
     jacobian: Array = field(repr=False)
 
 
+@dataclass(frozen=True, eq=False)
+class FittedChange:
+    """A candidate with its best numbers.
+
+    Parameters
+    ----------
+    change : Change
+    x : ndarray
+        Numbers of the base beside it, then its own.
+    gain : float
+        Fall of χ².
+    residual : ndarray, shape (rows,)
+        In units of noise.
+    jacobian : ndarray, shape (rows, x.size)
+        Its derivatives over all numbers.
+    """
+
+    change: Change
+    x: Array
+    gain: float
+    residual: Array
+    jacobian: Array
+
+    @property
+    def name(self) -> str:
+        """Id of the effect."""
+        return self.change.effect.id
+
+    @property
+    def family(self) -> str:
+        """Of the effect."""
+        return self.change.effect.family
+
+    @property
+    def own(self) -> Array:
+        """The candidate's own numbers."""
+        return self.x[self.x.size - self.change.size :]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The candidate's own numbers by name, SI."""
+        return self.change.report(self.own)
+
+
 class OutputError:
     """A measured response, and a simulated one whose numbers are fitted: those that have a prior, then of effects."""
 

@@ -11,23 +11,22 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change
-from sindyjoint.diagnosis.localisation import Place, most_informative
 from sindyjoint.diagnosis.loop import add_effects
+from sindyjoint.diagnosis.parts import Budget, Place, divide_gap, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Problem, Say
 from sindyjoint.diagnosis.ranking import Ranking, rise
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
-from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test
 from sindyjoint.diagnosis.structure.kinds import assemble_model, with_slopes
-from sindyjoint.diagnosis.structure.output_error import Fit, fit, score_of
+from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import PulseProblem, separating_pulses
-from sindyjoint.diagnosis.structure.search import FittedChange, rank_changes, search
+from sindyjoint.diagnosis.structure.search import rank_changes, search
 from sindyjoint.diagnosis.structure.start import (
     first_fit,
+    hidden_pulse_test,
     model_in_place,
     open_rig,
     other_pulse,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,15 +20,12 @@ from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice
 from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.diagnosis.structure.noise import RecordNoise
-from sindyjoint.diagnosis.structure.output_error import OutputError, parted
+from sindyjoint.diagnosis.structure.output_error import FittedChange, OutputError, parted
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.evidence.policy import POLICY as EVIDENCE
 from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.numeric import Array
-
-if TYPE_CHECKING:
-    from sindyjoint.diagnosis.structure.search import FittedChange
 
 # Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
 STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4

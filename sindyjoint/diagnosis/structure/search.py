@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.policy import STRUCTURE
 from sindyjoint.diagnosis.ranking import Ranking, rank
-from sindyjoint.diagnosis.structure.output_error import Fit, OutputError, fit, score_of
+from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, OutputError, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.numeric import Array
 from sindyjoint.parallel import side_by_side
@@ -19,50 +19,6 @@ from sindyjoint.parallel import side_by_side
 SCREEN_STEPS, SCREENED = 2, 12
 REFINED = 4
 MOST_LINEARISED = 10
-
-
-@dataclass(frozen=True, eq=False)
-class FittedChange:
-    """A candidate with its best numbers.
-
-    Parameters
-    ----------
-    change : Change
-    x : ndarray
-        Numbers of the base beside it, then its own.
-    gain : float
-        Fall of χ².
-    residual : ndarray, shape (rows,)
-        In units of noise.
-    jacobian : ndarray, shape (rows, x.size)
-        Its derivatives over all numbers.
-    """
-
-    change: Change
-    x: Array
-    gain: float
-    residual: Array
-    jacobian: Array
-
-    @property
-    def name(self) -> str:
-        """Id of the effect."""
-        return self.change.effect.id
-
-    @property
-    def family(self) -> str:
-        """Of the effect."""
-        return self.change.effect.family
-
-    @property
-    def own(self) -> Array:
-        """The candidate's own numbers."""
-        return self.x[self.x.size - self.change.size :]
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The candidate's own numbers by name, SI."""
-        return self.change.report(self.own)
 
 
 def rank_changes(problem: OutputError, fitted: Sequence[FittedChange], base: Fit) -> Ranking[FittedChange]:

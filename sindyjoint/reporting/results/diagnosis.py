@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.diagnosis.falling import reported_together
+from sindyjoint.diagnosis.loop import reported_together
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml, model_table

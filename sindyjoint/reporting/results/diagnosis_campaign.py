@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.falling import reported_together
+from sindyjoint.diagnosis.loop import reported_together
 from sindyjoint.diagnosis.result import Diagnosis, RunGap
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import (

@@ -9,11 +9,10 @@ from pathlib import Path
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.planning.plan import Now, Plan, Prediction, Step
+from sindyjoint.planning.plan import TELL_APART, Now, Plan, Prediction, Separation, Step
 from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, run_name
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import PAPER
-from sindyjoint.planning.separation import TELL_APART, Separation
 from sindyjoint.reporting.figure import Axes, Kind, by_name
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, legend_above, prefixed, pretty_unit
