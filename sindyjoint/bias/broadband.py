@@ -8,6 +8,7 @@ import numpy as np
 
 from sindyjoint.bias.policy import POLICY
 from sindyjoint.errors import SimulationError
+from sindyjoint.measurement.policy import POLICY as NOISE
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
@@ -16,7 +17,6 @@ from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.mask import moving_mask
-from sindyjoint.states.policy import POLICY as STATES
 
 Motion = tuple[Array, Array, Array]
 
@@ -217,7 +217,7 @@ def _drive_bandwidth(drive: Array, state: ForceStates, exciter_inertia: float) -
         state.noise.moment**2
         + (exciter_inertia * (2 * np.pi * frequency) ** 2 * state.white_noise(frequency)) ** 2
     )
-    above = np.flatnonzero(density > STATES.signal_to_noise * floor)
+    above = np.flatnonzero(density > NOISE.signal_to_noise * floor)
     last = int(above[-1]) + 1 if above.size else 0
     if not last or last >= frequency.size or frequency[last] >= POLICY.drive_band * state.bandwidth:
         return None

@@ -22,11 +22,11 @@ from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.measurement.noise import WIDEST
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.response.law_in_run import held_laws
 from sindyjoint.states import ForceStates
-from sindyjoint.states.noise import WIDEST
 from sindyjoint.states.periodic import BAND_SHARE
 from sindyjoint.states.rows import group_labels
 

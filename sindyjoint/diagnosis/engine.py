@@ -36,16 +36,15 @@ class Stages:
 
     Parameters
     ----------
-    search, verdict, numbers, refinement, parts : Portion
+    search, verdict, numbers, parts : Portion
         From every start together: the rounds of the loop and the starts themselves; what a verdict needs to know; the
-        last numbers; those of the simulated response; the parts of the first gap and where it lies.
+        numbers refined on the simulated response; the parts of the first gap and where it lies.
     say : callable
     """
 
     search: Portion
     verdict: Portion
     numbers: Portion
-    refinement: Portion
     parts: Portion
     say: Callable[[str], None]
 
@@ -56,7 +55,6 @@ class Stages:
             Portion(policy.search_work, policy.search_seconds),
             Portion(policy.verdict_work, policy.verdict_seconds),
             Portion(policy.numbers_work, policy.numbers_seconds),
-            Portion(policy.refinement_work, policy.refinement_seconds),
             Portion(policy.parts_work, policy.parts_seconds),
             say,
         )
@@ -67,8 +65,7 @@ class Stages:
         named = {
             "the search": self.search,
             "the verdict": self.verdict,
-            "the correction of the numbers": self.numbers,
-            "the refinement on the simulated response": self.refinement,
+            "the refinement on the simulated response": self.numbers,
             "the division of the gap": self.parts,
         }
         return tuple(
@@ -192,19 +189,14 @@ def _with_last_numbers(
     """Return the last problem with the numbers that are handed on, its gap, and notes on them."""
     found, known = best.progress.problem, best.gaps.final
 
-    def finished() -> tuple[P, Gap]:
-        last = found.finished()
-        if last is found or grows(best.gaps.initial, last.gap):
-            return found, known
-        return last, last.gap
-
     def fitted() -> tuple[P, Gap, tuple[str, ...]]:
-        later, notes = refined(last)
-        return (later, gap, notes) if later is last else (later, later.gap, notes)
+        later, notes = refined(found.finished())
+        if later is found or grows(best.gaps.initial, later.gap):
+            return found, known, notes if later is found else ()
+        return later, later.gap, notes
 
     stages.say("the numbers")
-    last, gap = stages.numbers.do(finished, (found, known), "what the processing does to them")
-    return stages.refinement.do(fitted, (last, gap, ()), "all of it")
+    return stages.numbers.do(fitted, (found, known, ()), "all of it")
 
 
 def _of_search(best: Explained[P], search: Portion) -> tuple[str, str]:
@@ -259,7 +251,9 @@ def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) ->
     straight, problem = start.before or start.problem, progress.problem
 
     def judged() -> Explained[P]:
-        gaps = Gaps(first.initial_gap, final, problem.floor(), problem.uncertainty(), problem.floor_is_bound)
+        gaps = Gaps(
+            first.initial_gap, final, problem.noise_floor, problem.uncertainty(), problem.floor_is_bound
+        )
         residual = problem.residual(straight)
         verdict, reason = judge(progress.steps, residual, gaps, first.policy)
         return Explained(straight, progress, residual, gaps, verdict, reason, start.words)

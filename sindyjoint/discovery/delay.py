@@ -22,11 +22,11 @@ from sindyjoint.equation.dependences import linear_dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
-from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.numeric import Array, delayed, main_frequency, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import aligned_run
+from sindyjoint.states.floor import moment_floor
 from sindyjoint.states.record import ForceStates
 from sindyjoint.text import quantities
 

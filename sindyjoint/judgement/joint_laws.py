@@ -37,10 +37,9 @@ from sindyjoint.response.model_law import model_law
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.states.campaigns import signals_hash
-from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors
+from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors, recovered_replicate
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
-from sindyjoint.substructure.replicates import recovered_replicate
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, run_weights, with_slow

@@ -14,10 +14,10 @@ from sindyjoint.equation.model import INERTIA, Fitted, JointModel, model_terms
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.verdict import Verdict
-from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, regression_rows
+from sindyjoint.states.floor import moment_floor
 from sindyjoint.text import in_words_of, quantities, spelled
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from sindyjoint.discovery.evidence import Evidence, block_scores
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, model_terms
 from sindyjoint.errors import InputError, SindyJointError, UnknownNameError
-from sindyjoint.mechanics.actuator import Actuator, Drive
+from sindyjoint.mechanics.excitation import Actuator, Drive
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.numeric import Array
 from sindyjoint.paper import PARAMETERS

@@ -31,8 +31,9 @@ from sindyjoint.response.run import along_motion, rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
-# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance.
-STEP = 2e-4
+# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance. A slider turns between
+# two samples, so that responses are rough in its numbers below the second.
+STEP, ELEMENT_STEP = 2e-4, 1e-2
 # Residual, in RMS of the response, of a simulation that fails: larger than that of any simulation that reaches its end.
 FAR_OFF = 10.0
 # Sum of squares, in units of noise, below which a change by a parameter's whole scale has no effect.
@@ -124,7 +125,7 @@ class OutputError:
 
     def jacobian(self, x: Array) -> Array:
         """Return the derivative of the residuals by differences, shape (n, p)."""
-        steps = np.array([STEP * parameter.scale for parameter in self.parameters])
+        steps = np.array([(ELEMENT_STEP if p.kind == "element" else STEP) * p.scale for p in self.parameters])
         # Away from a bound on the upper side.
         steps = np.where(x + steps > [parameter.high for parameter in self.parameters], -steps, steps)
         columns = []

@@ -20,7 +20,7 @@ from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.start import cycle_of, fitted_start, steady_start
 from sindyjoint.states import ForceStates, force_states
-from sindyjoint.states.standstill import without_noise_travel
+from sindyjoint.states.mask import without_noise_travel
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0

@@ -9,14 +9,13 @@ from sindyjoint import simulate as virtual_campaign
 from sindyjoint import verify
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics import INTER_PANEL, PaperLaw
-from sindyjoint.mechanics.excitation import sweep
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.refine import refine, undetermined_directions
 from sindyjoint.states import campaign_states
-from tests.made_models import FORMULAS, model_of, paper_model, term
+from tests.made_models import FORMULAS, model_of, paper_model, sweep, term
 
 TRUTH = np.array(INTER_PANEL.parameters)
 OFF = np.array([1.01, 1.2, 0.97, 1.03, 0.98])

@@ -23,7 +23,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice, Step
 from sindyjoint.evidence.policy import POLICY as EVIDENCE
-from sindyjoint.mechanics.actuator import Actuator
+from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.numeric import Array
 from sindyjoint.text import in_words_of
 
