@@ -22,7 +22,6 @@ from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.diagnosis.structure.noise import RecordNoise
 from sindyjoint.diagnosis.structure.output_error import FittedChange, OutputError, parted
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.evidence.policy import POLICY as EVIDENCE
 from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.numeric import Array
@@ -265,15 +264,13 @@ def _promised(
     if residual is None:
         return []
     columns = new.derivatives(rival.x, residual, duration, range(base.base_size, rival.x.size), rival.change)
-    # What columns err by is as large a share of the effect as in any search.
-    inflated = 1 + (EVIDENCE.column_error * force) ** 2 * mine.gain
     pulse = "second record of the same pulse" if force == 1 else f"pulse {force:g} times as strong, measured"
     found = []
     for i, point in enumerate(points):
         rows = slice(i * truth[i].size, (i + 1) * truth[i].size)
         basis, _ = np.linalg.qr(columns[rows])
         apart = residual[rows] - basis @ (basis.T @ residual[rows])
-        confidence = float(1 / (1 + np.exp(-min(0.5 * float(apart @ apart) / inflated, 50.0))))
+        confidence = float(1 / (1 + np.exp(-min(0.5 * float(apart @ apart), 50.0))))
         peak = float(f"{np.abs(truth[i]).max():.3g}")
         found.append(Advice((mine.name, rival.name), frequency, peak, f"{pulse} at {point!r}", confidence))
     return found
