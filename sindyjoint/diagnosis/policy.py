@@ -50,10 +50,6 @@ class DiagnosisPolicy:
     )
 
     # Admissible effects.
-    admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
-    pushing_share: float = convention(
-        0.05, "share of the time in which dry friction may push before that is refused"
-    )
 
     sticking_share: float = limit(
         0.75,

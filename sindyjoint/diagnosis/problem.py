@@ -117,10 +117,6 @@ class Problem(Protocol):
         """Return the candidates in order of probability; None where there are none."""
         return None
 
-    def complaint(self) -> str:
-        """Return what physics has against the law with the effects; empty if nothing."""
-        return ""
-
     def add(self, best: Any) -> Self | None:
         """Return the problem with an effect more, less those that it makes needless; None where the fit fails."""
         return None

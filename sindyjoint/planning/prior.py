@@ -249,13 +249,8 @@ class Prior:
         """Return the information of the made runs for as many joints."""
         if self.information is None:
             return None
-        held = self.information
-        names = ("bread", "meat", "pull", "blocks")
-        return Information(
-            *(
-                np.repeat(np.asarray(getattr(held, name))[:, None], joints, axis=1).astype(float)
-                for name in names
-            )
+        return Information.of(
+            lambda each: np.repeat(each[:, None], joints, axis=1).astype(float), self.information
         )
 
     def half_widths(self) -> Array:

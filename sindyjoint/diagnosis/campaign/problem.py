@@ -10,7 +10,6 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.campaign import admissible
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, gap_without, kept_misfit, noise_floor
@@ -184,11 +183,6 @@ class CampaignProblem(Problem):
     def cost(self) -> float:
         """Return the negative score of the set found, and what its members must win at least, nats."""
         return np.inf if self.search is None else self.search.cost
-
-    def complaint(self) -> str:
-        """Return what physics has against the law with the effects; empty if nothing."""
-        effects = tuple(e for e in self.found if e.effect.enters == "moment")
-        return admissible.law_complaint(replace(self.repaired, effects=effects), self.work.rows, self.policy)
 
     def gap_without(self, names: Collection[str]) -> Gap:
         """Return the gap without some of the effects, the others fitted anew."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change, structure_changes
 from sindyjoint.diagnosis.effects.joint import joint_changes
 from sindyjoint.diagnosis.effects.setup import Scales
-from sindyjoint.diagnosis.parts import Budget, Place, Regions, divide_gap, most_informative
+from sindyjoint.diagnosis.parts import Place, Regions, most_informative
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
@@ -167,22 +167,12 @@ class RunsDiagnosis(StructureProblem):
         weight = size / size.sum() if alike else np.full(size.size, 1 / size.size)
         return Gap(float("nan"), float(np.sqrt(weight @ values**2)))
 
-    def budget(self, first: RunsDiagnosis, last: RunsDiagnosis) -> Budget:
-        """Return what the mean square gap is made of, relative to what the sensors show."""
-        problem = first.pulse
-        start = problem.residuals(problem.start())
-        total = first.best.cost if start is None else float(start @ start)
-        noise = min(problem.rows(), total)
-        parts = {"state": max(total - first.best.cost, 0.0), "history": 0.0, "run": 0.0}
-        for kind, drop in last.drops:
-            parts[kind] += max(drop, 0.0)
-        parts["run"] += max(last.best.cost - noise, 0.0)
-        whole = max(sum(parts.values()), 1e-300)
-        own = sum(float(np.sum(np.abs(run.measured / run.sigma) ** 2)) for run in problem.runs)
-        if isinstance(problem, RecordsProblem):
-            own += measured_power(problem)
-        shares = {kind: part / whole for kind, part in parts.items()}
-        return divide_gap(total / own, noise / own, 0.0, lambda _: shares)
+    drags: ClassVar[bool] = True
+
+    def power(self) -> tuple[float, float]:
+        """Return the squares of what the sensors show, in units of noise; no time step has an error there."""
+        own = sum(float(np.sum(np.abs(run.measured / run.sigma) ** 2)) for run in self.pulse.runs)
+        return own + (measured_power(self.pulse) if isinstance(self.pulse, RecordsProblem) else 0.0), 0.0
 
     def places(self) -> tuple[Place, ...]:
         """Return in which run, at which sensor and at which harmonic the gap of the given models lies."""

@@ -12,6 +12,7 @@ from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
 from sindyjoint.diagnosis.effects.setup import Setup
+from sindyjoint.diagnosis.structure.output_error import differences
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
@@ -147,11 +148,9 @@ def with_slopes(
 ) -> JointModel:
     """Return the model of some numbers of a fit with the covariance that follows from theirs, by linearisation."""
     whole = assembled(x)
-    slopes = np.empty((whole.numbers.size, x.size))
-    for place in range(x.size):
-        step = np.zeros(x.size)
-        step[place] = STEP if x[place] + STEP <= high[place] else -STEP
-        slopes[:, place] = (assembled(x + step).numbers - whole.numbers) / step[place]
+    slopes = differences(
+        lambda at: assembled(at).numbers, x, whole.numbers, range(x.size), np.full(x.size, STEP), high
+    )
     spread = slopes @ covariance @ slopes.T
     return whole.with_numbers(whole.numbers, (spread + spread.T) / 2)
 

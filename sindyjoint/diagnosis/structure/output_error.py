@@ -6,9 +6,9 @@ bounded Gauss–Newton search on the simulated response.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +121,14 @@ class OutputError:
         """Return the columns of the Jacobian at some places, shape (rows, len(places))."""
         raise NotImplementedError
 
+    def near(self, x: Array) -> Self:
+        """Return the problem for a first look round some numbers: itself, unless there is a quicker one."""
+        return self
+
+    def prepared(self, x: Array) -> Self:
+        """Return the problem for a search from some numbers; it is weighed as before, so that gains compare."""
+        return self
+
     @property
     def base_size(self) -> int:
         """Numbers of the base."""
@@ -146,6 +154,39 @@ class OutputError:
             setup = change.apply(setup, x[at : at + change.size])
             at += change.size
         return setup
+
+
+def differences(
+    evaluate: Callable[[Array], Array | None],
+    x: Array,
+    here: Array,
+    places: Sequence[int],
+    steps: Array,
+    high: Array,
+) -> Array:
+    """Return the columns of a Jacobian by differences, shape (rows, len(places)), to the side that can be evaluated.
+
+    Parameters
+    ----------
+    evaluate : callable
+    x : ndarray, shape (n,)
+    here : ndarray, shape (rows,)
+        What it returns there.
+    places : sequence of int
+    steps, high : ndarray, shape (n,)
+        Steps, and upper bounds, which are not passed; a step of zero leaves a column of zeros.
+    """
+    columns = np.zeros((here.size, len(places)))
+    for column, place in enumerate(places):
+        step = steps[place] if x[place] + steps[place] <= high[place] else -steps[place]
+        for way in (step, -step) if step else ():
+            moved = x.copy()
+            moved[place] += way
+            ahead = evaluate(moved)
+            if ahead is not None:
+                columns[:, column] = (ahead - here) / way
+                break
+    return columns
 
 
 def parted(sizes: Sequence[int]) -> NDArray[np.intp]:

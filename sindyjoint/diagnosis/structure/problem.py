@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -192,25 +192,31 @@ class StructureProblem(Problem):
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return what the mean square gap is made of, relative to the records' own."""
-        pulse = first.pulse
-        start = pulse.residuals(pulse.start(), pulse.duration)
+        start = first.pulse.residuals(first.pulse.start(), first.pulse.duration)
         total = first.best.cost if start is None else float(start @ start)
-        noise = min(pulse.rows(), total)
+        noise = min(first.pulse.rows(), total)
         # Beside a large gap the coefficients are dragged after it: what they then win is the effects' own.
-        parts = {
-            "state": 0.0 if last.drops else max(total - first.best.cost, 0.0),
-            "history": 0.0,
-            "run": 0.0,
-        }
+        dragged = 0.0 if last.drops and not first.drags else max(total - first.best.cost, 0.0)
+        parts = {"state": dragged, "history": 0.0, "run": max(last.best.cost - noise, 0.0)}
         for kind, drop in last.drops:
             parts[kind] += max(drop, 0.0)
-        parts["run"] += max(last.best.cost - noise, 0.0)
         whole = max(sum(parts.values()), 1e-300)
-        own = sum(float(np.sum((r.displacement - r.displacement.mean()) ** 2)) / n.weight**2
-                  for r, n in zip(pulse.records, pulse.noise, strict=True))  # fmt: skip
-        step = sum(float(e @ e) / n.weight**2 for e, n in zip(pulse.step_error, pulse.noise, strict=False))
+        own, step = first.power()
         shares = {kind: part / whole for kind, part in parts.items()}
         return divide_gap(total / own, noise / own, step / own, lambda _: shares)
+
+    #: Whether what the numbers of laws and structure win at first is theirs beside effects, too.
+    drags: ClassVar[bool] = False
+
+    def power(self) -> tuple[float, float]:
+        """Return the squares of the records, and of what the time step does to them, in units of noise."""
+        pulse = self.pulse
+        own = sum(
+            float(np.sum((r.displacement - r.displacement.mean()) ** 2)) / n.weight**2
+            for r, n in zip(pulse.records, pulse.noise, strict=True)
+        )
+        step = sum(float(e @ e) / n.weight**2 for e, n in zip(pulse.step_error, pulse.noise, strict=False))
+        return own, step
 
     def places(self) -> tuple[Place, ...]:
         """Return where the gap of the model as it was given lies."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice
 from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.diagnosis.structure.noise import RecordNoise
-from sindyjoint.diagnosis.structure.output_error import FittedChange, OutputError, parted
+from sindyjoint.diagnosis.structure.output_error import FittedChange, OutputError, differences, parted
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
@@ -175,27 +176,12 @@ class PulseProblem(OutputError):
     ) -> Array:
         """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
         low, high = self.bounds(extra)
-        columns = np.zeros((residual.size, len(places)))
-        for column, place in enumerate(places):
-            step = STEP_PRIOR if place < self.priors else STEP_EFFECT * max(1.0, 0.1 * (high - low)[place])
-            if high[place] <= low[place]:
-                continue
-            step = step if x[place] + step <= high[place] else -step
-            moved = x.copy()
-            moved[place] += step
-            ahead = self.residuals(moved, duration, extra)
-            if ahead is None:
-                moved[place] -= 2 * step
-                ahead, step = self.residuals(moved, duration, extra), -step
-            if ahead is not None:
-                columns[:, column] = (ahead - residual) / step
-        return columns
+        steps = STEP_EFFECT * np.maximum(1.0, 0.1 * (high - low))
+        steps[: self.priors] = STEP_PRIOR
+        steps[high <= low] = 0.0
+        return differences(lambda at: self.residuals(at, duration, extra), x, residual, places, steps, high)
 
-    def near(self, x: Array) -> PulseProblem:
-        """Return the problem for a first look round some numbers: itself."""
-        return self
-
-    def prepared(self, x: Array) -> PulseProblem:
+    def prepared(self, x: Array) -> Self:
         """Return the problem with what the time step does to the response, by Richardson's rule for order two."""
         setup = self.setup(x)
         whole = self.simulate(setup, self.duration)

@@ -21,7 +21,7 @@ from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
-from sindyjoint.diagnosis.structure.output_error import OutputError, parted
+from sindyjoint.diagnosis.structure.output_error import OutputError, differences, parted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
@@ -312,10 +312,6 @@ class RunsProblem(OutputError):
         known = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "_kept"}
         return NearRuns(**known, answers=answers)
 
-    def prepared(self, x: Array) -> RunsProblem:
-        """Return the problem for a search from some numbers; it is weighed as before, so that gains compare."""
-        return self
-
     def whitened(self, x: Array, extra: Change | None = None) -> RunsProblem:
         """Return the problem with residuals whitened at some numbers, and motions sought near those there.
 
@@ -367,17 +363,13 @@ class NearRuns(RunsProblem):
         self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
     ) -> Array:
         """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
-        _, high = self.bounds(extra)
         here = self.residuals(x, duration, extra)
-        columns = np.zeros((residual.size, len(places)))
-        for column, place in enumerate(places):
-            step = STEP if x[place] + STEP <= high[place] else -STEP
-            moved = x.copy()
-            moved[place] += step
-            ahead = self.residuals(moved, duration, extra)
-            if here is not None and ahead is not None:
-                columns[:, column] = (ahead - here) / step
-        return columns
+        if here is None:
+            return np.zeros((residual.size, len(places)))
+        steps = np.full(x.size, STEP)
+        return differences(
+            lambda at: self.residuals(at, duration, extra), x, here, places, steps, self.bounds(extra)[1]
+        )
 
 
 def recorded(run: SteadyRun, shown: Complex, setup: Setup) -> Complex:
