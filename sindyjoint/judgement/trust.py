@@ -224,7 +224,6 @@ def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tu
     """Return the states that count and the moment along their motion less the measured one, N·m."""
     skip, law = settling(states), law_of_test(test, model, states)
     moment, _ = along_motion(law, states, states.sample_rate)
-    moment = moment + getattr(law, "added", 0.0)
     return cut_states(states, skip), (moment - states.moment)[skip:]
 
 

@@ -11,7 +11,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics import INTER_PANEL, PaperLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.response.output_error import OutputError
+from sindyjoint.response.output_error import ROUGH_STEP, OutputError
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.refine import refine, undetermined_directions
 from sindyjoint.states import campaign_states
@@ -157,7 +157,7 @@ def test_without_a_restoring_moment_every_segment_starts_from_an_estimated_state
     x = np.array([p.start for p in problem.parameters])
     jacobian, place = problem.jacobian(x), names.index("initial rate of fast, segment 3")
     step = np.zeros(x.size)
-    step[place] = 2e-4 * problem.parameters[place].scale
+    step[place] = ROUGH_STEP * problem.parameters[place].scale
     separate = (problem.residual(x + step) - problem.residual(x)) / step[place]
     np.testing.assert_allclose(jacobian[:, place], separate, atol=1e-6 * np.abs(separate).max())
     found = refine(free_model(2.2, 0.7), made)

@@ -16,7 +16,7 @@ from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
-from sindyjoint.response.kept_out import simulated_gap
+from sindyjoint.response.compared import simulated_gap
 from sindyjoint.response.nuisances import corrected
 from sindyjoint.response.refine import refine
 from sindyjoint.states import campaign_states, one_after_another
