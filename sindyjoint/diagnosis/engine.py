@@ -134,7 +134,7 @@ def explain_gap(
     say: Say,
     advised: bool = True,
     without_advice: Callable[[Diagnosis], None] = lambda d: None,
-    refined: Callable[[P], tuple[P, tuple[str, ...]]] = lambda p: (p, ()),
+    refined: Callable[[P, bool], tuple[P, tuple[str, ...]]] = lambda p, explained: (p, ()),
 ) -> Diagnosis:
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
@@ -142,7 +142,8 @@ def explain_gap(
     where something is left unexplained, from the best other start that the problem knows, or else from the channels
     aligned, should they have a delay that explains as much; the best end is used. Unless
     ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
-    before that begins. ``refined`` may give the last problem other numbers, and notes on that.
+    before that begins. ``refined``, which is told whether nothing
+    remains to be explained, may give the last problem other numbers, and notes on that.
     """
     stages = Stages.of(first.policy, say)
     say("the gap")
@@ -184,13 +185,13 @@ def explain_gap(
 
 
 def _with_last_numbers(
-    best: Explained[P], refined: Callable[[P], tuple[P, tuple[str, ...]]], stages: Stages
+    best: Explained[P], refined: Callable[[P, bool], tuple[P, tuple[str, ...]]], stages: Stages
 ) -> tuple[P, Gap, tuple[str, ...]]:
     """Return the last problem with the numbers that are handed on, its gap, and notes on them."""
     found, known = best.progress.problem, best.gaps.final
 
     def fitted() -> tuple[P, Gap, tuple[str, ...]]:
-        later, notes = refined(found.finished())
+        later, notes = refined(found.finished(), best.whole)
         if later is found or grows(best.gaps.initial, later.gap):
             return found, known, notes if later is found else ()
         return later, later.gap, notes

@@ -205,7 +205,7 @@ def _error_by_lacking(
     scatter does not see it. A shape of RMS d with m independent values falls on a column of RMS u, of which the terms
     take no part, by d/√m in the root mean square, which is a delay of d/(u √m).
     """
-    floor = moment_floor(states, inertia or 0.0).moment
+    floor = moment_floor(states, inertia).moment
     beyond = float(np.sqrt(max(residual_rms**2 - np.nan_to_num(floor) ** 2, 0.0)))
     unique = abs(float(evidence.pooled.triangle[-2, -2])) / np.sqrt(evidence.pooled.rows)
     if not beyond > 0 or not unique > 0:

@@ -203,7 +203,7 @@ def campaign_model(
     fitted = Fitted(
         moment_rms=model.fitted.moment_rms,
         residual_rms=model.fitted.residual_rms,
-        noise_floor=moment_floor(states, inertia or 0.0).moment,
+        noise_floor=moment_floor(states, inertia).moment,
         moving_fraction=float(moving.sum() / sum(each.samples for each in counts)),
         samples=int(moving.sum()),
         runs=len(states),

@@ -113,7 +113,7 @@ def assess(
     try:
         if states is None:
             states = one_after_another(campaign, states_of(campaign, runs))
-        floor = moment_floor(states, model.inertia, model.without_elements())
+        floor = moment_floor(states, campaign.joint.inertia)
         fitted = [
             _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
         ]
@@ -254,11 +254,11 @@ def _predicts(
     if kept:
         others = one_after_another(campaign, states_of(campaign, kept))
         error = Gap.of([_explained(model, test, each, each.run) for each in others]).value
-        floor = moment_floor(others, model.inertia, model.without_elements()).relative
+        floor = moment_floor(others, campaign.joint.inertia).relative
         what = f"on {len(kept)} run{'s' * (len(kept) != 1)} kept for validation"
         return _of_unseen(error, gap.value, floor, what)
     if all(seen[each.run] is False for each in states):
-        floor = moment_floor(states, model.inertia, model.without_elements()).relative
+        floor = moment_floor(states, campaign.joint.inertia).relative
         return _of_unseen(gap.value, gap.value, floor, "on these runs, which no fit has seen")
     error, inside = left_out_error(model, test, states)
     ratio = error / max(inside, 1e-300)

@@ -13,7 +13,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, root_of
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.response.element_law import parts_of, sum_law
 from sindyjoint.text import in_words_of
@@ -141,13 +141,8 @@ def with_coefficients(
 
 def draw_models(model: JointModel, count: int, generator: np.random.Generator) -> list[JointModel]:
     """Draw models from the normal distribution of their numbers; negative friction is set to zero."""
-    # Scaled by the standard errors: coefficients of 1e0 and 1e9 in one matrix would lose its small part.
-    errors = model.number_errors
-    scale = np.where(errors > 0, errors, 1.0)
-    correlation = model.covariance_matrix / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = model.numbers + generator.standard_normal((count, errors.size)) @ root.T * scale
+    root = root_of(model.covariance_matrix)
+    draws = model.numbers + generator.standard_normal((count, model.numbers.size)) @ root.T
     for index, term in enumerate(model.terms):
         if term.id == "coulomb_friction" and term.coefficient >= 0:
             draws[:, index] = np.maximum(draws[:, index], 0.0)

@@ -188,7 +188,7 @@ def _compared(
         seconds=clock.seconds,
         discovery=found,
         soundness=found.soundness,
-        noise_floor=moment_floor(found.states, found.model.inertia, found.model).relative,
+        noise_floor=moment_floor(found.states, found.model.joint.inertia).relative,
         parts=parts,
         trust=found.trust,
     )

@@ -152,10 +152,10 @@ def diagnose(
         tested = Tested(campaign, checked, delay, lags, hidden, (*notes, *beyond), carried, seen)
         keep = before_advice or (lambda result: None)
 
-        def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
+        def refined(last: CampaignProblem, explained: bool) -> tuple[CampaignProblem, tuple[str, ...]]:
             from sindyjoint.diagnosis.campaign.numbers.refined import refined_problem
 
-            if not (refine or last.rounded):
+            if not (refine or (explained and last.rounded)):
                 return last, ()
             return refined_problem(last, checked.usable, tested.nuisances(last.test), say)
 

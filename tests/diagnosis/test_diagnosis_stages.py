@@ -122,7 +122,7 @@ def explained(**limits):
     """Return what is found of two effects, the second of which only helps beside the first."""
     effects = (Effect("first", 900.0, Gap(0.5, 0.5)), Effect("second", 500.0, Gap(0.25, 0.25)))
 
-    def refined(last):
+    def refined(last, whole):
         spend(10.0)
         return replace(last, gap=Gap(0.15, 0.15)), ("refined",)
 

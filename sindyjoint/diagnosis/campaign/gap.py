@@ -95,12 +95,12 @@ def kept_misfit(work: Work, model: JointModel, effects: Sequence[FittedEffect]) 
     return float(np.sqrt(max(residual @ residual - explained, 0.0) / residual.size))
 
 
-def noise_floor(work: Work, model: JointModel) -> Gap:
-    """Return what does not repeat, beside a model, over the runs of which gaps are reported; NaN where not known."""
+def noise_floor(work: Work) -> Gap:
+    """Return the noise relative to the signals, over the runs of which gaps are reported; NaN where it is not known."""
     states, inertia = work.kept_states or work.states, work.model.inertia
     known = all(s.noise.motion_measured for s in states)
     response = _response_floor(states, inertia) if known else float("nan")
-    return Gap(moment_floor(states, inertia, model).relative, response)
+    return Gap(moment_floor(states, work.campaign.joint.inertia).relative, response)
 
 
 def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:

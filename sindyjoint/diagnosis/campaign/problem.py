@@ -160,7 +160,7 @@ class CampaignProblem(Problem):
     @property
     def noise_floor(self) -> Gap:
         """Noise of the runs of which the gap is reported; NaN where it is not known."""
-        return noise_floor(self.work, self.repaired.model)
+        return noise_floor(self.work)
 
     @property
     def floor_is_bound(self) -> bool:

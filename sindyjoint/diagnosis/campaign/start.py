@@ -219,7 +219,7 @@ def first_model(
     data = Fitted(
         moment_rms=float(np.sqrt(np.mean(rows.y**2))),
         residual_rms=fitted.fitted.residual_rms,
-        noise_floor=moment_floor(states, inertia or 0.0).moment,
+        noise_floor=moment_floor(states, inertia).moment,
         moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
         samples=int(count.sum()),
         runs=len(states),

@@ -16,7 +16,7 @@ from sindyjoint.diagnosis.structure.output_error import differences
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, root_of
 from sindyjoint.response.model_law import model_law
 
 # No positive number of an element falls below this share of it.
@@ -132,15 +132,6 @@ def kept_numbers(model: JointModel) -> NDArray[np.intp]:
     """Return the places of a model's numbers without the inertia."""
     terms = [place for place, term in enumerate(model.terms) if term.id != INERTIA]
     return np.array([*terms, *range(len(model.terms), model.numbers.size)], dtype=np.intp)
-
-
-def root_of(covariance: Array) -> Array:
-    """Return L with L·Lᵀ a covariance of numbers of any sizes."""
-    errors = np.sqrt(np.diag(covariance))
-    errors[errors == 0] = 1e-12
-    matrix = covariance / np.outer(errors, errors)
-    size, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    return np.asarray(errors[:, None] * (vectors * np.sqrt(np.maximum(size, 0.0))))
 
 
 def with_slopes(

@@ -229,11 +229,7 @@ def runs_problem(
 def _states(recovery: Recovery) -> list[ForceStates]:
     """Return the states of all joints that move in a run."""
     joints = range(recovery.transfer.angles.shape[1])
-    return [
-        joint_states(recovery, joint, "")
-        for joint in joints
-        if all(k.any() for k in kept_of(recovery, joint))
-    ]
+    return [joint_states(recovery, joint, "") for joint in joints if kept_of(recovery, joint).any()]
 
 
 def _joint_motion(recovery: Recovery) -> Array:
