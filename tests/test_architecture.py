@@ -222,9 +222,8 @@ ROOMS = {
     "effects": set(),
     "diagnosis": {"effects"},
     "rows": {"effects", "diagnosis"},
-    "unnamed": {"effects", "diagnosis", "rows", "campaign"},
     "numbers": {"effects", "diagnosis", "rows", "campaign"},
-    "campaign": {"effects", "diagnosis", "rows", "unnamed", "numbers"},
+    "campaign": {"effects", "diagnosis", "rows", "numbers"},
     "structure": {"effects", "diagnosis"},
 }
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
+from sindyjoint.diagnosis.effects.catalogue import OF_JOINT, Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, IN_PLACE, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis
@@ -121,7 +121,7 @@ def diagnose(
 
     say = progress or (lambda stage: None)
     check_accepted(accept)
-    known = _known_effects(library, effects, max_effects)
+    known = [e for e in _known_effects(library, effects, max_effects) if e.enters in OF_JOINT]
     with spread(jobs, workers, cluster):
         hidden = None
         if campaign is None:

@@ -19,12 +19,20 @@ from sindyjoint.mechanics.excitation import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.planning.information import Sensors
-from sindyjoint.planning.joints import like_law, like_model
-from sindyjoint.planning.plan import Plan
+from sindyjoint.planning.plan import TELL_APART, Plan, Separation
 from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.planner import Planner
 from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.prior import Prior, Tested, measured_sensors, prior_of_runs, tested_by, tested_of
+from sindyjoint.planning.prior import (
+    Prior,
+    Tested,
+    like_law,
+    like_model,
+    measured_sensors,
+    prior_of_runs,
+    tested_by,
+    tested_of,
+)
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import DEFAULT_GOALS, GOALS
 from sindyjoint.planning.separating_runs import (
@@ -34,7 +42,6 @@ from sindyjoint.planning.separating_runs import (
     rivals_of,
     simulate_hypotheses,
 )
-from sindyjoint.planning.separation import TELL_APART, Separation
 from sindyjoint.record import Campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.diagnose import diagnose as diagnosed

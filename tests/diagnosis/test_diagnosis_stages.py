@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from sindyjoint.clock import Portion, Spent, spend
-from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.engine import explain_gap
+from sindyjoint.diagnosis.engine import Stages, explain_gap
+from sindyjoint.diagnosis.parts import Budget
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Gap
-from sindyjoint.diagnosis.stages import Stages
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import harmonic
 from sindyjoint.mechanics.laws import INTER_PANEL

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales, row_groups
@@ -21,6 +20,9 @@ from sindyjoint.response.model_law import with_coefficients
 
 FRICTION = "friction"  # the family
 MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out
+# Nonlinear parameters are refined until their gain rises by less than this, or this share of it.
+LEAST_RISE, SHARE_OF_RISE = 0.02, 1e-5
+MOST_TRIALS = 80  # of nonlinear parameters, per parameter; a ridge is followed slowly
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,3 +294,30 @@ def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[F
     products = (columns / size).T @ (columns / size) / len(columns)
     own = np.sqrt(1 / np.maximum(np.diag(np.linalg.pinv(products)), 1.0))
     return np.abs(coefficients) * size * own / model.fitted.moment_rms
+
+
+def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
+    """Return an effect with its nonlinear parameters refitted near where they were."""
+    if not fitted.values.size:
+        return fitted
+    from scipy.optimize import minimize
+
+    within = fitted.variant.bounds(problem.reference) if fitted.within is None else fitted.within
+    bounds = np.log(within).T
+    start = np.clip(np.log(fitted.values), *bounds)
+    found = minimize(
+        lambda p: -problem.gain(fitted.variant, np.exp(np.clip(p, *bounds)))[0],
+        start,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack(
+                [start, start + np.diag(np.where(start + 0.1 < bounds[1], 0.1, -0.1))]
+            ),
+            "xatol": 1e-3,
+            "fatol": max(LEAST_RISE, SHARE_OF_RISE * fitted.gain),
+            "maxfev": MOST_TRIALS * start.size,
+        },
+    )
+    values = np.exp(np.clip(found.x, *bounds))
+    gain, coefficients = problem.gain(fitted.variant, values)
+    return replace(fitted, values=values, gain=gain, coefficients=coefficients)

@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.planning.plan import Plan
+from sindyjoint.planning.plan import TELL_APART, Plan
 from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, run_name
 from sindyjoint.planning.search import PAPER
-from sindyjoint.planning.separation import TELL_APART
 from sindyjoint.reporting.figure import Axes, Kind, by_name
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, legend_above, prefixed, pretty_unit
