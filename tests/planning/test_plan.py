@@ -6,7 +6,6 @@ from dataclasses import replace
 import jsonschema
 import numpy as np
 import pytest
-from tests.equation.test_element import JENKINS, with_elements
 
 from sindyjoint import diagnose, discover, plan, simulate
 from sindyjoint.diagnosis.campaign import rivals
@@ -25,6 +24,7 @@ from sindyjoint.planning.separating_runs import rivals_of
 from sindyjoint.reporting.packing import record_schema
 from sindyjoint.response.model_law import model_law
 from tests.diagnosis.hidden_effects import hide
+from tests.equation.test_formula_evaluation import JENKINS, with_elements
 
 FEW = replace(POLICY, joints=3, frequencies=3)
 RANGES = ["--range", "linear_stiffness=5..8 kN*m/rad", "--range", "coulomb_friction=1..3 N*m"]

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.equation.test_element import JENKINS, with_elements
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.mechanics.excitation import tones
@@ -21,6 +20,7 @@ from sindyjoint.response.model_law import model_law
 from sindyjoint.soundness.detectors.tones import main_line
 from sindyjoint.soundness.faults import find_faults
 from sindyjoint.soundness.policy import POLICY as SOUNDNESS
+from tests.equation.test_formula_evaluation import JENKINS, with_elements
 from tests.made_models import paper_model
 
 FIXED = {name: (value, value) for name, value in (("cubic_stiffness", -2.684e9), ("linear_damping", 48.13))}

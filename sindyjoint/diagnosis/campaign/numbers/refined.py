@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.numbers.whole import is_element
 from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
-from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refine_effect, refit
 from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.test_record import TestNuisances
