@@ -83,6 +83,7 @@ def assess(
     seen: Mapping[str, bool | None],
     test: TestNuisances | None = None,
     states: Sequence[ForceStates] | None = None,
+    as_measured: Campaign | None = None,
 ) -> tuple[Light, ...]:
     """Return the four lights of a model and a campaign.
 
@@ -98,6 +99,9 @@ def assess(
         Moments of the test that belong to no joint.
     states : sequence of ForceStates, optional
         Of the runs for identification, where they are at hand.
+    as_measured : Campaign, optional
+        With its channels as they are, where some were put right: what does not repeat is the measurement's, and a
+        channel that was moved in time is interpolated.
     """
     data = judge_soundness(soundness, campaign.simulated)
     if not (model.terms or model.elements):
@@ -113,7 +117,7 @@ def assess(
     try:
         if states is None:
             states = one_after_another(campaign, states_of(campaign, runs))
-        floor = moment_floor(states, campaign.joint.inertia)
+        floor = _floor(as_measured, states, campaign)
         fitted = [
             _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
         ]
@@ -214,6 +218,14 @@ def _determined(model: JointModel, campaign: Campaign) -> Light:
     colour = light.colour if widths[worst] < 1 or light.colour == "poor" else "fair"
     sentence = f"{light.sentence}; least sure {worst} ± {percent(widths[worst])}"
     return Light("determined", colour, sentence, widest=widths[worst])
+
+
+def _floor(as_measured: Campaign | None, states: Sequence[ForceStates], campaign: Campaign) -> Floor:
+    """Return the floor of the runs for identification, as they were measured where that is known."""
+    if as_measured is not None:
+        runs = as_measured.identification_runs or as_measured.validation_runs
+        states = one_after_another(as_measured, states_of(as_measured, runs))
+    return moment_floor(states, campaign.joint.inertia)
 
 
 def _groups(states: Sequence[ForceStates]) -> list[str]:

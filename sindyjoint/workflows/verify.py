@@ -202,7 +202,8 @@ def _of_campaign(
     result = _with_check(result, checked.soundness, before)
     say("whether to trust the model")
     put = align_channels(usable) if align else usable
-    lights = assess(model, put, checked.soundness, seen, applied)
+    measured = None if put is checked.usable else checked.usable
+    lights = assess(model, put, checked.soundness, seen, applied, as_measured=measured)
     result = replace(result, trust=Trust(lights))
     return replace(result, trust=judge_verification(result, against.simulated, checked.soundness))
 
