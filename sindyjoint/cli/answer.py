@@ -40,8 +40,8 @@ def answer(
     Next steps name the campaign or rig that it is of, and the model that was given. Where the data are too much at
     fault to go on, that is done with their check, and the exit status is 1.
     """
-    places = PLACES.get() or Places()
-    PLACES.set(replace(places, subject=str(subject or ""), model=str(model or "")))
+    if (places := PLACES.get()) is not None:
+        PLACES.set(replace(places, subject=str(subject or ""), model=str(model or "")))
     used = [each for each in (model, subject, *files) if each and Path(each).exists()]
     if out is not None:
         check_place(out, output.force)
@@ -52,7 +52,7 @@ def answer(
         result = find()
     except UnsoundError as error:
         result, stopped = error.check, True
-    place_results(result, out or places.results, kept=out is not None)
+    place_results(result, out or Places.results, kept=out is not None)
     place = write(result, out, progress, seed, used, output.force)
     progress.show_details(result)
     progress.end()
@@ -103,7 +103,8 @@ def place_results(result: Any, out: Path | str, kept: bool) -> tuple[str, ...]:
     from sindyjoint.reporting.output import place_of
     from sindyjoint.reporting.registry import view_of_type
 
-    places = PLACES.get() or Places()
+    if (places := PLACES.get()) is None:
+        return ()
     PLACES.set(replace(places, results=str(place_of(view_of_type(result).folder, out)), kept=kept))
     return places.typed
 

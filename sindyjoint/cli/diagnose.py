@@ -126,7 +126,7 @@ def _diagnosed(
 ) -> Diagnosis:
     """Return the diagnosis of a campaign, or of a structure."""
     from sindyjoint.equation.model_file import read_model
-    from sindyjoint.mechanics.rig_test_file import has_measured_runs, is_rig_test
+    from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test
 
     recorded = campaign is not None and has_measured_runs(campaign)
     start = None if model is None or recorded else read_model(model)

@@ -102,7 +102,7 @@ def discover(
     if nuisance:
         _require_refine(refine, "--nuisance")
     search = {**given(library=library), **finding.arguments(), "random_state": random_state}
-    from sindyjoint.mechanics.rig_test_file import is_rig_test
+    from sindyjoint.mechanics.rig_file import is_rig_test
 
     if campaign is not None and is_rig_test(campaign):
         refuse_other_options(context, OF_A_RIG, "is not for the joints of a rig; leave it out")

@@ -8,8 +8,9 @@ from typing import Any
 
 from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.errors import checks_options
+from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import is_rig_test, load_rig_test
+from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
 from sindyjoint.threads import single_threaded

@@ -12,9 +12,10 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_models
 from sindyjoint.errors import InputError, checks_options, refuse
 from sindyjoint.mechanics.laws import softening_limit
+from sindyjoint.mechanics.rig_file import rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import BASE, RigTest
 from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure
-from sindyjoint.mechanics.rigs import Rig, load_rig, rig_path, shipped_rigs
+from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion

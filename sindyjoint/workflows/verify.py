@@ -20,9 +20,10 @@ from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import assess
+from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import has_measured_runs, is_rig_test, load_rig_test
-from sindyjoint.mechanics.rigs import Rig, load_rig, rig_path, shipped_rigs
+from sindyjoint.mechanics.rig_test_file import load_rig_test
+from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import put_right
 from sindyjoint.response.run import WINDOW

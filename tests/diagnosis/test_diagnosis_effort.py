@@ -101,7 +101,7 @@ def test_an_interruption_of_advice_leaves_the_diagnosis(
     answer = sindyjoint(*command)
     assert answer.status == 130
     stages = [line.split(" s  ")[1] for line in answer.stderr.splitlines()[:4]]
-    assert stages == ["starting", "checking the data", "force states", "the gap"]
+    assert stages == ["loading", "checking the data", "force states", "the gap"]
     record = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert record["advice_search"]["status"] == "not_sought" and record["steps"]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

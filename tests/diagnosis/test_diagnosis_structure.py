@@ -14,7 +14,8 @@ from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
-from sindyjoint.mechanics.rigs import RIG_FOLDER, MeasuredResponse, load_rig
+from sindyjoint.mechanics.rig_file import RIG_FOLDER
+from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
 from sindyjoint.workflows.diagnose import diagnose_structure
 from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_structures import hide

@@ -23,7 +23,8 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.pulse_test import hinges, presliding_law, with_laws, with_loss_factor
-from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig, shipped_rigs
+from sindyjoint.mechanics.rig_file import shipped_rigs
+from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
