@@ -18,8 +18,8 @@ from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.refined import estimated_errors
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import corrected, put_right
-from sindyjoint.response.output_error_parts import Nuisance as Kind
+from sindyjoint.response.compared import corrected, put_right
+from sindyjoint.response.output_error_runs import Nuisance as Kind
 from sindyjoint.response.refine import Refinement
 from sindyjoint.response.refine import refine as refine_response
 from sindyjoint.response.run import WINDOW

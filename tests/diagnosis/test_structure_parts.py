@@ -11,7 +11,7 @@ from sindyjoint.diagnosis.effects.change import structure_changes
 from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes, steady_level
 from sindyjoint.diagnosis.effects.setup import Scales, Setup
 from sindyjoint.diagnosis.structure.gap import regions_of
-from sindyjoint.diagnosis.structure.noise import record_noise
+from sindyjoint.diagnosis.structure.pulses import record_noise
 from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw
 from sindyjoint.mechanics.pulse_test import presliding_law, with_laws

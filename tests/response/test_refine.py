@@ -12,7 +12,7 @@ from sindyjoint.mechanics import INTER_PANEL, PaperLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.response.output_error import ROUGH_STEP, OutputError
-from sindyjoint.response.output_error_parts import Parameter
+from sindyjoint.response.output_error_runs import Parameter
 from sindyjoint.response.refine import refine, undetermined_directions
 from sindyjoint.states import campaign_states
 from tests.made_models import FORMULAS, model_of, paper_model, sweep, term

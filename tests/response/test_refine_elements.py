@@ -11,10 +11,9 @@ from sindyjoint.mechanics.laws import FunctionLaw, LawWithNumbers, PaperLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Run
 from sindyjoint.response import refine as refine_module
+from sindyjoint.response.compared import corrected
 from sindyjoint.response.drive import prescribed
-from sindyjoint.response.element_law import parts_of, sum_law
-from sindyjoint.response.model_law import law_terms
-from sindyjoint.response.nuisances import corrected
+from sindyjoint.response.model_law import law_terms, parts_of, sum_law
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.output_error_runs import term_columns
 from sindyjoint.response.refine import refine, spread_starts

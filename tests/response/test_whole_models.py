@@ -11,8 +11,8 @@ from sindyjoint.equation.test_record import Nuisance, TestNuisances, read_test
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import FunctionLaw, SumLaw
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.response.compared import law_of_test
 from sindyjoint.response.model_law import draw_models, model_law
-from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.states import force_states
 from sindyjoint.states.campaigns import content_hash, run_hash
 from sindyjoint.workflows.verify import verify

@@ -10,9 +10,8 @@ from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.rig_test import RigRun, RigTest, Sensor, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import Hinge, LumpedMass, assemble
-from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
 from sindyjoint.substructure.recovery import recover
-from sindyjoint.substructure.states import joint_states
+from sindyjoint.substructure.states import joint_states, joints_seen, worth_of_sensors
 from sindyjoint.substructure.transfer import open_joints, static_moments
 from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 

@@ -15,10 +15,10 @@ import sindyjoint
 from sindyjoint import Campaign, compare, verify
 from sindyjoint.cli.app import app
 from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.equation.candidates import is_rate_free, rate_free, without_rate
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.element import Form
 from sindyjoint.equation.model_record import from_record, to_record
-from sindyjoint.equation.without_rate import is_rate_free, rate_free, without_rate
 from sindyjoint.errors import InputError
 from sindyjoint.measurement.runs import along_path, reversals, travelled, white_noise
 from sindyjoint.states import force_states

@@ -19,8 +19,7 @@ from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
-from sindyjoint.response.compared import simulated_gap
-from sindyjoint.response.nuisances import corrected
+from sindyjoint.response.compared import corrected, simulated_gap
 from sindyjoint.response.refine import refine
 from sindyjoint.states import campaign_states, one_after_another
 
