@@ -23,7 +23,7 @@ from sindyjoint.judgement.policy import POLICY
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.response.compared import law_of_test
-from sindyjoint.response.law_in_run import as_followed
+from sindyjoint.response.laws import as_followed
 from sindyjoint.response.run import along_motion, cut_states, settling
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, one_after_another, states_of

@@ -17,8 +17,7 @@ from sindyjoint.mechanics.laws import FormulaLaw, Law
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.drive import Drive, prescribed
-from sindyjoint.response.law_in_run import LawInRun, law_in_run, with_added
-from sindyjoint.response.model_law import Instant, parts_of, sum_law
+from sindyjoint.response.laws import Instant, LawInRun, law_in_run, parts_of, sum_law, with_added
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, SimulatedRun, along_motion, pooled_nrmse, simulate_run
 from sindyjoint.states import ForceStates, force_states, one_after_another, states_of

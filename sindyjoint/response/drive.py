@@ -14,8 +14,7 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, rms, without_line
 from sindyjoint.record import Run
-from sindyjoint.response.law_in_run import LawInRun
-from sindyjoint.response.model_law import elastic_moment
+from sindyjoint.response.laws import LawInRun, elastic_moment
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
 

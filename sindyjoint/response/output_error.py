@@ -18,7 +18,7 @@ from sindyjoint.mechanics.stickslip import Motion, simulate_many
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import FAR_OFF
-from sindyjoint.response.model_law import law_terms, with_coefficients
+from sindyjoint.response.laws import law_terms, with_coefficients
 from sindyjoint.response.output_error_runs import (
     NUISANCE,
     Nuisance,

@@ -22,7 +22,7 @@ from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Motion, Run
 from sindyjoint.response.compared import added_law, law_of_test
 from sindyjoint.response.drive import SETTLED, Drive, choose_drive, prescribed
-from sindyjoint.response.model_law import law_terms
+from sindyjoint.response.laws import law_terms
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import (
     along_motion,

@@ -30,7 +30,7 @@ from sindyjoint.response.drive import (
     start_on_parabola,
     steady_start,
 )
-from sindyjoint.response.law_in_run import LawInRun
+from sindyjoint.response.laws import LawInRun
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.mask import without_noise_travel

@@ -18,8 +18,8 @@ from sindyjoint.mechanics.rig_test_file import UNKNOWN
 from sindyjoint.mechanics.rigs import Rig
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array, main_frequency, rms
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.oscillation import (
+from sindyjoint.response.laws import model_law
+from sindyjoint.response.oscillations import (
     Oscillation,
     compare_oscillations,
     oscillation,

@@ -25,7 +25,7 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.numeric import Array, main_frequency
-from sindyjoint.response.oscillation import white_noise
+from sindyjoint.response.oscillations import white_noise
 
 # Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
 STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4

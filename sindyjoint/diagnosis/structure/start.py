@@ -28,8 +28,8 @@ from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Joint
-from sindyjoint.response.model_law import draw_models, model_law
-from sindyjoint.response.oscillation import main_frequency
+from sindyjoint.response.laws import draw_models, model_law
+from sindyjoint.response.oscillations import main_frequency
 from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.response.verify_rig import (
     MODEL_PLACEHOLDER,

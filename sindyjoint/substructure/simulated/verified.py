@@ -22,8 +22,8 @@ from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
 from sindyjoint.numeric import Array, rms
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.oscillation import compare_oscillations, oscillation
+from sindyjoint.response.laws import model_law
+from sindyjoint.response.oscillations import compare_oscillations, oscillation
 from sindyjoint.response.verification import (
     Band,
     RunVerification,
