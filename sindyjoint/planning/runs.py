@@ -15,6 +15,7 @@ from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.numeric import Array
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
+from sindyjoint.states.periodic import REPLICATES
 
 POINTS = 400  # samples per period, at least
 PERIODS, MOST_PERIODS = 3, 48
@@ -230,7 +231,7 @@ def candidates(
             if waveform in waveforms:
                 found += [planned(share) for share in policy.levels]
             if waveform == SINE and frequency in plain:
-                grid += [planned(share) for share in policy.grid_levels]
+                grid += [planned(share) for share in policy.levels[::2]]
     return tuple(found), tuple(grid)
 
 
@@ -238,15 +239,13 @@ def _within_band(waveform: str, actuator: Actuator, duration: float, policy: Pla
     """Return frequencies of a waveform, Hz, that drives within the band alone and repeats often enough in a run."""
     lowest, highest = driven_at(waveform)
     # A duration for the lowest sine is long enough for every other; the rest is for the rounding.
-    least = max(
-        actuator.band[0] / lowest, 1.005 * (policy.fewest_periods + 1) / duration * (waveform != SINE)
-    )
+    least = max(actuator.band[0] / lowest, 1.005 * (REPLICATES + 1) / duration * (waveform != SINE))
     most = actuator.band[1] / highest
     if least > most * (1 + 1e-9):
         low, high = actuator.band
         raise InputError(
             f"waveform {waveform} drives from {lowest:g} to {highest:g} times the frequency at which it repeats, "
-            f"{policy.fewest_periods + 1} times in a run of {duration:.3g} s: no room for it from {low:g} to {high:g} "
+            f"{REPLICATES + 1} times in a run of {duration:.3g} s: no room for it from {low:g} to {high:g} "
             "Hz; expected a wider band, or longer runs"
         )
     count = policy.frequencies if most > least * (1 + 1e-9) else 1
