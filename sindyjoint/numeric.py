@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,6 +78,31 @@ def scaled_least_squares(columns: Array, target: Array, rcond: float | None = No
     norms[norms == 0] = 1.0
     matrix = matrix / norms
     return np.linalg.lstsq(matrix[:, :-1], matrix[:, -1], rcond=rcond)[0] * norms[-1] / norms[:-1]
+
+
+def partials(function: Callable[..., Array], at: Sequence[Array], share: float = 1e-6) -> list[Array]:
+    """Return the derivatives of a function of samples by each of its arguments: central differences.
+
+    Parameters
+    ----------
+    function : callable
+    at : sequence of ndarray, shape (n,)
+        Its arguments.
+    share : float
+        Step, of the largest value of an argument.
+
+    Examples
+    --------
+    >>> [float(slope[0].round(6)) for slope in partials(lambda x, y: x * y, [np.array([2.0]), np.array([3.0])])]
+    [3.0, 2.0]
+    """
+    found = []
+    for place, values in enumerate(at):
+        step = share * max(float(np.abs(values).max()), 1e-9)
+        high, low = list(at), list(at)
+        high[place], low[place] = values + step, values - step
+        found.append((function(*high) - function(*low)) / (2 * step))
+    return found
 
 
 def line_spectrum(signal: ArrayLike) -> Array:

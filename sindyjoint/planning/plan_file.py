@@ -15,10 +15,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.mechanics.excitation import SINE, tones
+from sindyjoint.mechanics.excitation import tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.sensors import Channel
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
@@ -154,20 +153,6 @@ def _in_steps(signal: NDArray[np.float64], step: float | None) -> NDArray[np.flo
     return signal if step is None else np.asarray(np.round(signal / step) * step)
 
 
-def _sum_of_tones(law: Law, run: PlannedRun, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return moment and angle under a waveform of several tones; a prescribed one turns round between samples."""
-    count = round(run.duration * rate)
-    if run.drive == "moment":
-        moved = simulate(law, tones(run.waveform, run.level, run.frequency), (count + 2) / rate, rate)
-        return moved.moment[:count], moved.angle[:count]
-    tone, time = tones(run.waveform, run.level, run.frequency, 0.1), np.arange(count) / rate
-    angle = tone(time)
-    moment, _ = transfer_moment(
-        law, angle, tone.derivative(time), rate, acceleration=tone.derivative(time, 2)
-    )
-    return moment, angle
-
-
 def run_name(number: int, run: PlannedRun) -> str:
     """Return the name of a planned run."""
     return f"{number:02d}-{run.frequency:g}Hz"
@@ -196,12 +181,9 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: A
     for number, run in enumerate(runs, 1):
         test = VirtualTest(
             law, (run.frequency,), (1.0,), "displacement" if run.drive == "angle" else "moment",
-            sensors.sample_rate, run.duration, angle_limit=1.0,
+            sensors.sample_rate, run.duration, angle_limit=1.0, waveform=run.waveform,
         )  # fmt: skip
-        if run.waveform == SINE:
-            moment, angle, _ = test.ideal(run.frequency, run.level)
-        else:
-            moment, angle = _sum_of_tones(law, run, sensors.sample_rate)
+        moment, angle, _ = test.ideal(run.frequency, run.level)
         noise = sensors.analogue(moment, angle)
         shares = [
             sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)

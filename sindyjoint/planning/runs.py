@@ -12,7 +12,8 @@ import numpy as np
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law, softening_limit
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics.stickslip import Motion, prescribed_motion, simulate
+from sindyjoint.mechanics.virtual import PHASE
 from sindyjoint.numeric import Array
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.states.periodic import REPLICATES
@@ -51,25 +52,6 @@ class PlannedRun:
     duration: float
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """The joint's motion from rest under a tone; the last period of it is steady.
-
-    Parameters
-    ----------
-    angle, rate, acceleration, moment : ndarray, shape (n,)
-        rad, rad/s, rad/s²; N·m at the sensor.
-    period : int
-        Samples of a period.
-    """
-
-    angle: Array
-    rate: Array
-    acceleration: Array
-    moment: Array
-    period: int
-
-
 def motion(
     law: Law, drive: Drive, frequency: float, level: float, points: int = POINTS, waveform: str = SINE
 ) -> Motion:
@@ -82,19 +64,15 @@ def motion(
     """
     rate = points * frequency
     if drive == "angle":
-        # As a virtual test prescribes it; reversals fall between samples.
-        tone = tones(waveform, level, frequency, 0.1)
-        time = np.arange(2 * points) / rate
-        angle, speed, second = tone(time), tone.derivative(time), tone.derivative(time, 2)
-        _check_softening(law, angle)
-        moment, _ = transfer_moment(law, angle, speed, rate, acceleration=second)
-        return Motion(angle, speed, second, moment, points)
+        moved = prescribed_motion(law, tones(waveform, level, frequency, PHASE), 2 * points, rate)
+        _check_softening(law, moved.angle)
+        return moved
     periods = PERIODS
     while periods <= MOST_PERIODS:
         moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=RTOL)
         last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
         if np.linalg.norm(last - before) <= POLICY.settled * np.linalg.norm(last):
-            return Motion(moved.angle, moved.rate, moved.acceleration, moved.moment, points)
+            return moved
         periods *= 2
     raise SimulationError(
         f"the joint does not repeat within {MOST_PERIODS} periods of {frequency:g} Hz under {level:.3g} N·m"

@@ -24,10 +24,7 @@ from sindyjoint.substructure.recovery import Recovery, declared_noise, solve_cha
 from sindyjoint.substructure.simulated.steady import condense
 from sindyjoint.substructure.spectra import Spectra, channel_spectra, strongest
 
-ROUNDS = 6
-SETTLED = 0.01  # of a posterior standard error
 HARMONICS = 24  # of each run, the strongest
-STEP = 1e-4  # relative change by which numbers are varied
 
 
 @dataclass(frozen=True)
@@ -155,6 +152,8 @@ def update_structure(
     spectra = [strongest(recovery.freed, HARMONICS) for recovery in recoveries]
     stuck = [strongest(each, HARMONICS) for each in held]
 
+    from scipy.optimize import least_squares
+
     def left(change: Array) -> Array:
         changed = with_numbers(test, change)
         parts = [solve_channels(changed, kept, angular).left.ravel() for kept, angular in spectra]
@@ -162,13 +161,6 @@ def update_structure(
         values = np.concatenate(parts)
         return np.concatenate([values.real, values.imag, change / prior])
 
-    change = np.zeros(prior.size)
-    for _ in range(ROUNDS):
-        now = left(change)
-        jacobian = np.column_stack([(left(change + STEP * unit) - now) / STEP for unit in np.eye(prior.size)])
-        covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian), dtype=np.float64)
-        step = -covariance @ (jacobian.T @ now)
-        change = change + step
-        if np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(covariance))):
-            break
-    return Update(tuple(number.name for number in test.uncertain), prior, change, covariance)
+    found = least_squares(left, np.zeros(prior.size), x_scale=prior, xtol=1e-6, ftol=1e-6)
+    covariance = np.asarray(np.linalg.inv(found.jac.T @ found.jac), dtype=np.float64)
+    return Update(tuple(number.name for number in test.uncertain), prior, found.x, covariance)
