@@ -188,11 +188,7 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         raise InputError(
             "no [pulse] on a [[chain]]: of runs and sensors discover and simulate make something"
         )
-    items = tuple(build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
-    clamp = given.base.clamp_stiffness
-    stiffness = (
-        float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
-    )
+    items, stiffness = build_chain(given, laws)
     where = f"{path}: [output]"
     records = tuple(read_measured(table, path) for table in given.measured)
     rig = Rig(
@@ -242,6 +238,13 @@ def solvable_structure(items: Sequence[Item], clamp_stiffness: float) -> Structu
             f"the chain cannot be solved ({' '.join(str(error).split()):.80}); check lengths, stiffnesses and masses"
         ) from None
     return structure
+
+
+def build_chain(given: RigFile, laws: Mapping[str, Law]) -> tuple[tuple[Item, ...], float]:
+    """Return the parts of a chain and the stiffness of its clamp, N·m/rad; infinite where it is rigid."""
+    items = tuple(build_item(part, f"[[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
+    clamp = given.base.clamp_stiffness
+    return items, np.inf if clamp is None else parse_quantity(clamp, "N*m/rad", "[base] clamp_stiffness")
 
 
 def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:

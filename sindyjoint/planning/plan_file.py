@@ -10,10 +10,11 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, UnitError
+from sindyjoint.files.manifest import StrictTable, first_complaint
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.excitation import tones
 from sindyjoint.mechanics.laws import Law
@@ -22,16 +23,13 @@ from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Run
-from sindyjoint.text import expectation
 
 PLAN_NAME = "plan.toml"
 # Of a joint that turns, and of one that slides.
 UNITS = {"moment": ("N*m", "N"), "angle": ("rad", "m")}
 
 
-class _RunEntry(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class _RunEntry(StrictTable):
     drive: Literal["moment", "angle"]
     waveform: Literal["sine", "two-tone-3", "two-tone-5", "triangle", "multisine", "sweep"] = "sine"
     frequency: str
@@ -39,9 +37,7 @@ class _RunEntry(BaseModel):
     duration: str
 
 
-class _SensorEntry(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class _SensorEntry(StrictTable):
     rate: str = "1000 Hz"
     noise: float = 0.01
     moment_noise: str | None = None
@@ -50,9 +46,7 @@ class _SensorEntry(BaseModel):
     angle_resolution: str | None = None
 
 
-class _PlanEntry(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class _PlanEntry(StrictTable):
     sensors: _SensorEntry = _SensorEntry()
     run: Annotated[list[_RunEntry], Field(min_length=1)]
 
@@ -106,9 +100,7 @@ def read_plan(path: str | Path) -> RunList:
     try:
         entry = _PlanEntry.model_validate(read_toml(place))
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"{place}: {where}: {expectation(first)}") from None
+        raise InputError(f"{place}: {first_complaint(error)}") from None
     runs = []
     for number, one in enumerate(entry.run, 1):
         where = f"{place}: run {number}"
