@@ -16,7 +16,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.substructure.update import Update, UpdatedNumber
+from sindyjoint.substructure.recovery import Update, UpdatedNumber
 from sindyjoint.trust import Trust
 
 

@@ -23,6 +23,8 @@ from sindyjoint.mechanics.rig_file import (
 )
 from sindyjoint.mechanics.rig_test import (
     BASE,
+    SIMULATED_KEY,
+    UNITS,
     Chain,
     RigRun,
     RigTest,
@@ -31,7 +33,6 @@ from sindyjoint.mechanics.rig_test import (
     uncertain_numbers,
 )
 from sindyjoint.mechanics.rigs import (
-    UNITS,
     build_chain,
     build_excitation,
     naming_file,
@@ -52,8 +53,6 @@ MOST_FREEDOMS = 2000
 SAME_RATE = 1e-6
 #: To which the force of a pulse is known where nothing is stated: as the lines of its samples are.
 PULSE_KNOWN_TO = 1e-3
-#: What a file of a virtual test is called after.
-SIMULATED_KEY = "simulated"
 
 
 class RigPlan(NamedTuple):

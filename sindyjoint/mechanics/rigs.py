@@ -35,7 +35,7 @@ from sindyjoint.mechanics.rig_file import (
     rig_path,
     shipped_rigs,
 )
-from sindyjoint.mechanics.rig_test import DRIVE, RigRun
+from sindyjoint.mechanics.rig_test import DRIVE, UNITS, RigRun
 from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
@@ -50,13 +50,6 @@ if TYPE_CHECKING:
 MOST_ELEMENTS_OF_ALL, MOST_STEPS = 600, 10_000_000
 # Beyond these, SI, nothing is a part of a structure, and matrices are no longer solved.
 SMALLEST, LARGEST = 1e-12, 1e15
-UNITS = {
-    "acceleration": "m/s**2",
-    "velocity": "m/s",
-    "displacement": "m",
-    "force": "N",
-    "base acceleration": "m/s**2",
-}
 
 
 @dataclass(frozen=True, eq=False)

@@ -240,7 +240,7 @@ LAW_OF_PULSE = (
 def _law_in_pulse(rig: str | Path, random_state: Any, say: Callable[[str], None]) -> JointModel | None:
     """Return the law that a rig's pulse shows of its joints where the file gives none and a response was measured."""
     from sindyjoint.diagnosis.structure.start import open_rig
-    from sindyjoint.mechanics.pulse_test import hinges
+    from sindyjoint.mechanics.virtual_rig import hinges
     from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER
 
     opened = open_rig(rig)

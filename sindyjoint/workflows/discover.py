@@ -329,9 +329,14 @@ def laws_of_rig(
     """Return the laws of the joints of a structure's test that was checked."""
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
     from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
-    from sindyjoint.substructure.recovery import recover
+    from sindyjoint.substructure.recovery import (
+        held_spectra,
+        held_warnings,
+        recover,
+        update_structure,
+        with_numbers,
+    )
     from sindyjoint.substructure.states import joints_seen, worth_of_sensors
-    from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 
     runs = test.identification_runs
     say("recovering angles and moments of the joints")

@@ -12,9 +12,9 @@ from sindyjoint.described import Described, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.paper_tables import TableCheck, check_tables, table_findings
 from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+from sindyjoint.mechanics.virtual_rig import hinges
 from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
 from sindyjoint.record import Campaign
