@@ -156,7 +156,7 @@ def test_every_other_command_on_a_poor_terminal(run, named, tmp_path, monkeypatc
 
 def spelled(text: str, name: str) -> str:
     stream = io.TextIOWrapper(io.BytesIO(), encoding=name)
-    encoding._spell_stream(stream)
+    cli._spell_stream(stream)
     stream.write(text)
     stream.flush()
     return stream.buffer.getvalue().decode("ascii" if name == "ascii" else name)
@@ -164,7 +164,7 @@ def spelled(text: str, name: str) -> str:
 
 def test_spellings(monkeypatch):
     monkeypatch.setattr(sys, "stdout", None)  # as under pythonw: nothing to do, and no error
-    encoding.spell_output()
+    cli.spell_output()
     assert spelled("−2.7·10⁻⁹ N·m/rad², θ̇ Φ λ", "ascii") == "-2.7*10^-9 N*m/rad^2, theta' Phi lambda"
     assert spelled("−2.7·10⁻⁹", "cp1252") == "-2.7·10^-9"
     assert spelled("θ – 漢", "utf-8") == "θ – 漢"
@@ -172,5 +172,5 @@ def test_spellings(monkeypatch):
     assert spelled("a\udcffb", "utf-8") == spelled("a\udcffb", "ascii") == r"a\udcffb"
     # Whoever asked for question marks gets them.
     stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors="replace")
-    encoding._spell_stream(stream)
+    cli._spell_stream(stream)
     assert stream.errors == "replace" and stream.encoding == "ascii"
