@@ -134,8 +134,8 @@ def _run(arguments: list[str]) -> int:
 
     from sindyjoint.cli.answer import Interrupted
     from sindyjoint.cli.app import command
+    from sindyjoint.clock import all_cores
     from sindyjoint.errors import SindyJointError
-    from sindyjoint.threads import all_cores
     from sindyjoint.trust import PLACES, Places
 
     spell_output()

@@ -52,7 +52,7 @@ def options(
     if largest is not None:
         import os
 
-        from sindyjoint.files.readers.table import VARIABLE, parse_size
+        from sindyjoint.files.readers import VARIABLE, parse_size
 
         # Worker processes have it from here as well.
         os.environ[VARIABLE] = str(parse_size(largest))

@@ -94,7 +94,7 @@ def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Checked, Pa
     from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
     from sindyjoint.reporting.registry import draw
-    from sindyjoint.reporting.results.check_pictures import TOGETHER
+    from sindyjoint.reporting.results.check import TOGETHER
     from sindyjoint.reporting.style import figure_bytes
     from sindyjoint.workflows.check import check
 
@@ -164,7 +164,7 @@ def export(
     """
     from sindyjoint.errors import refuse
     from sindyjoint.export import export_model, read_model, write_export
-    from sindyjoint.export.samples import BATCH_FILE, batch_samples
+    from sindyjoint.export.documents import BATCH_FILE, batch_samples
 
     options: dict[str, Any] = {} if rig is None else {"rig": rig}
     drawing = given(count=count, random_state=random_state)
@@ -210,7 +210,7 @@ def _only_text(result: Export) -> str:
 
 def _print_fidelity(result: Export) -> None:
     """Print on stderr how each term is represented, and what is not."""
-    from sindyjoint.export.text import fidelity_lines
+    from sindyjoint.export.fidelity import fidelity_lines
 
     missing = [f"not carried: {text}" for text in result.not_carried]
     for line in [*fidelity_lines(result.fidelity), *missing]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sindyjoint.cli import encoding, main
+from sindyjoint import cli
 
 # A name with letters of several scripts, in a campaign whose units and symbols are not ASCII anyway.
 NAME = "Gelenk θ₁ ü 漢"
@@ -43,7 +43,7 @@ def run(monkeypatch):
         with monkeypatch.context() as patch, pytest.raises(SystemExit) as leave:
             patch.setattr(sys, "stdout", streams[0])
             patch.setattr(sys, "stderr", streams[1])
-            main([str(argument) for argument in arguments])
+            cli.main([str(argument) for argument in arguments])
         return answer(console, int(leave.value.code or 0), *(stream.buffer.getvalue() for stream in streams))
 
     return run
