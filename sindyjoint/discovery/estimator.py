@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.choice import SelectionRules
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
@@ -28,7 +29,6 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 from sindyjoint.numeric import Array
 from sindyjoint.record import Joint, Motion
-from sindyjoint.threads import single_threaded
 
 
 class JointRegressor(RegressorMixin, BaseEstimator):
