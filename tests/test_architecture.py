@@ -17,6 +17,7 @@ BASE = {
     "policy",
     "numeric",
     "documents",
+    "tables",
     "hooks",
     "described",
     "trust",
@@ -47,6 +48,7 @@ ALLOWED = {
         "record",
     },  # runs are made of what sensors measured
     "documents": {"errors", "text"},
+    "tables": {"errors", "text"},
     "clock": set(),
     "parallel": {"errors", "clock"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
