@@ -71,7 +71,7 @@ def batch(
         **given(library=library),
         **finding.arguments(),
         "accept": tuple(accept or ()),
-        "random_state": random_state,
+        "rng": random_state,
     }
     if verify_only:
         from sindyjoint.workflows.batch import verify_batch

@@ -53,7 +53,7 @@ def changed(
     """
     find = call(
         CHANGED, before, after, margin=margin, same_sensors=same_sensors, accept=tuple(accept or ()),
-        random_state=random_state, progress=progress.say,
+        rng=random_state, progress=progress.say,
     )  # fmt: skip
     result = answer(find, out, output, progress, random_state, (before, after))
     raise typer.Exit(1 if result.changed else 0)

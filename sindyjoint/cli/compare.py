@@ -53,7 +53,7 @@ def compare(
     *,
     output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = default_of(
-        COMPARE, "random_state"
+        COMPARE, "rng"
     ),
     work: Work,
     progress: Progress,
@@ -66,7 +66,7 @@ def compare(
     """
     find = call(
         COMPARE, campaign, **given(library=library, methods=method), model=model, accept=tuple(accept or ()),
-        align=align, replicates=replicates, margin=margin, random_state=random_state, progress=progress.say,
+        align=align, replicates=replicates, margin=margin, rng=random_state, progress=progress.say,
         **work.arguments(),
     )  # fmt: skip
     result = answer(find, out, output, progress, random_state, (), campaign, model)

@@ -111,7 +111,7 @@ def diagnose(
                 output.force,
             ),
             refine=refine,
-            random_state=random_state,
+            rng=random_state,
             progress=progress.say,
             **work.arguments(),
             **given(max_effects=max_effects),

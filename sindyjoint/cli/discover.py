@@ -101,7 +101,7 @@ def discover(
     """
     if nuisance:
         _require_refine(refine, "--nuisance")
-    search = {**given(library=library), **finding.arguments(), "random_state": random_state}
+    search = {**given(library=library), **finding.arguments(), "rng": random_state}
     from sindyjoint.mechanics.rig_file import is_rig_test
 
     if campaign is not None and is_rig_test(campaign):
@@ -124,7 +124,7 @@ def discover(
             context, OF_A_REFINEMENT, "belongs to a search for terms; with --model none are sought"
         )
         options = {
-            "nuisance": kinds, "accept": accepted, "align": finding.align, "random_state": random_state,
+            "nuisance": kinds, "accept": accepted, "align": finding.align, "rng": random_state,
         }  # fmt: skip
         refined = answer(
             call("workflows.refine:refine", model, campaign, progress=progress.say, **options),

@@ -28,7 +28,7 @@ def reproduce(
     *,
     output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = default_of(
-        REPRODUCE, "random_state"
+        REPRODUCE, "rng"
     ),
     progress: Progress,
 ) -> None:

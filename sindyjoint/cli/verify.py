@@ -63,7 +63,7 @@ def verify(
     *,
     output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of draws and sensor noise.")] = default_of(
-        VERIFY, "random_state"
+        VERIFY, "rng"
     ),
     progress: Progress,
 ) -> None:
@@ -79,7 +79,7 @@ def verify(
     find = call(
         VERIFY, model, against, accept=tuple(accept or ()), align=align, tolerance=tolerance, draws=draws,
         window=window, free_run=free_run, noise=noise, presliding=presliding, loss_factor=loss_factor,
-        random_state=random_state, progress=progress.say,
+        rng=random_state, progress=progress.say,
     )  # fmt: skip
     result = answer(find, out, output, progress, random_state, (), against, model)
     raise typer.Exit(0 if result.passed else 1)

@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.laws import FunctionLaw, Law, PaperLaw
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Hinge
 from sindyjoint.mechanics.transient import Response
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import RNG, Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,13 +102,14 @@ def presliding_law(law: PaperLaw, angle: float) -> FunctionLaw:
     )  # fmt: skip
 
 
+@checks_options()
 def virtual_pulse_test(
     rig: Rig,
     *,
     noise: float = 0.01,
     presliding: float | None = None,
     loss_factor: float | None = None,
-    random_state: int | np.random.Generator | None = 0,
+    rng: RNG = 0,
 ) -> PulseTest:
     """Simulate the pulse test of a rig as a sensor sees it.
 
@@ -122,7 +123,7 @@ def virtual_pulse_test(
         Angle of the elastic presliding of every joint, rad.
     loss_factor : float, optional
         Material loss factor of the beams, instead of the rig's.
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Source of the noise.
 
     Returns
@@ -140,5 +141,5 @@ def virtual_pulse_test(
         truth.append(f"beam loss factor {loss_factor:g}")
     response = rig.respond()
     point = rig.points[0]
-    shown = Channel(noise=noise).read(response.displacement[point], np.random.default_rng(random_state))
+    shown = Channel(noise=noise).read(response.displacement[point], np.random.default_rng(rng))
     return PulseTest(point, shown, rig.sample_rate, True, " and ".join(truth), response)

@@ -9,13 +9,13 @@ from typing import Literal
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, RigUse, Sensor, load_row
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.transient import Response, respond
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import RNG, Array
 
 Shape = Literal["sine", "multisine", "sweep", "impact"]
 
@@ -228,11 +228,12 @@ def _recorder_filter() -> Array:
     return np.asarray(firwin(2 * REACH * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
 
 
+@checks_options()
 def virtual_rig_test(
     test: RigTest,
     drives: Sequence[Drive],
     recorder: Recorder,
-    random_state: int | np.random.Generator | None = 0,
+    rng: RNG = 0,
     seen: Callable[[str, Response], None] = lambda name, response: None,
 ) -> RigTest:
     """Return a test of a structure whose joints' laws are known, with simulated runs.
@@ -243,12 +244,12 @@ def virtual_rig_test(
         Its structure's joints hold the true laws.
     drives : sequence of Drive
     recorder : Recorder
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Source of noise and phases.
     seen : callable
         Called with the name of each run and what really happened in it.
     """
-    generator, runs = np.random.default_rng(random_state), []
+    generator, runs = np.random.default_rng(rng), []
     for drive in drives:
         run, response = simulate_run(test.structure, test.at, test.sensors, drive, recorder, generator)
         seen(run.name, response)
