@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+#: Where random numbers come from, as SPEC 7 of scientific Python has it: what ``numpy.random.default_rng`` takes.
+RNG = int | Sequence[int] | np.random.SeedSequence | np.random.BitGenerator | np.random.Generator | None
 
 # Samples beside a signal over which a cubic spline forgets how it went on.
 EDGE = 12
@@ -22,6 +24,17 @@ def finite(value: float) -> float | None:
     (0.5, None)
     """
     return float(value) if np.isfinite(value) else None
+
+
+def seed_of(rng: RNG) -> int:
+    """Return one seed, for several uses that shall draw alike.
+
+    Examples
+    --------
+    >>> seed_of(3), seed_of(np.random.default_rng(0)) == seed_of(np.random.default_rng(0))
+    (3, True)
+    """
+    return rng if isinstance(rng, int) else int(np.random.default_rng(rng).integers(2**32))
 
 
 def rms(values: ArrayLike) -> float:
