@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -140,6 +141,20 @@ def delayed(signal: Array, samples: float) -> Array:
     first = margin - whole + 1
     terms = (w / 6 * coefficients[first - k : first - k + signal.size] for k, w in enumerate(weights))
     return np.asarray(sum(terms))
+
+
+def convolve(signal: Array, kernel: Array, mode: Literal["full", "valid"] = "valid") -> Array:
+    """Return a convolution by Fourier transforms: at all samples, or where one lies within the other.
+
+    As ``scipy.signal.fftconvolve``, with which all of SciPy's statistics is imported.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    whole = signal.size + kernel.size - 1
+    size = next_fast_len(whole, real=True)
+    product = irfft(rfft(signal, size) * rfft(kernel, size), size)[:whole]
+    least, most = sorted((signal.size, kernel.size))
+    return np.asarray(product if mode == "full" else product[least - 1 : most])
 
 
 def root_of(covariance: Array) -> Array:

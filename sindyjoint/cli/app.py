@@ -1,37 +1,21 @@
-"""All commands in one application. The file of each command imports what is heavy only when it runs."""
+"""The commands in one application. The file of each is imported when it is asked for, what is heavy when it runs."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
-from sindyjoint.cli.batch import batch
-from sindyjoint.cli.changed import changed
-from sindyjoint.cli.check import check
-from sindyjoint.cli.compare import compare
-from sindyjoint.cli.curves import curves
-from sindyjoint.cli.diagnose import diagnose
-from sindyjoint.cli.discover import discover
-from sindyjoint.cli.export import export
-from sindyjoint.cli.init import init
-from sindyjoint.cli.libraries import app as libraries
-from sindyjoint.cli.plan import plan
-from sindyjoint.cli.plot import plot
-from sindyjoint.cli.reproduce import app as reproduce
-from sindyjoint.cli.rig import rig
-from sindyjoint.cli.schema import limits, schema
-from sindyjoint.cli.simulate import simulate
-from sindyjoint.cli.verify import verify
-
-app = typer.Typer(
-    name="sindyjoint",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+# In the order of the help; the module of each is that of its name.
+COMMANDS = (
+    "init", "check", "discover", "compare", "batch", "plan", "simulate", "verify", "rig", "curves", "diagnose",
+    "changed", "export", "plot", "schema", "limits", "reproduce", "libraries",
+)  # fmt: skip
+# Those that can do nothing without an argument show their help.
+NEED_ARGUMENTS = {"init", "batch", "simulate", "verify", "rig", "curves", "changed", "export", "plot"}
 
 
 def _version(requested: bool) -> None:
@@ -42,7 +26,6 @@ def _version(requested: bool) -> None:
         raise typer.Exit()
 
 
-@app.callback()
 def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
@@ -69,19 +52,26 @@ def options(
         os.environ[VARIABLE] = str(parse_size(largest))
 
 
-# In the order of the help; those that can do nothing without an argument show theirs.
-COMMANDS = (
-    init, check, discover, compare, batch, plan, simulate, verify, rig, curves, diagnose, changed, export, plot,
-    schema, limits,
-)  # fmt: skip
-NEED_ARGUMENTS = {init, batch, simulate, verify, rig, curves, changed, export, plot}
-for each in COMMANDS:
-    app.command(each.__name__, no_args_is_help=each in NEED_ARGUMENTS)(each)
-app.add_typer(reproduce, name="reproduce")
-app.add_typer(libraries, name="libraries")
+def make_app(names: Sequence[str] = COMMANDS) -> typer.Typer:
+    """Return the application with some of its commands, or all; the others are not even imported."""
+    app = typer.Typer(
+        name="sindyjoint",
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(options)
+    for name in names:
+        module = import_module(f"sindyjoint.cli.{'schema' if name == 'limits' else name}")
+        if hasattr(module, "app"):
+            app.add_typer(module.app, name=name)
+        else:
+            app.command(name, no_args_is_help=name in NEED_ARGUMENTS)(getattr(module, name))
+    return app
 
 
 @cache
-def command() -> Any:
-    """Return the application as the parser of options makes use of it, made once in a process."""
-    return typer.main.get_command(app)
+def command(name: str = "") -> Any:
+    """Return the application as the parser of options makes use of it: with the command that is named, if one is."""
+    return typer.main.get_command(make_app([name] if name in COMMANDS else COMMANDS))

@@ -22,7 +22,7 @@ from sindyjoint.equation.dependences import linear_dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
-from sindyjoint.numeric import Array, delayed, main_frequency, scaled_least_squares
+from sindyjoint.numeric import Array, convolve, delayed, main_frequency, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import aligned_run
@@ -225,12 +225,10 @@ def _independent_values(residual: Array, states: ForceStates) -> float:
 
     Samples of a period over the integrated autocorrelation, 1 + 2 Σ r_k up to its first zero (Bartlett 1946).
     """
-    from scipy.signal import correlate
-
     frequency = states.frequency or main_frequency(states.angle, states.sample_rate)
     period = min(states.moving_fraction * states.sample_rate / max(frequency, 1e-300), residual.size)
     centred = residual - residual.mean()
-    alike = correlate(centred, centred, "full", "fft")[centred.size - 1 :]
+    alike = convolve(centred, centred[::-1], mode="full")[centred.size - 1 :]
     if not alike[0] > 0:
         return 1.0
     alike = alike / alike[0]

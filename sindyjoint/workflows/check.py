@@ -8,13 +8,12 @@ from typing import Any
 
 from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.errors import checks_options
+from sindyjoint.files import load_campaign
 from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import the_campaign
 
 
 @checks_options()
@@ -56,9 +55,32 @@ def check(
     say = progress or (lambda stage: None)
     check_accepted(accept)
     if isinstance(campaign, RigTest) or (isinstance(campaign, str | Path) and is_rig_test(campaign)):
+        from sindyjoint.mechanics.rig_test_file import load_rig_test
+
         test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
         say("checking the data")
         return check_rig_test(test, accept)
     opened = the_campaign(campaign, random_state, LONGEST)
     say("checking the data")
     return check_campaign(opened, accept)
+
+
+def the_campaign(
+    campaign: Campaign | str | Path | Any, random_state: Any = None, longest: int | None = None
+) -> Campaign:
+    """Return a campaign from itself, a file, data frames, or the built-in virtual test.
+
+    Of runs in files that are longer than ``longest`` only a segment is read.
+    """
+    if isinstance(campaign, Campaign):
+        return campaign
+    if campaign is None:
+        from sindyjoint.mechanics.virtual import virtual_campaign
+
+        return virtual_campaign(
+            "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
+        )
+
+    if isinstance(campaign, str | Path):
+        return load_campaign(campaign, longest)
+    return Campaign.from_frames(campaign)

@@ -20,7 +20,6 @@ from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError, checks_options
-from sindyjoint.files import load_campaign
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.second_search import (
     TermSearch,
@@ -45,6 +44,7 @@ from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
 from sindyjoint.threads import single_threaded
+from sindyjoint.workflows.check import the_campaign
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
@@ -248,27 +248,6 @@ def _judge_terms(
     if correct and verdict.verdict == "refuted":
         verdict = softened(verdict, regressor, model, prepared.campaign, states)
     return (undecided_without_time(verdict) if prepared.campaign.quasi_static else verdict), left
-
-
-def the_campaign(
-    campaign: Campaign | str | Path | Any, random_state: Any = None, longest: int | None = None
-) -> Campaign:
-    """Return a campaign from itself, a file, data frames, or the built-in virtual test.
-
-    Of runs in files that are longer than ``longest`` only a segment is read.
-    """
-    if isinstance(campaign, Campaign):
-        return campaign
-    if campaign is None:
-        from sindyjoint.mechanics.virtual import virtual_campaign
-
-        return virtual_campaign(
-            "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
-        )
-
-    if isinstance(campaign, str | Path):
-        return load_campaign(campaign, longest)
-    return Campaign.from_frames(campaign)
 
 
 def discover_rig(

@@ -29,7 +29,7 @@ from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.threads import single_threaded
-from sindyjoint.workflows.discover import the_campaign
+from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.verify import CheckedVerification
 
 

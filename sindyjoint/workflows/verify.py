@@ -36,7 +36,7 @@ from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.text import percent
 from sindyjoint.threads import single_threaded
 from sindyjoint.trust import Trust
-from sindyjoint.workflows.discover import the_campaign
+from sindyjoint.workflows.check import the_campaign
 
 DRAWS = 20
 

@@ -6,7 +6,7 @@ import inspect
 import pytest
 import typer
 
-from sindyjoint.cli.app import app
+from sindyjoint.cli.app import make_app
 from sindyjoint.cli.defaults import default_of, given
 
 REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
@@ -139,7 +139,7 @@ OWN = {
 
 
 def options():
-    commands = typer.main.get_command(app).commands
+    commands = typer.main.get_command(make_app()).commands
     for name, command in commands.items():
         if name in ("libraries", "schema", "export"):
             continue

@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.record import Campaign
 from sindyjoint.reporting.equation import terms_csv
@@ -24,7 +22,6 @@ from sindyjoint.reporting.results.check_pictures import (
     gather_check,
     kinds_of_check,
 )
-from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.style import pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
@@ -37,7 +34,7 @@ from sindyjoint.reporting.tables import (
     terminal_table,
 )
 from sindyjoint.reporting.view import View
-from sindyjoint.soundness.check import Check, Checked, RigCheck
+from sindyjoint.soundness.check import Checked, RigCheck
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import quantities, spelled
 from sindyjoint.trust import Trust
@@ -55,7 +52,6 @@ EXTENT = 34
 
 class CheckView(
     View[Any, CheckData],
-    results=(Check, RigCheck, CheckData),
     data=CheckData,
     kind="Check",
     folder="check",
@@ -143,8 +139,13 @@ class CheckView(
         check = _check_of(result)
         rows = [[getattr(f, name) for name in CSV_COLUMNS] for f in check.soundness.findings]
         texts = {"findings.csv": csv_text(CSV_COLUMNS, rows)}
-        if result is not check:
-            texts["model.json"] = result.model.to_json() + "\n"
+        if result is check:
+            return texts
+        from sindyjoint.diagnosis.result import Diagnosis
+        from sindyjoint.judgement.discovery import Discovery
+        from sindyjoint.reporting.results.diagnosis import DiagnosisView
+
+        texts["model.json"] = result.model.to_json() + "\n"
         if isinstance(result, Discovery):
             texts["terms.csv"] = terms_csv(result.model)
         if isinstance(result, Diagnosis):
@@ -200,7 +201,7 @@ def wrap_findings(soundness: Soundness) -> Iterator[str]:
         yield from textwrap.wrap(text, 110, subsequent_indent="  ")
 
 
-class CampaignView(View[Campaign, None], results=(Campaign,)):
+class CampaignView(View[Campaign, None]):
     """A campaign: what its runs hold; its picture and its page are those of its check."""
 
     def tables(self, result: Campaign) -> tuple[TextTable, ...]:

@@ -104,7 +104,6 @@ CORRECTED = (
 
 class ComparisonView(
     View[Comparison, Comparison],
-    results=(Comparison,),
     data=Comparison,
     kind="Comparison",
     folder="comparison",

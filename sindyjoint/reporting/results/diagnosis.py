@@ -47,7 +47,6 @@ VERDICTS = {
 
 class DiagnosisView(
     View[Diagnosis, Diagnosis],
-    results=(Diagnosis,),
     data=Diagnosis,
     kind="Diagnosis",
     folder="diagnosis",

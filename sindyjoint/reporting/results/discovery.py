@@ -91,7 +91,6 @@ NEIGHBOURS = 3
 
 class DiscoveryView(
     View[Discovery, ReportData],
-    results=(Discovery, ReportData),
     data=ReportData,
     records_key="terms",
     kind="ReportData",

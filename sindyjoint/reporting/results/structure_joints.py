@@ -109,7 +109,6 @@ TERMS = ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval")
 
 class StructureJointsView(
     View[RigDiscovery, StructureFigures],
-    results=(RigDiscovery, StructureFigures),
     data=StructureFigures,
     kind="StructureJoints",
     folder="structure",

@@ -53,7 +53,6 @@ def in_its_unit(run: RunVerification) -> str:
 
 class VerificationView(
     View[Verification, Verification],
-    results=(Verification,),
     data=Verification,
     records_key="runs",
     kind="Verification",
@@ -192,7 +191,7 @@ class VerificationView(
         yield from aligned(tabulate("runs", "", result.runs, columns))
 
 
-class RefinementView(VerificationView, results=(RefinedModel,), folder="refinement"):
+class RefinementView(VerificationView, folder="refinement"):
     """A model refined on a campaign: its numbers before and after, and what a verification shows."""
 
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
