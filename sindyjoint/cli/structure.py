@@ -67,7 +67,7 @@ def simulate_structure(
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
     from sindyjoint.mechanics.rig_test_writing import write_rig_test
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
-    from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.laws import model_law
     from sindyjoint.response.verify_rig import joint_range_warnings
     from sindyjoint.workflows.simulate import WrittenRun, WrittenTest
 

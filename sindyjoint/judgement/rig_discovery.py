@@ -18,9 +18,9 @@ from sindyjoint.numeric import Array
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import RigCheck
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
+from sindyjoint.substructure.states import JointSeen
 from sindyjoint.substructure.update import Update, UpdatedNumber, with_numbers
 
 

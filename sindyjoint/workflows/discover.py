@@ -16,9 +16,9 @@ from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.calibration import with_gain_uncertainty
+from sindyjoint.equation.candidates import NO_DELAY, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
-from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.second_search import (
@@ -308,8 +308,8 @@ def laws_of_rig(
     """Return the laws of the joints of a structure's test that was checked."""
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
     from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
-    from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
     from sindyjoint.substructure.recovery import recover
+    from sindyjoint.substructure.states import joints_seen, worth_of_sensors
     from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 
     runs = test.identification_runs

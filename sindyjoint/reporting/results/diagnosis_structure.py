@@ -14,7 +14,7 @@ from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, Scale, by_name,
 from sindyjoint.reporting.results.diagnosis_campaign import KINDS as DIAGNOSIS
 from sindyjoint.reporting.results.verification_pictures import KEPT_SAMPLES
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, shortened
-from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
+from sindyjoint.response.oscillations import hilbert_envelope, main_frequency
 
 CYCLES_SHOWN = 6
 

@@ -28,7 +28,7 @@ from sindyjoint.reporting.style import (
     plain,
     shortened,
 )
-from sindyjoint.response.oscillation import hilbert_envelope
+from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.response.verification import Band, RunVerification, Verification
 
 CYCLES_SHOWN = 6
