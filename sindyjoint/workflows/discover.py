@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -13,8 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
+from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.candidates import NO_DELAY, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
@@ -47,15 +48,12 @@ from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.check import the_campaign
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.judgement.rig_discovery import RigDiscovery
 
 
 def regressor_options() -> tuple[str, ...]:
     """Return the names of the options that a discovery passes on to its regressor."""
-    from sindyjoint.discovery.estimator import JointRegressor
-
-    return tuple(inspect.signature(JointRegressor).parameters)
+    return TermRegression.parameters()
 
 
 @checks_options(regressor_options)
@@ -118,9 +116,6 @@ def discover(
     InputError, UnknownNameError
         For data or options that cannot be used.
     """
-    from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.discovery.foreign_library import catalogue_of
-
     say = progress or (lambda stage: None)
     catalogue = catalogue_of(library)
     check_accepted(accept)
@@ -134,7 +129,7 @@ def discover(
         if align:
             raise InputError(f"align: {NO_DELAY}")
         catalogue, correct = rate_free(catalogue), False
-    regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
+    regressor = TermRegression(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
     if checked.stopping:
@@ -190,7 +185,7 @@ class _Prepared(NamedTuple):
 
 def _prepare(
     campaign: Campaign,
-    regressor: JointRegressor,
+    regressor: TermRegression,
     library: Any,
     make_states: Callable[[Campaign], tuple[ForceStates, ...]],
     align: bool,
@@ -203,14 +198,14 @@ def _prepare(
     if isinstance(library, str) and library == DEFAULT:
         largest = max(float(np.abs(s.angle).max()) for s in made)
         found = default_candidates(largest, campaign.joint.motion)
-        regressor.set_params(library=rate_free(found) if campaign.quasi_static else found)
+        regressor.library = rate_free(found) if campaign.quasi_static else found
     if campaign.quasi_static:
         return _Prepared(campaign, made, None, 0.0, ())
     lags = find_lags(made, inertia, campaign.inputs)
     if lags:
         campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
         made = make_states(campaign)
-        regressor.set_params(inputs=campaign.inputs)
+        regressor.inputs = campaign.inputs
     say("time delay between the channels")
     delay = find_delay(made, inertia, campaign.inputs)
     lag = delay.time if align and delay is not None and delay.significant else 0.0
@@ -218,7 +213,7 @@ def _prepare(
 
 
 def _select_terms(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     prepared: _Prepared,
     here: Executor | None,
     bandwidth: float | None,
@@ -237,7 +232,7 @@ def _select_terms(
 
 
 def _judge_terms(
-    found: TermSearch, measured: JointRegressor, prepared: _Prepared, correct: bool
+    found: TermSearch, measured: TermRegression, prepared: _Prepared, correct: bool
 ) -> tuple[Verdict, ChannelDelay | None]:
     """Return the verdict on the paper's terms, and the delay that is left in the channels."""
     regressor, model, states = found.regressor, found.model, found.states
@@ -288,7 +283,6 @@ def discover_rig(
     UnsoundError
         Where findings of the check stop the work.
     """
-    from sindyjoint.discovery.foreign_library import catalogue_of
     from sindyjoint.judgement.rig_discovery import of_data
     from sindyjoint.mechanics.rig_test_file import load_rig_test
 
