@@ -152,11 +152,9 @@ def convolve(signal: Array, kernel: Array, mode: Literal["full", "valid"] = "val
 
     As ``scipy.signal.fftconvolve``, with which all of SciPy's statistics is imported.
     """
-    from scipy.fft import irfft, next_fast_len, rfft
-
     whole = signal.size + kernel.size - 1
-    size = next_fast_len(whole, real=True)
-    product = irfft(rfft(signal, size) * rfft(kernel, size), size)[:whole]
+    size = 1 << (whole - 1).bit_length()
+    product = np.fft.irfft(np.fft.rfft(signal, size) * np.fft.rfft(kernel, size), size)[:whole]
     least, most = sorted((signal.size, kernel.size))
     return np.asarray(product if mode == "full" else product[least - 1 : most])
 

@@ -13,7 +13,6 @@ from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.record import Campaign
-from sindyjoint.reporting.equation import terms_csv
 from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.page import Blocks, Page, Provenance, provenance, section, sentence
 from sindyjoint.reporting.results.check_pictures import (
@@ -143,6 +142,7 @@ class CheckView(
             return texts
         from sindyjoint.diagnosis.result import Diagnosis
         from sindyjoint.judgement.discovery import Discovery
+        from sindyjoint.reporting.equation import terms_csv
         from sindyjoint.reporting.results.diagnosis import DiagnosisView
 
         texts["model.json"] = result.model.to_json() + "\n"

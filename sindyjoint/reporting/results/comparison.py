@@ -13,8 +13,8 @@ from rich.markup import escape
 
 from sindyjoint.judgement.comparison import Choice, Comparison
 from sindyjoint.judgement.headlines import judge_comparison
-from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section, sentence
 from sindyjoint.reporting.results.comparison_tables import (
     against_terms_table,

@@ -9,10 +9,11 @@ from pathlib import Path
 from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_verification
-from sindyjoint.reporting.equation import mathml, model_table
+from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import (
     spread,
 )
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
 from sindyjoint.reporting.results.verification_pictures import KINDS, response_payload, thinned
 from sindyjoint.reporting.style import (
