@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
-# In the order of the help; the module of each is that of its name.
-COMMANDS = (
-    "init", "check", "discover", "compare", "batch", "plan", "simulate", "verify", "rig", "curves", "diagnose",
-    "changed", "export", "plot", "schema", "limits", "reproduce", "libraries",
-)  # fmt: skip
+# Where each command is found, in the order of the help. Its module is imported when it is asked for.
+COMMANDS = {
+    "init": "files", "check": "verbs", "discover": "find", "compare": "verbs", "batch": "verbs", "plan": "quantities",
+    "simulate": "simulate", "verify": "verbs", "rig": "verbs", "curves": "quantities", "diagnose": "find",
+    "changed": "verbs", "export": "files", "plot": "files", "schema": "files", "limits": "files",
+    "reproduce": "verbs", "libraries": "libraries",
+}  # fmt: skip
+# Groups of commands, by the name of the application.
+GROUPS = {"reproduce": "reproductions", "libraries": "app"}
 # Those that can do nothing without an argument show their help.
 NEED_ARGUMENTS = {"init", "batch", "simulate", "verify", "rig", "curves", "changed", "export", "plot"}
 
@@ -46,13 +50,13 @@ def options(
     if largest is not None:
         import os
 
-        from sindyjoint.files.readers.table import VARIABLE, parse_size
+        from sindyjoint.files.readers import VARIABLE, parse_size
 
         # Worker processes have it from here as well.
         os.environ[VARIABLE] = str(parse_size(largest))
 
 
-def make_app(names: Sequence[str] = COMMANDS) -> typer.Typer:
+def make_app(names: Iterable[str] = COMMANDS) -> typer.Typer:
     """Return the application with some of its commands, or all; the others are not even imported."""
     app = typer.Typer(
         name="sindyjoint",
@@ -63,9 +67,9 @@ def make_app(names: Sequence[str] = COMMANDS) -> typer.Typer:
     )
     app.callback()(options)
     for name in names:
-        module = import_module(f"sindyjoint.cli.{'schema' if name == 'limits' else name}")
-        if hasattr(module, "app"):
-            app.add_typer(module.app, name=name)
+        module = import_module(f"sindyjoint.cli.{COMMANDS[name]}")
+        if name in GROUPS:
+            app.add_typer(getattr(module, GROUPS[name]), name=name)
         else:
             app.command(name, no_args_is_help=name in NEED_ARGUMENTS)(getattr(module, name))
     return app

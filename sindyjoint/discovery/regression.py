@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.choice import SelectionRules, choose
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
@@ -27,7 +28,6 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 from sindyjoint.numeric import Array
 from sindyjoint.record import Joint, Motion
-from sindyjoint.threads import single_threaded
 
 
 class TermRegression:

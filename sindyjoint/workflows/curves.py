@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_models
 from sindyjoint.errors import InputError, checks_options, refuse
@@ -26,7 +27,6 @@ from sindyjoint.substructure.forced import ForcedResponse, StructureCurves, freq
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import JointCurves, Varied, model_curve
 from sindyjoint.substructure.modes import ModeCurve, mode_over_amplitude, point_of_mode
-from sindyjoint.threads import single_threaded
 
 Say = Callable[[str], None]
 Model = JointModel | str | Path

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.diagnosis.effects.catalogue import OF_JOINT, Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, IN_PLACE, STRUCTURE, DiagnosisPolicy
@@ -25,7 +26,6 @@ from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.substructure.recovery import recover
-from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.discover import discover_rig, laws_of_rig
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
@@ -44,7 +45,6 @@ from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
-from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.check import the_campaign
 
 if TYPE_CHECKING:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
@@ -28,7 +29,6 @@ from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs,
 from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
-from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.verify import CheckedVerification
 

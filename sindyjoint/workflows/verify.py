@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.candidates import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.equation.model import JointModel
@@ -34,7 +35,6 @@ from sindyjoint.soundness.check import check_campaign, check_rig_test, require_s
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.text import percent
-from sindyjoint.threads import single_threaded
 from sindyjoint.trust import Trust
 from sindyjoint.workflows.check import the_campaign
 
