@@ -9,7 +9,7 @@ import typer
 from sindyjoint.cli.app import make_app
 from sindyjoint.cli.options import default_of, given
 
-REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
+REGRESSOR, DISCOVER = "discovery.regression:TermRegression", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
 SPREAD = ("jobs", "workers", "cluster")
 OF_REGRESSOR = {"method": "method", "selection": "selection", "threshold": "threshold"}
