@@ -16,7 +16,7 @@ from sindyjoint.response.laws import model_law
 
 # Two joints are tested one by one; the models found take their places in the wing.
 laws = {
-    name: model_law(sindyjoint.discover(virtual_campaign(name, random_state=0)).model)
+    name: model_law(sindyjoint.discover(virtual_campaign(name, rng=0)).model)
     for name in ("inter-panel", "panel-root")
 }
 wing = load_rig("four-panel-wing")

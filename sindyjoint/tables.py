@@ -57,7 +57,7 @@ def first_complaint(error: ValidationError, data: Any = None) -> str:
     # As a user writes it: [channels] angle.unit, [[run]] 2 frequency.
     table, rest = (f"[{place[0]}]" if place else ""), list(place[1:])
     if rest and isinstance(rest[0], int):
-        number = rest.pop(0)
+        number = int(rest.pop(0))
         entry = data[place[0]][number] if data else None
         name = entry.get("id", entry.get("name")) if isinstance(entry, dict) else None
         table = f"[[{place[0]}]] {number + 1}" + (f" ({name})" if isinstance(name, str) else "")

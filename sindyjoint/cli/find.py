@@ -189,7 +189,7 @@ def discover(
     """
     if nuisance:
         _require_refine(refine, "--nuisance")
-    search = {**given(library=library), **finding.arguments(), "random_state": random_state}
+    search = {**given(library=library), **finding.arguments(), "rng": random_state}
     from sindyjoint.mechanics.rig_file import is_rig_test
 
     if campaign is not None and is_rig_test(campaign):
@@ -212,7 +212,7 @@ def discover(
             context, OF_A_REFINEMENT, "belongs to a search for terms; with --model none are sought"
         )
         options = {
-            "nuisance": kinds, "accept": accepted, "align": finding.align, "random_state": random_state,
+            "nuisance": kinds, "accept": accepted, "align": finding.align, "rng": random_state,
         }  # fmt: skip
         refined = answer(
             call("workflows.refine:refine", model, campaign, progress=progress.say, **options),
@@ -347,7 +347,7 @@ def diagnose(
                 output.force,
             ),
             refine=refine,
-            random_state=random_state,
+            rng=random_state,
             progress=progress.say,
             **work.arguments(),
             **given(max_effects=max_effects),

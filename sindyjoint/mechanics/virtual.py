@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
 
-from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.errors import InputError, SimulationError, UnknownNameError, checks_options
 from sindyjoint.measurement.runs import measured_run
 from sindyjoint.mechanics.excitation import SINE, Excitation, tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.sensors import Channel, anti_aliased, delayed, from_raw_channels, raw_channels
 from sindyjoint.mechanics.stickslip import prescribed_motion, simulate
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import RNG, Array
 from sindyjoint.record import Campaign, Joint, Run
 
 Drive = Literal["moment", "rig", "displacement"]
@@ -291,10 +292,16 @@ def virtual_test(
     )  # fmt: skip
 
 
+def plan_options() -> tuple[str, ...]:
+    """Return what the plan of a virtual test may be asked for."""
+    return (*signature(virtual_test).parameters, *signature(VirtualTest).parameters)
+
+
+@checks_options(plan_options)
 def virtual_campaign(
     joint: str | Law = "inter-panel",
     *,
-    random_state: int | np.random.Generator | None = None,
+    rng: RNG = None,
     name: str | None = None,
     **options: Any,
 ) -> Campaign:
@@ -304,7 +311,7 @@ def virtual_campaign(
     ----------
     joint : {"inter-panel", "panel-root"} or Law
         The paper's joints by name (Tables 1 and 2, averages), or any law.
-    random_state : int, numpy.random.Generator or None
+    rng : int, Generator or None
         Source of the noise.
     name : str, optional
         Name of the joint in reports.
@@ -329,12 +336,12 @@ def virtual_campaign(
 
     Examples
     --------
-    >>> campaign = virtual_campaign(frequencies=[4], levels=[0.5], duration=1.0, random_state=1)
+    >>> campaign = virtual_campaign(frequencies=[4], levels=[0.5], duration=1.0, rng=1)
     >>> campaign.runs[0].name, campaign.simulated
     ('4Hz-0.5', True)
     """
     test = virtual_test(joint, **options)
-    runs = [made.run for made in run_tests(test, np.random.default_rng(random_state))]
+    runs = [made.run for made in run_tests(test, np.random.default_rng(rng))]
     return Campaign(campaign_joint(test, name), tuple(runs), simulated=True)
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FunctionLaw, Law, PaperLaw
@@ -18,7 +18,7 @@ from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.mechanics.transient import Response, respond
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import RNG, Array
 
 Shape = Literal["sine", "multisine", "sweep", "impact"]
 
@@ -231,11 +231,12 @@ def _recorder_filter() -> Array:
     return np.asarray(firwin(2 * REACH * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
 
 
+@checks_options()
 def virtual_rig_test(
     test: RigTest,
     drives: Sequence[Drive],
     recorder: Recorder,
-    random_state: int | np.random.Generator | None = 0,
+    rng: RNG = 0,
     seen: Callable[[str, Response], None] = lambda name, response: None,
 ) -> RigTest:
     """Return a test of a structure whose joints' laws are known, with simulated runs.
@@ -246,12 +247,12 @@ def virtual_rig_test(
         Its structure's joints hold the true laws.
     drives : sequence of Drive
     recorder : Recorder
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Source of noise and phases.
     seen : callable
         Called with the name of each run and what really happened in it.
     """
-    generator, runs = np.random.default_rng(random_state), []
+    generator, runs = np.random.default_rng(rng), []
     for drive in drives:
         run, response = simulate_run(test.structure, test.at, test.sensors, drive, recorder, generator)
         seen(run.name, response)
@@ -344,13 +345,14 @@ def presliding_law(law: PaperLaw, angle: float) -> FunctionLaw:
     )  # fmt: skip
 
 
+@checks_options()
 def virtual_pulse_test(
     rig: Rig,
     *,
     noise: float = 0.01,
     presliding: float | None = None,
     loss_factor: float | None = None,
-    random_state: int | np.random.Generator | None = 0,
+    rng: RNG = 0,
 ) -> PulseTest:
     """Simulate the pulse test of a rig as a sensor sees it.
 
@@ -364,7 +366,7 @@ def virtual_pulse_test(
         Angle of the elastic presliding of every joint, rad.
     loss_factor : float, optional
         Material loss factor of the beams, instead of the rig's.
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Source of the noise.
 
     Returns
@@ -382,5 +384,5 @@ def virtual_pulse_test(
         truth.append(f"beam loss factor {loss_factor:g}")
     response = rig.respond()
     point = rig.points[0]
-    shown = Channel(noise=noise).read(response.displacement[point], np.random.default_rng(random_state))
+    shown = Channel(noise=noise).read(response.displacement[point], np.random.default_rng(rng))
     return PulseTest(point, shown, rig.sample_rate, True, " and ".join(truth), response)

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from sindyjoint.documents import read_toml
-from sindyjoint.errors import InputError, UnitError
+from sindyjoint.errors import InputError, UnitError, checks_options
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.excitation import tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
+from sindyjoint.numeric import RNG
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Run
@@ -150,7 +151,8 @@ def run_name(number: int, run: PlannedRun) -> str:
     return f"{number:02d}-{run.frequency:g}Hz"
 
 
-def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: Any = 0) -> Campaign:
+@checks_options()
+def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, rng: RNG = 0) -> Campaign:
     """Make the runs of a plan as a virtual test.
 
     Parameters
@@ -159,7 +161,7 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: A
         The joint.
     runs : sequence of PlannedRun
     sensors : Sensors
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Of the noise.
 
     Raises
@@ -167,7 +169,7 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: A
     SimulationError
         When the joint passes its softening limit.
     """
-    rng = np.random.default_rng(random_state)
+    generator = np.random.default_rng(rng)
     steps = (sensors.moment_resolution, sensors.angle_resolution)
     made = []
     for number, run in enumerate(runs, 1):
@@ -181,7 +183,7 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: A
             sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)
         ]
         moment, angle = (
-            _in_steps(Channel(share).read(x, rng), step)
+            _in_steps(Channel(share).read(x, generator), step)
             for share, x, step in zip(shares, (moment, angle), steps, strict=True)
         )
         made.append(

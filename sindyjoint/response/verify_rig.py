@@ -166,7 +166,7 @@ def _provide_pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.
             f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
             "true law; add a [measured] table, or name a shipped joint as the law"
         )
-    return virtual_pulse_test(rig, random_state=generator, **truth)
+    return virtual_pulse_test(rig, rng=generator, **truth)
 
 
 def _compare_pulse(

@@ -37,7 +37,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.evidence.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import RNG, Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class StructureProblem(Problem):
         model: JointModel | None,
         effects: Sequence[Effect],
         hold_out: Sequence[Rig | str | Path],
-        random_state: int | np.random.Generator | None,
+        random_state: RNG,
         policy: DiagnosisPolicy,
         say: Say,
     ) -> StructureProblem:
