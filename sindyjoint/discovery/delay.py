@@ -8,7 +8,7 @@ before any of these is believed. τ is a parameter of the regression, found by G
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,8 +105,8 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     )
 
 
-Columns = Callable[[Array, Array, Array, Mapping[str, Array]], Array]
-"""Columns of a law, shape (n, p), at angle, rate, acceleration and inputs of n samples."""
+Columns = Callable[[Iterable[Array], Mapping[str, Array]], Array]
+"""Columns of a law, shape (n, p), at (angle, rate, acceleration) and inputs of n samples."""
 
 
 def law_of_channels(inertia: float | None, inputs: Sequence[Input]) -> Columns:
@@ -118,7 +118,8 @@ def law_of_channels(inertia: float | None, inputs: Sequence[Input]) -> Columns:
     zero = dict(reference_values(inputs))
     moved = [each.name for each in inputs if each.levels > 1]
 
-    def columns(angle: Array, rate: Array, acceleration: Array, values: Mapping[str, Array]) -> Array:
+    def columns(motion: Iterable[Array], values: Mapping[str, Array]) -> Array:
+        angle, rate, acceleration = motion
         law = np.column_stack([angle, angle**2, angle**3, rate, np.sign(rate)])
         others = [np.ones(angle.size), *([acceleration] if inertia is None else [])]
         return np.column_stack([law, *others, *((values[n] - zero[n])[:, None] * law for n in moved)])
@@ -128,9 +129,7 @@ def law_of_channels(inertia: float | None, inputs: Sequence[Input]) -> Columns:
 
 def columns_of(terms: Sequence[ResolvedTerm]) -> Columns:
     """Return the columns of a law that is made of terms."""
-    return lambda angle, rate, acceleration, values: term_columns(
-        terms, angle, rate, acceleration, inputs=values
-    )
+    return lambda motion, values: term_columns(terms, *motion, inputs=values)
 
 
 def find_delay(
@@ -307,7 +306,7 @@ def _evaluate_columns(
     jerk = np.gradient(states.acceleration, 1 / states.sample_rate)
     slope = (states.rate, states.acceleration, jerk)
     here, after, before = (
-        law(*(m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True)), inputs)
+        law([m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True)], inputs)
         for offset in (0.0, half, -half)
     )
     derivative = (after - before) / (2 * half)

@@ -87,7 +87,7 @@ def _left(
             for name, values in state.inputs.items()
         }
         motion = (signal[index] for signal in (state.angle, state.rate, state.acceleration))
-        columns.append(law(*motion, inputs))
+        columns.append(law(motion, inputs))
         target.append(state.moment[index] - (inertia or 0.0) * state.acceleration[index])
     matrix = np.vstack(columns)
     size = np.sqrt(np.mean(matrix**2, axis=0))
