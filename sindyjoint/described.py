@@ -34,7 +34,7 @@ Maybe = Annotated[float, "null where it is not known"]
 
 _TYPES = {str: "string", Path: "string", bool: "boolean", int: "integer", float: "number", NoneType: "null"}
 _UNKNOWN = {"type": ["number", "null"]}
-_ITEMS: dict[str, dict[str, Any]] = {"bool": {"type": "boolean"}, "float64": _UNKNOWN}
+_ITEMS = {"bool": {"type": "boolean"}, "float64": _UNKNOWN}
 
 
 def same(*names: str) -> dict[str, str]:
@@ -109,7 +109,7 @@ def _schema_of(hint: Any, definitions: dict[str, Any], more: str = "") -> dict[s
     if origin in (Union, UnionType):
         return {"anyOf": [_schema_of(each, definitions, more) for each in args]}
     if getattr(origin, "__name__", "") == "ndarray":
-        schema = _ITEMS[get_args(args[1])[0].__name__.rstrip("_")]
+        schema: dict[str, Any] = _ITEMS[get_args(args[1])[0].__name__.rstrip("_")]
         shape = re.search(r"shape \(([^)]*)\)", more)
         for _ in filter(str.strip, shape[1].split(",") if shape else "n"):
             schema = {"type": "array", "items": schema}

@@ -8,7 +8,7 @@ before any of these is believed. τ is a parameter of the regression, found by G
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,8 +105,8 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     )
 
 
-Columns = Callable[[Iterable[Array], Mapping[str, Array]], Array]
-"""Columns of a law, shape (n, p), at (angle, rate, acceleration) and inputs of n samples."""
+Columns = Callable[[Array, Array, Array, Mapping[str, Array]], Array]
+"""Columns of a law, shape (n, p), at angle, rate, acceleration and inputs of n samples."""
 
 
 def law_of_channels(inertia: float | None, inputs: Sequence[Input]) -> Columns:
@@ -118,8 +118,7 @@ def law_of_channels(inertia: float | None, inputs: Sequence[Input]) -> Columns:
     zero = dict(reference_values(inputs))
     moved = [each.name for each in inputs if each.levels > 1]
 
-    def columns(motion: Iterable[Array], values: Mapping[str, Array]) -> Array:
-        angle, rate, acceleration = motion
+    def columns(angle: Array, rate: Array, acceleration: Array, values: Mapping[str, Array]) -> Array:
         law = np.column_stack([angle, angle**2, angle**3, rate, np.sign(rate)])
         others = [np.ones(angle.size), *([acceleration] if inertia is None else [])]
         return np.column_stack([law, *others, *((values[n] - zero[n])[:, None] * law for n in moved)])
@@ -129,7 +128,9 @@ def law_of_channels(inertia: float | None, inputs: Sequence[Input]) -> Columns:
 
 def columns_of(terms: Sequence[ResolvedTerm]) -> Columns:
     """Return the columns of a law that is made of terms."""
-    return lambda motion, values: term_columns(terms, *motion, inputs=values)
+    return lambda angle, rate, acceleration, values: term_columns(
+        terms, angle, rate, acceleration, inputs=values
+    )
 
 
 def find_delay(
@@ -305,10 +306,12 @@ def _evaluate_columns(
     inputs = {name: values[index] for name, values in states.inputs.items()}
     jerk = np.gradient(states.acceleration, 1 / states.sample_rate)
     slope = (states.rate, states.acceleration, jerk)
-    here, after, before = (
-        law([m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True)], inputs)
-        for offset in (0.0, half, -half)
-    )
+
+    def columns_at(offset: float) -> Array:
+        angle, rate, acceleration = (m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True))
+        return law(angle, rate, acceleration, inputs)
+
+    here, after, before = map(columns_at, (0.0, half, -half))
     derivative = (after - before) / (2 * half)
     # A lag of the moment shifts the inertia's moment as well. Where it is known it moves to the other side, but its
     # slope stays: without the jerk even 0.02 kg·m² of the paper's joint shows 0.04 ms that are not there.

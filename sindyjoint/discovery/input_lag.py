@@ -86,8 +86,10 @@ def _left(
             name: lagged(values, lags.get(name, 0.0) * state.sample_rate)[index]
             for name, values in state.inputs.items()
         }
-        motion = (signal[index] for signal in (state.angle, state.rate, state.acceleration))
-        columns.append(law(motion, inputs))
+        angle, rate, acceleration = (
+            signal[index] for signal in (state.angle, state.rate, state.acceleration)
+        )
+        columns.append(law(angle, rate, acceleration, inputs))
         target.append(state.moment[index] - (inertia or 0.0) * state.acceleration[index])
     matrix = np.vstack(columns)
     size = np.sqrt(np.mean(matrix**2, axis=0))

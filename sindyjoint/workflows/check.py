@@ -12,6 +12,7 @@ from sindyjoint.errors import checks_options
 from sindyjoint.files import load_campaign
 from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
 
@@ -22,7 +23,7 @@ def check(
     campaign: Campaign | RigTest | str | Path | Any = None,
     accept: Sequence[str] = (),
     *,
-    random_state: Any = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
 ) -> Check | RigCheck:
     """Check whether the data of a campaign, or of a structure's test, are sound.
@@ -34,7 +35,7 @@ def check(
         memory the first segment is checked.
     accept : sequence of str
         Ids of findings that shall not stop the work.
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Of the virtual test.
     progress : callable, optional
         Called with the name of each stage.
@@ -60,13 +61,13 @@ def check(
         test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
         say("checking the data")
         return check_rig_test(test, accept)
-    opened = the_campaign(campaign, random_state, LONGEST)
+    opened = the_campaign(campaign, rng, LONGEST)
     say("checking the data")
     return check_campaign(opened, accept)
 
 
 def the_campaign(
-    campaign: Campaign | str | Path | Any, random_state: Any = None, longest: int | None = None
+    campaign: Campaign | str | Path | Any, rng: RNG = None, longest: int | None = None
 ) -> Campaign:
     """Return a campaign from itself, a file, data frames, or the built-in virtual test.
 
@@ -77,9 +78,7 @@ def the_campaign(
     if campaign is None:
         from sindyjoint.mechanics.virtual import virtual_campaign
 
-        return virtual_campaign(
-            "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
-        )
+        return virtual_campaign("inter-panel", noise=0.01, rng=0 if rng is None else rng)
 
     if isinstance(campaign, str | Path):
         return load_campaign(campaign, longest)

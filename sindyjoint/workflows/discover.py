@@ -39,6 +39,7 @@ from sindyjoint.judgement.verdict import (
     unresolved_delay,
 )
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import RNG
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
@@ -68,7 +69,7 @@ def discover(
     accept: Sequence[str] = (),
     correct: bool = True,
     paper: bool = False,
-    random_state: Any = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
     workers: int | None = None,
@@ -98,7 +99,7 @@ def discover(
         do to them.
     paper : bool
         Put the question of the paper's five terms first, as for the paper's joints.
-    random_state : int, Generator or None
+    rng : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
@@ -121,7 +122,7 @@ def discover(
     check_accepted(accept)
     if campaign is None:
         say("simulating the virtual test")
-    campaign = the_campaign(campaign, random_state, LONGEST)
+    campaign = the_campaign(campaign, rng, LONGEST)
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
     unused = unused and f"{unused}: not used, for no run is too long for the memory of this process"
     options.setdefault("inputs", campaign.inputs)
@@ -129,7 +130,7 @@ def discover(
         if align:
             raise InputError(f"align: {NO_DELAY}")
         catalogue, correct = rate_free(catalogue), False
-    regressor = TermRegression(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
+    regressor = TermRegression(catalogue, motion=campaign.joint.motion, random_state=rng, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
     if checked.stopping:
@@ -245,12 +246,14 @@ def _judge_terms(
     return (undecided_without_time(verdict) if prepared.campaign.quasi_static else verdict), left
 
 
+@checks_options(regressor_options)
 def discover_rig(
     rig: RigTest | str | Path,
     library: Any = "extended",
     *,
     accept: Sequence[str] = (),
     refine: bool | None = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> RigDiscovery:
@@ -268,9 +271,10 @@ def discover_rig(
         Fit the laws' numbers, and the structure's uncertain ones, to the simulated response of the runs in the end;
         their intervals are then those of that fit. Default: where no run repeats, as then those of the regression are
         too narrow; from one start instead of three.
+    rng : int, Generator or None
     progress : callable, optional
     **options
-        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, random_state, ...
+        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, ...
 
     Returns
     -------
@@ -293,7 +297,7 @@ def discover_rig(
     catalogue_of(library)  # before work that takes seconds
     say("checking the data")
     checked = require_sound(check_rig_test(test, accept))
-    return of_data(laws_of_rig(checked.usable, library, refine, say, **options), checked)
+    return of_data(laws_of_rig(checked.usable, library, refine, say, random_state=rng, **options), checked)
 
 
 def laws_of_rig(
@@ -302,9 +306,14 @@ def laws_of_rig(
     """Return the laws of the joints of a structure's test that was checked."""
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
     from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
-    from sindyjoint.substructure.recovery import recover
+    from sindyjoint.substructure.recovery import (
+        held_spectra,
+        held_warnings,
+        recover,
+        update_structure,
+        with_numbers,
+    )
     from sindyjoint.substructure.states import joints_seen, worth_of_sensors
-    from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 
     runs = test.identification_runs
     say("recovering angles and moments of the joints")

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from sindyjoint import diagnose, diagnose_structure, verify
 from sindyjoint.cli.app import make_app
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.equation import read_model, read_test
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics import Channel, MeasuredResponse, load_rig
 from sindyjoint.reporting import write_results
-from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
-from sindyjoint.workflows.verify import verify
 from tests.diagnosis.hidden_effects import hide
 
 # What is hidden here, and two that are not: what becomes of a find is tested, and not the search.
@@ -83,7 +82,7 @@ def test_a_diagnosis_goes_on_from_the_whole_model(found):
 
 
 def test_presliding_found_in_a_structure_predicts_another_pulse():
-    from sindyjoint.diagnosis.structure.start import hide as hide_in_rig
+    from sindyjoint.diagnosis import hide as hide_in_rig
 
     rig, generator = replace(load_rig("pulse-rig"), duration=8.0), np.random.default_rng(5)
     truth = hide_in_rig(rig, "dahl_friction")
