@@ -4,10 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
-from sindyjoint.bias.correction import Bias
-from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.discovery.frequency import FrequencyTest, frequency_test, group_estimates
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.judgement.discovery import Discovery
@@ -16,7 +12,7 @@ from sindyjoint.states.rows import group_labels
 
 
 def frequency_tests(
-    discovery: Discovery, bias: Bias | None = None, margin: float = DISCOVERY.frequency_margin
+    discovery: Discovery, margin: float = DISCOVERY.frequency_margin
 ) -> tuple[FrequencyTest, ...]:
     """Test every term of a discovered model.
 
@@ -24,9 +20,6 @@ def frequency_tests(
     ----------
     discovery : Discovery
         Of a campaign with three or more excitation frequencies; otherwise nothing is returned.
-    bias : Bias, optional
-        Taken from each frequency's estimates, and a quarter of it added to their errors: a difference between
-        frequencies that the processing causes is not the joint's.
     margin : float
         Relative change over the band that would not matter.
     """
@@ -36,15 +29,10 @@ def frequency_tests(
     evidence = discovery.regressor.evidence_
     columns = [evidence.ids.index(term) for term in discovery.model.ids if term in evidence.ids]
     found = group_estimates(evidence, columns)
-    values, variance = found.coefficients, found.standard_errors**2
-    if bias is not None:
-        order = [bias.ids.index(term) for term in found.ids]
-        shift = bias.by_group[:, order]
-        values = values - shift
-        variance = variance + bias.by_group_error[:, order] ** 2 + (BIAS.uncertain_share * shift) ** 2
+    values, errors = found.coefficients, found.standard_errors
     hertz = [frequency[group] for group in found.groups]
     return tuple(
-        frequency_test(term, hertz, values[:, i], np.sqrt(variance[:, i]), found.degrees, margin)
+        frequency_test(term, hertz, values[:, i], errors[:, i], found.degrees, margin)
         for i, term in enumerate(found.ids)
     )
 

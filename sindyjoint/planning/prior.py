@@ -14,7 +14,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.mechanics.actuator import Actuator, Drive
 from sindyjoint.numeric import Array
-from sindyjoint.planning.information import Information, Sensors, stacked
+from sindyjoint.planning.information import PARTS, Information, Sensors, stacked
 from sindyjoint.planning.joints import JointRange, like_model
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, force_states
@@ -150,11 +150,10 @@ class Prior:
         if self.information is None:
             return None
         held = self.information
-        names = ("bread", "meat", "pull", "blocks")
         return Information(
             *(
                 np.repeat(np.asarray(getattr(held, name))[:, None], joints, axis=1).astype(float)
-                for name in names
+                for name in PARTS
             )
         )
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
+    PARTS,
     Information,
     changes_over_band,
     chosen_terms,
@@ -182,9 +183,6 @@ class Choice:
         gram = gram + np.einsum("ijk,ia,ib->ijkab", more, powers[at], powers[at])
         determinant = np.maximum(np.linalg.det(gram), np.exp(-WORST))
         return np.asarray(-np.log(determinant).mean(axis=-1) / (2 * order))
-
-
-PARTS = ("bread", "meat", "pull", "blocks")
 
 
 def _same(frequency: float) -> float:

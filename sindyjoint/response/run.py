@@ -223,7 +223,7 @@ def simulate_run(
             else:
                 # Many settle in a period that is not compared; a slider that never yields keeps where it began.
                 options = {"initial_state": inner[:, 0], **options}
-            motion = _simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
+            motion = simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
             angle, rate = motion.angle[skip:], motion.rate[skip:]
     except SimulationError as error:
         failure = str(error)
@@ -340,10 +340,10 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
     return repeated(mean, 1 / states.frequency)
 
 
-def _simulate_motion(
+def simulate_motion(
     law: Law, run: Run, states: ForceStates, drive: Drive, window: float, options: dict[str, Any]
 ) -> Any:
-    """Simulate the joint under the measured moment."""
+    """Simulate the joint under the measured moment; ``options`` are those of the integrator."""
     span = span_of(run, states)
     moment = run.moment[span]
     if "limits" not in options:

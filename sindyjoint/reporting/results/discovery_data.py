@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.bias.correction import Bias
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.discovery import Discovery
@@ -192,7 +191,7 @@ def gather(result: Discovery) -> ReportData:
         ),
         chosen=selection.chosen,
         candidates=tuple(ids),
-        groups=_fit_groups(result.regressor.evidence_, model, result.bias),
+        groups=_fit_groups(result.regressor.evidence_, model),
         paper=result.leads_with_paper,
         over=result.over_inputs,
         trust=result.trust,
@@ -287,8 +286,8 @@ def _over_phase(state: ForceStates, residual: Array) -> Array:
     return np.where(count >= 0.5 * np.median(count[count > 0]), mean, np.nan)
 
 
-def _fit_groups(evidence: Evidence, model: JointModel, bias: Bias | None) -> tuple[GroupFit, ...]:
-    """Fit the model's terms to each single group where there are several; less its bias where that is known."""
+def _fit_groups(evidence: Evidence, model: JointModel) -> tuple[GroupFit, ...]:
+    """Fit the model's terms to each single group where there are several."""
     from sindyjoint.discovery.evidence import Evidence as Problem
 
     if len(evidence.groups) < 2 or not model.terms:
@@ -302,27 +301,8 @@ def _fit_groups(evidence: Evidence, model: JointModel, bias: Bias | None) -> tup
             values, errors = fit.coefficients, fit.standard_errors
         except np.linalg.LinAlgError:
             values = errors = np.full(len(columns), np.nan)
-        if bias is not None and group in bias.groups:
-            values, errors = _subtract_bias(values, errors, model.ids, bias, bias.groups.index(group))
         fits.append(GroupFit(group, values, errors))
     return tuple(fits)
-
-
-def _subtract_bias(
-    values: Array, errors: Array, ids: Sequence[str], bias: Bias, group: int
-) -> tuple[Array, Array]:
-    """Subtract the bias of a group from its coefficients; their errors grow by its uncertainty."""
-    from sindyjoint.bias.policy import POLICY as BIAS
-
-    known = [i for i, name in enumerate(ids) if name in bias.ids]
-    at = [bias.ids.index(ids[i]) for i in known]
-    values, errors = values.copy(), errors.copy()
-    shift = bias.by_group[group, at]
-    values[known] -= shift
-    errors[known] = np.sqrt(
-        errors[known] ** 2 + bias.by_group_error[group, at] ** 2 + (BIAS.uncertain_share * shift) ** 2
-    )
-    return values, errors
 
 
 def run_labels(loops: Sequence[Loop]) -> list[str]:

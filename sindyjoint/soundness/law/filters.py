@@ -9,7 +9,7 @@ import numpy as np
 
 from sindyjoint.discovery.delay import find_delay
 from sindyjoint.errors import SindyJointError
-from sindyjoint.numeric import Array, rms
+from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
@@ -136,16 +136,11 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
     except (SindyJointError, np.linalg.LinAlgError, ValueError):
         return
-    if delay is None or delay.at_limit:
+    if delay is None or delay.at_limit or not delay.significant:
         return
     usual = float(np.median([np.std(s.rate) / max(float(np.std(s.angle)), 1e-300) for s in states]))
-    size, moments = abs(delay.time), np.concatenate([s.moment[s.moving] for s in states])
-    # Where the law does not fit, the best delay compensates for what it lacks.
-    if (
-        delay.residual_rms > POLICY.changed * rms(moments)
-        or size < POLICY.outstanding * delay.standard_error
-        or size * usual < POLICY.bears
-    ):
+    size = abs(delay.time)
+    if size < POLICY.outstanding * delay.standard_error or size * usual < POLICY.bears:
         return
     yield Finding(
         "channel_delay",
