@@ -212,10 +212,10 @@ def main() -> None:
 
         bench_public.main(sys.argv[2:])
         return
-    if sys.argv[1:2] == ["public"]:
-        from benchmarks import bench_public_metrics
+    if sys.argv[1:2] == ["published"]:
+        from benchmarks import published
 
-        bench_public_metrics.main(sys.argv[2:])
+        published.main(sys.argv[2:])
         return
     if sys.argv[1:2] == ["round-trip"]:
         from benchmarks import bench_round_trip

@@ -87,7 +87,6 @@ def _diagnosed(campaign: Campaign, candidates: tuple, refine: bool) -> dict:
     return dict(
         whole=result.whole,
         verdict=result.verdict,
-        weighted=[result.initial.weighted, result.final.weighted],
         response=[result.initial.response, result.final.response, result.noise_floor.response],
         notes=[w for w in result.warnings if "determined" in w or "refined" in w],
     )

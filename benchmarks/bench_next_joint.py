@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 def holds(seed: int, coefficients: int = 5, further: int = 20) -> list[bool]:
     """Return of each coefficient of a random batch, and of some further joints, whether its interval holds."""
-    from sindyjoint.batch.population import next_joint, population
+    from sindyjoint.workflows.joints.population import next_joint, population
 
     rng = np.random.default_rng(seed)
     joints = int(rng.integers(8, 41))

@@ -326,30 +326,3 @@ class LongRecord:
     def n_stretches(self) -> int:
         """Number of segments."""
         return len(self.edges) - 1
-
-
-@dataclass(frozen=True)
-class SensorNoise:
-    """RMS noise of single samples as a data sheet or a calibration gives it; None where nothing is declared.
-
-    Parameters
-    ----------
-    moment, angle, rate, acceleration : float, optional
-        N·m, rad, rad/s, rad/s² (N, m, m/s, m/s²).
-    """
-
-    moment: float | None = None
-    angle: float | None = None
-    rate: float | None = None
-    acceleration: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("moment", "angle", "rate", "acceleration"):
-            value = getattr(self, name)
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(f"noise of the {name} is {value!r}; expected a finite number above zero")
-
-    def scaled(self, factor: float) -> SensorNoise:
-        """Return the noise of all channels times a factor, as that of a mean of samples is."""
-        values = (self.moment, self.angle, self.rate, self.acceleration)
-        return SensorNoise(*(None if value is None else factor * value for value in values))

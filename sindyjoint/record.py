@@ -13,11 +13,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.accelerometer import Fusion, fuse, unknown_means
 from sindyjoint.errors import InputError, refuse
-from sindyjoint.hooks import supplied
-from sindyjoint.inputs import FileUnit, Input, LongRecord, SensorNoise, Source, check_inputs, signals_of
-from sindyjoint.shown import Shown
+from sindyjoint.inputs import FileUnit, Input, LongRecord, Source, check_inputs, signals_of
+from sindyjoint.rig import Fusion, SensorNoise, unknown_means
+from sindyjoint.shown import Shown, supplied
 from sindyjoint.text import control_character, printable, quantities
 
 Motion = Literal["rotation", "translation"]
@@ -135,7 +134,7 @@ class Run:
         The sensors of a run with an accelerometer, whose angle is that of all of them.
     quasi_static : bool
         Whether the samples lie at even steps of the travelled path, which then takes the place of time:
-        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.measured`.
+        ``sample_rate`` is their number per rad (m). See :mod:`sindyjoint.measurement.runs`.
 
     Raises
     ------
@@ -160,17 +159,6 @@ class Run:
     inputs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     fusion: Fusion | None = None
     quasi_static: bool = False
-
-    def with_channels(self, signals: Mapping[str, Any]) -> Run:
-        """Return the run with other values of its :attr:`channels`, the angle of several sensors fused anew."""
-        if self.fusion is None:
-            return replace(self, **signals)
-        sensors = self.channels | dict(signals)
-        moment, angle, fusion = fuse(
-            sensors["moment"] + self.fusion.constant, sensors["acceleration"], self.sample_rate,
-            sensors.get(MEASURED_ANGLE), sensors.get(MEASURED_RATE), self.frequency, self.noise,
-        )  # fmt: skip
-        return replace(self, moment=moment, angle=angle, fusion=fusion)
 
     @property
     def channels(self) -> dict[str, NDArray[np.float64]]:

@@ -1,9 +1,11 @@
 """Models written down by hand, so that these tests need no discovery."""
 
 import numpy as np
+from scipy.signal import chirp
 
 from sindyjoint import JointModel
 from sindyjoint.equation.model import Fitted, ModelTerm
+from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.paper import INTER_PANEL, TERMS
 from sindyjoint.record import Joint
 
@@ -30,3 +32,17 @@ def paper_model(relative_error=1e-3, values=INTER_PANEL.average, **options):
         ],
         **options,
     )
+
+
+def multisine(amplitudes, frequencies, phases, duration):
+    """Return the sum of sines, amplitude_i · sin(2π f_i t + phase_i), as an excitation."""
+    rate = 256 * float(np.max(frequencies))
+    time = np.arange(int(np.ceil(duration * rate)) + 2) / rate
+    return sampled(np.sin(2 * np.pi * np.outer(time, frequencies) + phases) @ amplitudes, rate)
+
+
+def sweep(amplitude, start, stop, duration):
+    """Return a sine whose frequency goes linearly from start to stop, Hz, as an excitation."""
+    rate = 256 * max(start, stop)
+    time = np.arange(int(np.ceil(duration * rate)) + 2) / rate
+    return sampled(amplitude * chirp(time, start, duration, stop, phi=-90), rate)

@@ -17,9 +17,9 @@ from sindyjoint.cli.progress import Progress
 from sindyjoint.text import printable
 
 if TYPE_CHECKING:
-    from sindyjoint.batch.record import CampaignRecord
-    from sindyjoint.batch.summary import Batch
     from sindyjoint.reporting.output import CampaignFiles
+    from sindyjoint.workflows.joints.record import CampaignRecord
+    from sindyjoint.workflows.joints.summary import Batch
 
 
 @with_blocks

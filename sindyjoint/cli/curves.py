@@ -15,8 +15,8 @@ from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import UnitError
 
 if TYPE_CHECKING:
+    from sindyjoint.substructure.forced import StructureCurves
     from sindyjoint.substructure.joint_curves import JointCurves
-    from sindyjoint.substructure.structure_curves import StructureCurves
 
 CURVES = "workflows.curves:curves"
 
@@ -94,7 +94,7 @@ def curves(
             ),
         )
 
-    from sindyjoint.mechanics.rig_test_file import rig_path
+    from sindyjoint.mechanics.rigs import rig_path
 
     files = [*(model or []), rig_path(subject)]
     answer(find, out, output, progress, files=files)

@@ -116,19 +116,14 @@ def _with_last_numbers(
     """Return the last problem with the numbers that are handed on, its gap, and notes on them."""
     found, known = best.progress.problem, best.gaps.final
 
-    def finished() -> tuple[P, Gap]:
-        last = found.finished()
-        if last is found or grows(best.gaps.initial, last.gap):
-            return found, known
-        return last, last.gap
-
     def fitted() -> tuple[P, Gap, tuple[str, ...]]:
-        later, notes = refined(last)
-        return (later, gap, notes) if later is last else (later, later.gap, notes)
+        later, notes = refined(found.finished())
+        if later is found or grows(best.gaps.initial, later.gap):
+            return found, known, notes if later is found else ()
+        return later, later.gap, notes
 
     stages.say("the numbers")
-    last, gap = stages.numbers.do(finished, (found, known), "what the processing does to them")
-    return stages.refinement.do(fitted, (last, gap, ()), "all of it")
+    return stages.numbers.do(fitted, (found, known, ()), "all of it")
 
 
 def _of_search(best: Explained[P], search: Portion) -> tuple[str, str]:
@@ -183,7 +178,9 @@ def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) ->
     straight, problem = start.before or start.problem, progress.problem
 
     def judged() -> Explained[P]:
-        gaps = Gaps(first.initial_gap, final, problem.floor(), problem.uncertainty(), problem.floor_is_bound)
+        gaps = Gaps(
+            first.initial_gap, final, problem.noise_floor, problem.uncertainty(), problem.floor_is_bound
+        )
         residual = problem.residual(straight)
         verdict, reason = judge(progress.steps, residual, gaps, first.policy)
         return Explained(straight, progress, residual, gaps, verdict, reason, start.words)

@@ -48,11 +48,6 @@ class DiagnosisPolicy:
         0.7,
         "... unless the moment gap falls to this share; where it grows with a step, the response gap must fall to it",
     )
-    long_valley: float = judgement(
-        1.5,
-        "interval of an element's shape over that of a linearisation, above which its numbers are reported as not "
-        "determined one by one",
-    )
     refined_gap: float = judgement(
         0.005,
         "share by which the response gap may grow by refinement: at reversals of a prescribed motion it "
@@ -176,18 +171,11 @@ class DiagnosisPolicy:
     )
     verdict_seconds: float = judgement(30.0, "processor time after which they end in any case", unit="s")
     numbers_work: float = judgement(
-        6e8,
-        "work by which the numbers of the law found are freed of what the processing does to them, or refined in free "
-        "motion; without it they are those of the regression",
-        unit="samples",
-    )
-    numbers_seconds: float = judgement(60.0, "processor time after which that ends in any case", unit="s")
-    refinement_work: float = judgement(
         2.4e9,
-        "work of a refinement on the simulated response that was asked for; without it the numbers stay as they are",
+        "work of a refinement on the simulated response; without it the numbers stay as they are",
         unit="samples",
     )
-    refinement_seconds: float = judgement(240.0, "processor time after which it ends in any case", unit="s")
+    numbers_seconds: float = judgement(240.0, "processor time after which it ends in any case", unit="s")
     parts_work: float = judgement(
         2e8, "work by which the gap is divided into its parts and located", unit="samples"
     )

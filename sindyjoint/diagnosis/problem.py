@@ -108,12 +108,8 @@ class Problem(Protocol):
         """Return the gap without some of the effects, the others fitted anew."""
         return self.gap
 
-    def floor(self) -> Gap:
-        """Return what noise leaves of the law: where its motion is measured, more than the noise of the channels."""
-        return self.noise_floor
-
     def uncertainty(self) -> Gap:
-        """Return the gaps that noise alone leaves, beside the floor: numbers come from noisy data, and so do drives."""
+        """Return the gap of the response that noise alone leaves, beside the floor, by numbers and drive."""
         return Gap(0.0, 0.0)
 
     def corrected(self) -> tuple[Self, tuple[Step, ...]]:

@@ -32,14 +32,11 @@ class Gap:
     response : float
         Of the response simulated from the measured drive: the angle, or the moment where the motion is the drive. NaN
         where the simulation failed.
-    weighted : float
-        Of the transfer moment, in units of its noise: what fits are judged by.
     """
 
     WRITTEN: ClassVar = same("moment", "response")
     moment: Maybe
     response: Maybe
-    weighted: float = float("nan")
 
 
 @dataclass(frozen=True)

@@ -17,16 +17,15 @@ class Stages:
 
     Parameters
     ----------
-    search, verdict, numbers, refinement, parts : Portion
+    search, verdict, numbers, parts : Portion
         From every start together: the rounds of the loop and the starts themselves; what a verdict needs to know; the
-        last numbers; those of the simulated response; the parts of the first gap and where it lies.
+        numbers refined on the simulated response; the parts of the first gap and where it lies.
     say : callable
     """
 
     search: Portion
     verdict: Portion
     numbers: Portion
-    refinement: Portion
     parts: Portion
     say: Callable[[str], None]
 
@@ -37,7 +36,6 @@ class Stages:
             Portion(policy.search_work, policy.search_seconds),
             Portion(policy.verdict_work, policy.verdict_seconds),
             Portion(policy.numbers_work, policy.numbers_seconds),
-            Portion(policy.refinement_work, policy.refinement_seconds),
             Portion(policy.parts_work, policy.parts_seconds),
             say,
         )
@@ -48,8 +46,7 @@ class Stages:
         named = {
             "the search": self.search,
             "the verdict": self.verdict,
-            "the correction of the numbers": self.numbers,
-            "the refinement on the simulated response": self.refinement,
+            "the refinement on the simulated response": self.numbers,
             "the division of the gap": self.parts,
         }
         return tuple(

@@ -66,8 +66,7 @@ class Gaps:
         Of the model as it was given, of the model with its effects, and of what does not repeat; NaN where a figure
         could not be had.
     uncertainty : Gap
-        What noise leaves of the law's own numbers and of its drive, and the processing of its motion, beside the
-        floor.
+        Of the response, by noise of the law's numbers and of its drive, beside the floor.
     bound : bool
         Whether the floor is an upper bound: a gap below it may be noise, or not.
     """
@@ -89,11 +88,9 @@ class Gaps:
         return bool(np.isnan(self.final.moment))
 
     def floors(self, policy: DiagnosisPolicy) -> float:
-        """Return the final gap in units of what a law that lacks nothing would leave.
-
-        That is the floor, the uncertainty of its numbers, and a small share of the moment by which the processing errs.
-        """
-        return _in_floors(self, "response" if self.of_response else "moment", policy)
+        """Return the final gap in units of the floor, and of a small share of it by which the processing errs."""
+        _, final, floor = self.figures()
+        return float(final / np.hypot(floor, policy.processing_error))
 
     def remains(self) -> float:
         """Return the share of the first gap that remains beyond the floor, by the worse of moment and response."""
@@ -146,11 +143,6 @@ class Gaps:
         )
 
 
-def _in_floors(gaps: Gaps, name: str, policy: DiagnosisPolicy) -> float:
-    final, floor, unsure = (getattr(gap, name) for gap in (gaps.final, gaps.floor, gaps.uncertainty))
-    return float(final / np.sqrt(floor**2 + unsure**2 + policy.processing_error**2))
-
-
 def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: DiagnosisPolicy) -> tuple[str, str]:
     """Return the verdict and its reason: first whether the model explains the data, then what the effects are called.
 
@@ -165,9 +157,6 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
             "no noise floor could be measured, so that no gap can be called noise or an effect",
         )
     size = f"a gap of {_percent(final)} where the noise floor is {_percent(floor)}"
-    unsure = gaps.uncertainty.response if gaps.of_response else gaps.uncertainty.moment
-    if unsure > floor:
-        size += f" and the uncertainty of the numbers {_percent(unsure)}"
     complaint = replace(gaps, initial=_without_zero_errors(steps, gaps.initial)).response_complaint(policy)
     share = f"{100 * residual.share:.0f} %" + (" (RMS)" if policy.unexplained_rms else "")
     beyond = min(gaps.floors(policy), residual.misfit) > policy.within_floors

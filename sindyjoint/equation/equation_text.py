@@ -1,10 +1,12 @@
-"""The equation of a joint as one line of text, and as LaTeX."""
+"""The equation of a joint on one line: as text, as LaTeX, in whatever else writes formulas."""
 
 from __future__ import annotations
 
+import re
+import unicodedata
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sindyjoint.equation.element import Column, JointElement
@@ -13,43 +15,62 @@ from sindyjoint.equation.model_parts import INERTIA, ModelTerm
 from sindyjoint.record import Joint
 
 
-def plain_equation(joint: Joint, terms: Sequence[ModelTerm], elements: Sequence[JointElement] = ()) -> str:
-    """Return the equation as text; the rates of internal states, and their limits, stand behind it."""
-    rotates = joint.motion == "rotation"
-    parts = [_product(t.symbol, formula_pretty(t.expression, joint.motion), "·") for t in _ordered(terms)]
-    if joint.inertia:
-        parts.insert(0, "I·θ̈" if rotates else "m·ẍ")
-    rates = []
-    for each, written in zip(elements, numbered(elements), strict=True):
-        columns, states = renamed(each, written)
-        parts += [_product(c.symbol, formula_pretty(c.expression, joint.motion), "·") for c in columns]
-        for name, rate, limit in states:
-            bound = "" if limit is None else f" with |{name}| ≤ {formula_pretty(limit, joint.motion)}"
-            rates.append(f"d{name}/dt = {formula_pretty(rate, joint.motion)}{bound}")
-    left = "M" if rotates else "F"
-    return "; ".join([f"{left} = {' + '.join(parts) or '0'}", *rates])
+@dataclass(frozen=True)
+class Style:
+    """How an equation is written.
 
+    Parameters
+    ----------
+    formula : callable
+        Of an expression and the kind of motion.
+    symbol : callable
+        Of the name of a coefficient or a state.
+    times : str
+        Between a coefficient and its formula.
+    inertia : (str, str)
+        The part of a declared inertia, of rotation and of translation.
+    rate, limit : str
+        Of a state and its rate, of a state and the value that it cannot pass.
+    between : str
+        Of the equation and the rates.
+    """
 
-def latex_equation(joint: Joint, terms: Sequence[ModelTerm], elements: Sequence[JointElement] = ()) -> str:
-    """Return the equation as LaTeX; the rates of internal states, and their limits, follow behind."""
-    rotates = joint.motion == "rotation"
+    formula: Callable[[Any, str], str]
+    symbol: Callable[[str], str]
+    times: str
+    inertia: tuple[str, str]
+    rate: str
+    limit: str
+    between: str
 
-    def product(symbol: str, formula: str) -> str:
-        return _product(latex_symbol(symbol), formula, r"\,")
+    def product(self, symbol: str, expression: Any, motion: str) -> str:
+        """Return a coefficient times its formula."""
+        letter, formula = self.symbol(symbol), self.formula(expression, motion)
+        if formula == "1":
+            return letter
+        # A sum, and a formula that begins with a sign, are no factors as they stand.
+        factor = f"({formula})" if expression.is_Add or formula.startswith("-") else formula
+        return f"{letter}{self.times}{factor}"
 
-    parts = [product(t.symbol, formula_latex(t.expression, joint.motion)) for t in _ordered(terms)]
-    if joint.inertia:
-        parts.insert(0, r"I\,\ddot{\theta}" if rotates else r"m\,\ddot{x}")
-    rates = []
-    for each, written in zip(elements, numbered(elements), strict=True):
-        columns, states = renamed(each, written)
-        parts += [product(c.symbol, formula_latex(c.expression, joint.motion)) for c in columns]
-        for name, rate, limit in states:
-            letter = latex_symbol(name)
-            bound = "" if limit is None else rf",\ |{letter}| \leq {formula_latex(limit, joint.motion)}"
-            rates.append(rf"\dot{{{letter}}} = {formula_latex(rate, joint.motion)}{bound}")
-    left = "M" if rotates else "F"
-    return r",\quad ".join([f"{left} = {' + '.join(parts) or '0'}", *rates])
+    def equation(
+        self, joint: Joint, terms: Sequence[ModelTerm], elements: Sequence[JointElement] = ()
+    ) -> str:
+        """Return the equation; the rates of internal states, and their limits, stand behind it."""
+        motion, rotates = joint.motion, joint.motion == "rotation"
+        parts = [self.inertia[not rotates]] if joint.inertia else []
+        # Inertia first, as the field writes it.
+        ordered = sorted(terms, key=lambda term: term.id != INERTIA)
+        parts += [self.product(term.symbol, term.expression, motion) for term in ordered]
+        rates = []
+        for each, written in zip(elements, numbered(elements), strict=True):
+            columns, states = renamed(each, written)
+            parts += [self.product(c.symbol, c.expression, motion) for c in columns]
+            for name, rate, limit in states:
+                state = self.symbol(name)
+                bound = "" if limit is None else self.limit.format(state, self.formula(limit, motion))
+                rates.append(self.rate.format(state, self.formula(rate, motion)) + bound)
+        left = "M" if rotates else "F"
+        return self.between.join([f"{left} = {' + '.join(parts) or '0'}", *rates])
 
 
 def numbered(elements: Sequence[JointElement]) -> list[dict[str, str]]:
@@ -83,24 +104,54 @@ def _renaming(written: Mapping[str, str]) -> dict[Any, Any]:
     return {state_symbol(name): state_symbol(new) for name, new in written.items()}
 
 
-def _ordered(terms: Sequence[ModelTerm]) -> list[ModelTerm]:
-    """Inertia first, as the field writes it."""
-    return sorted(terms, key=lambda term: term.id != INERTIA)
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)?", re.ASCII)
+_SPECIAL = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
+    "|": r"\textbar{}", '"': r"\textquotedbl{}",
+}  # fmt: skip
 
 
-def _product(symbol: str, formula: str, times: str) -> str:
-    if formula == "1":
-        return symbol
-    # A formula that begins with a sign is not a factor as it stands.
-    return f"{symbol}{times}({formula})" if formula.startswith("-") else f"{symbol}{times}{formula}"
+def one_line(text: str) -> str:
+    r"""Return text on one line, without control characters and halves of characters.
+
+    Examples
+    --------
+    >>> one_line("left\r\n*STEP\x00 joint")
+    'left *STEP joint'
+    """
+    clean = "".join(
+        " " if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Cn", "Zl", "Zp") else c for c in str(text)
+    )
+    return " ".join(clean.split())
+
+
+def latex_text(text: str) -> str:
+    r"""Return text that LaTeX prints as it stands.
+
+    Examples
+    --------
+    >>> print(latex_text("50% of A_1 & {B}"))
+    50\% of A\_1 \& \{B\}
+    """
+    return "".join(_SPECIAL.get(c, c) for c in one_line(text))
 
 
 def latex_symbol(symbol: str) -> str:
-    r"""Return k1 as k_{1}, M_F as M_{F} and mu_a as \mu_{a}."""
+    r"""Return k1 as k_{1}, M_F as M_{F} and mu_a as \mu_{a}; what is no plain name as text."""
     from sympy.core.alphabets import greeks
 
+    if not _PLAIN.fullmatch(symbol):
+        return rf"\text{{{latex_text(symbol)}}}"
     head, _, tail = symbol.partition("_")
     if not tail and len(head) > 1 and head not in greeks:
         head, tail = head[0], head[1:]
     head, tail = (f"\\{part}" if part in greeks else part for part in (head, tail))
     return f"{head}_{{{tail}}}" if tail else head
+
+
+PLAIN = Style(formula_pretty, str, "·", ("I·θ̈", "m·ẍ"), "d{}/dt = {}", " with |{}| ≤ {}", "; ")
+LATEX = Style(
+    formula_latex, latex_symbol, r"\,", (r"I\,\ddot{\theta}", r"m\,\ddot{x}"), r"\dot{{{}}} = {}", r",\ |{}| \leq {}",
+    r",\quad ",
+)  # fmt: skip

@@ -57,17 +57,6 @@ def model_at(model: Model, given: Mapping[str, float]) -> Model:
     return replace(model, terms=terms, covariance=kept, inputs=inputs)
 
 
-def held_numbers(model: Any, given: Mapping[str, float]) -> np.ndarray:
-    """Return the matrix that makes the numbers of a model with its inputs held of those of the model.
-
-    Raises
-    ------
-    UnknownNameError
-        For a name that is no input of the model.
-    """
-    return _held(model, tuple(sorted(input_values(model, given).items())))[2]
-
-
 def _held(model: Any, values: tuple[tuple[str, float], ...]) -> tuple[list[int], tuple[str, ...], np.ndarray]:
     """Return the places of the terms that stay, the formulas of all, and the matrix of their numbers."""
     written = tuple((term.formula, term.parameters, term.inputs) for term in model.terms)

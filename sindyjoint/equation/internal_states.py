@@ -16,8 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sindyjoint.equation.operations import program, run_lanes
-from sindyjoint.equation.pointers import pointer, shifted
+from sindyjoint.equation.operations import pointer, program, run_lanes, shifted
 from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:

@@ -17,6 +17,7 @@ from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, range_wa
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input
+from sindyjoint.numeric import Array
 from sindyjoint.record import Joint
 from sindyjoint.text import rounded
 
@@ -221,6 +222,17 @@ class JointModel:
             total = total + element.along(angle, rate, float(step or 0.0), rest)
         return total
 
+    def slopes(self, angle: Array, rate: Array) -> tuple[Array, Array]:
+        """Return ∂M/∂θ and ∂M/∂θ̇ of the smooth moment along a motion, by central differences.
+
+        The step is a thousandth of the range, and a rate keeps its sign: the friction step is no slope.
+        """
+        small = 1e-3 * self.fitted.angle
+        along = (self.moment(angle + small, rate) - self.moment(angle - small, rate)) / (2 * small)
+        tiny = np.minimum(1e-3 * self.fitted.rate, 0.5 * np.abs(rate)) + 1e-300
+        across = (self.moment(angle, rate + tiny) - self.moment(angle, rate - tiny)) / (2 * tiny)
+        return along, np.where(np.abs(rate) > 1e-9 * self.fitted.rate, across, 0.0)
+
     def __repr__(self) -> str:
         return f"<JointModel: {self.joint.name}, {len(self.terms) + len(self.elements)} terms>"
 
@@ -246,15 +258,15 @@ class JointModel:
 
     def equation(self) -> str:
         """Return the equation as text, with symbols for coefficients, and the rates of internal states behind it."""
-        from sindyjoint.equation.equation_text import plain_equation
+        from sindyjoint.equation.equation_text import PLAIN
 
-        return plain_equation(self.joint, self.terms, self.elements)
+        return PLAIN.equation(self.joint, self.terms, self.elements)
 
     def latex(self) -> str:
         """Return the equation as LaTeX, with symbols for coefficients."""
-        from sindyjoint.equation.equation_text import latex_equation
+        from sindyjoint.equation.equation_text import LATEX
 
-        return latex_equation(self.joint, self.terms, self.elements)
+        return LATEX.equation(self.joint, self.terms, self.elements)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the model as plain JSON data, schema 2; floats keep every bit."""

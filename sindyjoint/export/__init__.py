@@ -216,23 +216,11 @@ def check_exportable(model: JointModel) -> None:
     """
     if not model.terms and not model.elements:
         raise InputError("the model has no terms: nothing was found, so there is nothing to export")
-    for term in model.terms:
-        numbers = {
-            "coefficient": term.coefficient,
-            "standard_error": term.standard_error,
-            **dict(term.parameters),
-        }
-        for name, value in numbers.items():
-            if not _is_finite(value):
-                raise InputError(
-                    f"term {term.id!r} of the model: {name} is {value!r}; expected a finite number, "
-                    "as discover writes it"
-                )
-        for name in ("id", "symbol", "name", "unit"):
-            if not isinstance(getattr(term, name), str):
-                raise InputError(
-                    f"term {term.id!r} of the model: {name} is no text; expected one, as discover writes it"
-                )
+    for name, value in zip(_names_of_numbers(model), model.numbers, strict=True):
+        if not np.isfinite(value):
+            raise InputError(
+                f"{name} of the model is {float(value)!r}; expected a finite number, as discover writes it"
+            )
     for element in model.elements:
         known = {"theta", "omega", *element.form.names, *(state.name for state in element.form.states)}
         others = sorted({symbol.name for symbol in element.form.symbols} - known)
@@ -241,27 +229,18 @@ def check_exportable(model: JointModel) -> None:
                 f"element {element.id!r} of the model depends on {', '.join(others)}; expected formulas of angle, rate "
                 "and its own states, which are all that the targets know"
             )
-        for number in element.numbers:
-            if not _is_finite(number.value):
-                raise InputError(
-                    f"element {element.id!r} of the model: {number.name} is {number.value!r}; expected a finite "
-                    "number, as diagnose writes it"
-                )
-    ids = [*model.ids, *(element.id for element in model.elements)]
-    if len(set(ids)) < len(ids):
-        raise InputError(f"the model has a term twice: {', '.join(map(repr, ids))}; expected each one once")
     for name in ("angle", "rate", "moment_rms"):
         value = getattr(model.fitted, name)
-        if not (_is_finite(value) and value > 0):
+        if not (np.isfinite(value) and value > 0):
             raise InputError(
                 f"'fitted' of the model gives {name} = {value!r}; expected a positive number, as the tested range is "
                 "what an export is made for and judged on"
             )
 
 
-def _is_finite(value: Any) -> bool:
-    # Comparing is safe for every number that JSON can hold, integers of a thousand digits included.
-    return isinstance(value, int | float) and -1e300 < value < 1e300
+def _names_of_numbers(model: JointModel) -> list[str]:
+    names = [f"coefficient of term {term.id!r}" for term in model.terms]
+    return names + [f"{number.name} of element {e.id!r}" for e in model.elements for number in e.numbers]
 
 
 def held_rows(model: JointModel, held: JointModel) -> tuple[Fidelity, ...]:

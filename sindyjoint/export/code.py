@@ -20,13 +20,14 @@ from sympy.printing.c import C99CodePrinter
 from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.pycode import PythonCodePrinter
 
+from sindyjoint.equation.equation_text import one_line
 from sindyjoint.equation.formula import parameter_symbol, state_symbol, variable_symbols
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.export import Export
 from sindyjoint.export.elements import speeds
 from sindyjoint.export.fidelity import Cycles, Represented, fidelity_table
 from sindyjoint.export.parts import Parts, corners, softening_limits, steepness
-from sindyjoint.export.text import Fidelity, ascii_line, comment, number, one_line, preamble, words_of
+from sindyjoint.export.text import Fidelity, ascii_line, comment, number, preamble, words_of
 from sindyjoint.inputs import Input
 
 DIRECTION = sympy.Symbol("direction", real=True)

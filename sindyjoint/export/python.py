@@ -8,6 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from sindyjoint.equation.equation_text import one_line
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import MissingExtraError
 from sindyjoint.export import Export
@@ -23,16 +24,7 @@ from sindyjoint.export.code import (
     template,
     written,
 )
-from sindyjoint.export.text import (
-    Fidelity,
-    comment,
-    fidelity_lines,
-    not_carried,
-    number,
-    one_line,
-    preamble,
-    words_of,
-)
+from sindyjoint.export.text import Fidelity, comment, fidelity_lines, not_carried, number, preamble, words_of
 
 
 def export(model: JointModel) -> Export:

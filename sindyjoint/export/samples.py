@@ -11,9 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.batch.population import next_joint, population
-from sindyjoint.batch.record import CampaignRecord
-from sindyjoint.batch.summary import covariates_of, units_of_covariates
 from sindyjoint.documents import LARGEST, parse_json
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
@@ -22,6 +19,9 @@ from sindyjoint.export import Export
 from sindyjoint.export.text import Fidelity
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.numeric import Array
+from sindyjoint.workflows.joints.population import next_joint, population
+from sindyjoint.workflows.joints.record import CampaignRecord
+from sindyjoint.workflows.joints.summary import covariates_of, units_of_covariates
 
 FILE = "samples.csv"
 COUNT = 1000

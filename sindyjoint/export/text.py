@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sindyjoint.described import Maybe
+from sindyjoint.equation.equation_text import Style, one_line
 from sindyjoint.equation.formula import formula_text
 
 if TYPE_CHECKING:
@@ -40,20 +41,6 @@ class Fidelity:
     carried: bool
     error: Maybe
     largest_error: Maybe
-
-
-def one_line(text: str) -> str:
-    r"""Return text on one line, without control characters and halves of characters.
-
-    Examples
-    --------
-    >>> one_line("left\r\n*STEP\x00 joint")
-    'left *STEP joint'
-    """
-    clean = "".join(
-        " " if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Cn", "Zl", "Zp") else c for c in str(text)
-    )
-    return " ".join(clean.split())
 
 
 def ascii_line(text: str) -> str:
@@ -104,7 +91,7 @@ def heading(model: JointModel, target: str) -> list[str]:
         f"Joint: {one_line(model.joint.name)}",
         f"Written by sindyjoint for {target}. Units: {words.angle_unit}, {words.moment_unit}, s, {words.inertia_unit} "
         "(SI)",
-        f"Equation: {equation(model)}",
+        f"Equation: {ASCII.equation(model.joint, model.terms, model.elements)}",
         f"Tested up to {fitted.angle:.6g} {words.angle_unit} and {rate}; RMS "
         f"{words.moment} {fitted.moment_rms:.6g} {words.moment_unit}"
         + ("; from simulated tests" if fitted.simulated else "")
@@ -116,27 +103,7 @@ def heading(model: JointModel, target: str) -> list[str]:
     ]
 
 
-def equation(model: JointModel) -> str:
-    """Return the equation in ASCII, with the syntax of the catalogues for formulas."""
-    from sindyjoint.equation.equation_text import numbered, renamed
-
-    motion = model.joint.motion
-    parts = ["I*alpha" if motion == "rotation" else "m*a"] if model.joint.inertia is not None else []
-    for term in model.terms:
-        formula = formula_text(term.expression, motion)
-        bracketed = f"({formula})" if term.expression.is_Add or formula.startswith("-") else formula
-        symbol = ascii_line(term.symbol)
-        parts.append(symbol if formula == "1" else f"{symbol}*{bracketed}")
-    rates = []
-    for element, names in zip(model.elements, numbered(model.elements), strict=True):
-        columns, states = renamed(element, names)
-        for column in columns:
-            formula = formula_text(column.expression, motion)
-            parts.append(f"{ascii_line(column.symbol)}*{formula if formula.isalnum() else f'({formula})'}")
-        for name, rate, bound in states:
-            limit = "" if bound is None else f" with |{name}| <= {formula_text(bound, motion)}"
-            rates.append(f"d{name}/dt = {formula_text(rate, motion)}{limit}")
-    return "; ".join([("M = " if motion == "rotation" else "F = ") + " + ".join(parts), *rates])
+ASCII = Style(formula_text, ascii_line, "*", ("I*alpha", "m*a"), "d{}/dt = {}", " with |{}| <= {}", "; ")
 
 
 def fidelity_lines(rows: Sequence[Fidelity]) -> list[str]:

@@ -15,7 +15,7 @@ from sindyjoint.files.drafting.run import find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, role_of
 from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
-from sindyjoint.measured import measured_run, travelled_run
+from sindyjoint.measurement.runs import measured_run, travelled_run
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Joint, Motion, Use
 

@@ -28,7 +28,7 @@ from sindyjoint.files.readers.table import Table
 from sindyjoint.files.timeaxis import check_frequency
 from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
 from sindyjoint.inputs import Input, LongRecord, Source, lagged
-from sindyjoint.measured import measured_run, travelled_run
+from sindyjoint.measurement.runs import measured_run, travelled_run
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Joint, Motion, Run
 

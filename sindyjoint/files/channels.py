@@ -22,10 +22,10 @@ from sindyjoint.files.timeaxis import (
     with_lost_samples,
 )
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
-from sindyjoint.inputs import ColumnUnit, FileUnit, SensorNoise
+from sindyjoint.inputs import ColumnUnit, FileUnit
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
-from sindyjoint.rig import bending_moment, check_positive, full_bridge_strain, joint_angle
+from sindyjoint.rig import SensorNoise, bending_moment, check_positive, full_bridge_strain, joint_angle
 
 # quantity -> (key in [channels], SI unit), by motion
 KEYS: dict[Motion, dict[str, tuple[str, str]]] = {

@@ -11,9 +11,9 @@ from sindyjoint.discovery.estimator import JointRegressor
 from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, regression_rows
+from sindyjoint.states.floor import moment_floor
 
 # Rounds of completion and choice, at most, and the change in standard errors below which coefficients stay the same.
 ROUNDS, STAYS = 6, 0.1

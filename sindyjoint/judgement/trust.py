@@ -20,7 +20,6 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SindyJointError
 from sindyjoint.judgement.policy import POLICY
-from sindyjoint.measurement.floor import Floor, larger_moment, moment_floor
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.response.law_in_run import as_followed
@@ -28,6 +27,7 @@ from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.response.run import along_motion, cut_states, settling
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, one_after_another, states_of
+from sindyjoint.states.floor import Floor, larger_moment, moment_floor
 from sindyjoint.states.rows import group_labels
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import Colour, Light
@@ -113,7 +113,7 @@ def assess(
     try:
         if states is None:
             states = one_after_another(campaign, states_of(campaign, runs))
-        floor = moment_floor(states, model.inertia)
+        floor = moment_floor(states, model.inertia, model.without_elements())
         fitted = [
             _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
         ]
@@ -224,7 +224,6 @@ def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tu
     """Return the states that count and the moment along their motion less the measured one, N·m."""
     skip, law = settling(states), law_of_test(test, model, states)
     moment, _ = along_motion(law, states, states.sample_rate)
-    moment = moment + getattr(law, "added", 0.0)
     return cut_states(states, skip), (moment - states.moment)[skip:]
 
 
@@ -255,11 +254,11 @@ def _predicts(
     if kept:
         others = one_after_another(campaign, states_of(campaign, kept))
         error = Gap.of([_explained(model, test, each, each.run) for each in others]).value
-        floor = moment_floor(others, model.inertia).relative
+        floor = moment_floor(others, model.inertia, model.without_elements()).relative
         what = f"on {len(kept)} run{'s' * (len(kept) != 1)} kept for validation"
         return _of_unseen(error, gap.value, floor, what)
     if all(seen[each.run] is False for each in states):
-        floor = moment_floor(states, model.inertia).relative
+        floor = moment_floor(states, model.inertia, model.without_elements()).relative
         return _of_unseen(gap.value, gap.value, floor, "on these runs, which no fit has seen")
     error, inside = left_out_error(model, test, states)
     ratio = error / max(inside, 1e-300)

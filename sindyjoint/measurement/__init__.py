@@ -1,1 +1,1 @@
-"""The error model of a test: what its repeats, its channels and its declarations say of noise, for every verb alike."""
+"""What sensors measured and how well: runs of their signals, fused where several see one motion, and their noise."""

@@ -31,8 +31,6 @@ class CompiledLaw:
         Where among the numbers the law's parameters stand. Default: all are parameters.
     parts : tuple of CompiledLaw
         Laws whose functions it calls, for they must stay, too.
-    memory : callable, optional
-        From the numbers to a law with the same internal states that is quicker, for its moment is not wanted.
     """
 
     callback: Any
@@ -40,7 +38,6 @@ class CompiledLaw:
     n_states: int
     own: NDArray[np.int64] | None = None
     parts: tuple[CompiledLaw, ...] = ()
-    memory: Callable[[Array], CompiledLaw] | None = None
 
     @property
     def address(self) -> int:
@@ -56,7 +53,3 @@ class CompiledLaw:
     def parameters(self) -> Array:
         """Parameters of the law, in its order."""
         return self.numbers[self.places]
-
-    def of_states(self) -> CompiledLaw:
-        """Return a law with the same rates of the internal states, whose moment means nothing."""
-        return self if self.memory is None else self.memory(self.numbers)

@@ -7,7 +7,6 @@ it by address, so they are compiled once and cached; a new law costs only its fe
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -17,9 +16,11 @@ from numba import cfunc, njit, types
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
-from sindyjoint.equation.pointers import integer_at, intrinsic, pointer, shifted
+from sindyjoint.equation.evaluation import compile_terms
+from sindyjoint.equation.operations import integer_at, intrinsic, operated, pointer, program, shifted, stacked
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
+from sindyjoint.numeric import Array
 
 HALVINGS = 30  # of a step in which a slider reaches its limit
 SLOPE = 1e-3  # step of the slopes of an internal state, relative to its largest value
@@ -121,70 +122,13 @@ def sum_of(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
     """Return the sum of two laws, states and parameters of the first one first; there is nothing to compile."""
     header = np.array([first.address, second.address, first.n_states, first.numbers.size], dtype=np.int64)
     end = SUM_HEADER + first.numbers.size
-
-    def memory(numbers: NDArray[np.float64]) -> CompiledLaw:
-        """Return the one law that has all internal states, or the sum of what is left of both."""
-        one = replace(first, numbers=numbers[SUM_HEADER:end])
-        other = replace(second, numbers=numbers[end:])
-        if first.n_states and second.n_states:
-            return replace(sum_of(one.of_states(), other.of_states()), memory=None)
-        return (one if first.n_states else other).of_states()
-
     return CompiledLaw(
         SUM_CALLBACK,
         np.concatenate([header.view(np.float64), first.numbers, second.numbers]),
         first.n_states + second.n_states,
         np.concatenate([SUM_HEADER + first.places, end + second.places]),
         (first, second),
-        memory,
     )
-
-
-@lru_cache(maxsize=256)
-def scalar_law_of_expressions(
-    expressions: tuple, states: tuple[str, ...], parameters: tuple[str, ...]
-) -> ScalarLaw:
-    """Write sympy expressions (moment, then state rates) as one scalar law function."""
-    import sympy
-    from sympy.utilities.lambdify import lambdify
-
-    theta, omega, direction = sympy.symbols("theta omega direction")
-    z, p = sympy.IndexedBase("z"), sympy.IndexedBase("p")
-    symbols: dict[str, Any] = {name: z[i] for i, name in enumerate(states)}
-    symbols |= {name: p[i] for i, name in enumerate(parameters)}
-    symbols |= {"theta": theta, "omega": omega, "direction": direction}
-
-    def rewrite(expression: Any) -> Any:
-        expression = sympy.sympify(expression, strict=True)
-        # By name, not by identity: an expression built with real=True symbols means the same law.
-        expression = expression.xreplace(
-            {s: symbols[s.name] for s in expression.free_symbols if s.name in symbols}
-        )
-        expression = expression.replace(sympy.sign(omega), direction)
-        return expression.replace(sympy.Heaviside(omega), (1 + direction) / 2).evalf(17)
-
-    rewritten = tuple(rewrite(e) for e in expressions)
-    count = len(rewritten)
-    values = njit(error_model="numpy")(
-        lambdify(
-            (theta, omega, direction, z, p),
-            rewritten if count > 1 else rewritten[0],
-            modules="math",
-            cse=True,
-        )
-    )
-    if count == 1:
-
-        def scalar_law(theta, omega, direction, state, parameters, out):
-            out[0] = values(theta, omega, direction, state, parameters)
-    else:
-
-        def scalar_law(theta, omega, direction, state, parameters, out):
-            results = values(theta, omega, direction, state, parameters)
-            for i in range(count):
-                out[i] = results[i]
-
-    return scalar_law
 
 
 @njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
@@ -281,3 +225,69 @@ def fastest_decay(address, angle, rate, direction, parameters, state):
         slope = np.minimum(*sides) / step
         largest = max(largest, float(slope[np.isfinite(slope)].max(initial=0.0)))
     return largest
+
+
+Integers = NDArray[np.int64]
+
+
+@lru_cache(maxsize=256)
+def program_of_expressions(
+    expressions: tuple, states: tuple[str, ...], parameters: tuple[str, ...]
+) -> tuple[Array, Integers, Integers]:
+    """Return the program of sympy expressions (moment, then state rates); ``sign(omega)`` is the direction of slip.
+
+    Raises
+    ------
+    FormulaError
+        For a function that formulas do not have.
+    """
+    from sympy import Heaviside, Symbol, sign
+
+    direction = Symbol("direction", real=True)
+
+    def directed(expression: Any) -> Any:
+        jumps: dict[Any, Any] = {}
+        for symbol in expression.free_symbols:
+            if symbol.name == "omega":
+                jumps |= {sign(symbol): direction, Heaviside(symbol): (1 + direction) / 2}
+        return expression.xreplace(jumps)
+
+    arguments = ("theta", "omega", "direction", *states, *parameters)
+    return program(compile_terms([directed(each) for each in expressions], arguments))
+
+
+# Integers in front of the program, by their bits: numbers of states, of values, of constants, of operations.
+HEADER = 4
+
+
+@cfunc(LAW_SIGNATURE, cache=True, error_model="numpy")
+def PROGRAM_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802, D103
+    states, values = integer_at(parameters), integer_at(shifted(parameters, 1))
+    known, count = values + integer_at(shifted(parameters, 2)), integer_at(shifted(parameters, 3))
+    numbers = shifted(parameters, HEADER)
+    plan = shifted(numbers, known)
+    start = 3 + states + known
+    registers = stacked(start + count)
+    registers[0], registers[1], registers[2] = theta, omega, direction
+    for i in range(states):
+        registers[3 + i] = state[i]
+    for i in range(known):
+        registers[3 + states + i] = numbers[i]
+    for row in range(count):
+        operation = shifted(plan, 3 * row)
+        first, second = integer_at(shifted(operation, 1)), integer_at(shifted(operation, 2))
+        registers[start + row] = operated(integer_at(operation), registers[first], registers[second])
+    outputs = shifted(plan, 3 * count)
+    for i in range(1 + states):
+        out[i] = registers[integer_at(shifted(outputs, i))]
+
+
+def interpreted_law(
+    program: tuple[Array, Integers, Integers], n_states: int, parameters: Array
+) -> CompiledLaw:
+    """Return a law of a program: moment and rates of its states, interpreted."""
+    constants, operations, outputs = program
+    plan = np.concatenate([operations.ravel(), outputs]).astype(np.int64)
+    header = np.array([n_states, parameters.size, constants.size, len(operations)], dtype=np.int64)
+    numbers = np.concatenate([header.view(np.float64), parameters, constants, plan.view(np.float64)])
+    return CompiledLaw(PROGRAM_CALLBACK, numbers, n_states, HEADER + np.arange(parameters.size))

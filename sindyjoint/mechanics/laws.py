@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sindyjoint.errors import FormulaError, InputError
+from sindyjoint.errors import InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 from sindyjoint.numeric import Array
 
@@ -217,11 +217,11 @@ class FunctionLaw(_CallbackLaw):
 
 @dataclass(frozen=True)
 class FormulaLaw(_CallbackLaw):
-    """A law written as sympy expressions, interpreted by the integrators (:mod:`sindyjoint.mechanics.programs`).
+    """A law written as sympy expressions, interpreted by the integrators (:mod:`sindyjoint.mechanics.kernels`).
 
-    One with a function that formulas of catalogues do not have is compiled by numba on first use. The symbols
-    ``theta`` and ``omega`` are angle and rate, ``direction`` the sense of slip; ``sign(omega)`` is taken as
-    ``direction`` and is thereby set-valued at standstill. All other symbols are states or parameters.
+    They have the functions that formulas of catalogues have. The symbols ``theta`` and ``omega`` are angle and rate,
+    ``direction`` the sense of slip; ``sign(omega)`` is taken as ``direction`` and is thereby set-valued at standstill.
+    All other symbols are states or parameters.
 
     Parameters
     ----------
@@ -271,32 +271,19 @@ class FormulaLaw(_CallbackLaw):
         """Return the same formulas with other values of some parameters."""
         return replace(self, parameters={**self.parameters, **values})
 
-    @property
-    def _written(self) -> tuple[tuple[Any, ...], tuple[str, ...], tuple[str, ...]]:
-        """Expressions, names of states, names of parameters."""
-        return (self.expression, *self.state_rates.values()), tuple(self.state_rates), tuple(self.parameters)
-
     @cached_property
-    def _interpreted(self) -> CompiledLaw | None:
-        """None for a function that formulas of catalogues do not have."""
-        from sindyjoint.mechanics.programs import interpreted_law, program_of_expressions
+    def _interpreted(self) -> CompiledLaw:
+        from sindyjoint.mechanics.kernels import interpreted_law, program_of_expressions
 
-        try:
-            program = program_of_expressions(*self._written)
-        except FormulaError:
-            return None
+        formulas = (self.expression, *self.state_rates.values())
+        program = program_of_expressions(formulas, tuple(self.state_rates), tuple(self.parameters))
         return interpreted_law(
             program, self.n_states, np.array([*self.parameters.values()], dtype=np.float64)
         )
 
     def compiled(self) -> CompiledLaw:
-        """Form for the integrators; new parameter values need no new compilation of the same formulas."""
-        if self._interpreted is not None:
-            return self._interpreted
-        from sindyjoint.mechanics.kernels import compile_scalar_law, scalar_law_of_expressions
-
-        function = scalar_law_of_expressions(*self._written)
-        return compile_scalar_law(function, np.array([*self.parameters.values()]), self.n_states)
+        """Form for the integrators; new formulas and parameter values need no compilation."""
+        return self._interpreted
 
 
 @lru_cache(maxsize=1024)

@@ -7,10 +7,9 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from sindyjoint.files.manifest import StrictTable
-from sindyjoint.mechanics.rig_limits import (
-    MOST_ELEMENTS,
-    MOST_PARTS,
-)
+
+# Matrices of a chain are full: a thousand elements are gigabytes and minutes, and a beam is exact with a few.
+MOST_ELEMENTS, MOST_PARTS = 200, 100
 
 
 class SectionTable(StrictTable):

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
-from sindyjoint.errors import InputError, MissingInputError, SindyJointError
-from sindyjoint.files.manifest import first_complaint
+from sindyjoint.errors import InputError
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.laws import Law, PaperLaw
@@ -24,7 +22,6 @@ from sindyjoint.mechanics.rig_file import (
     SensorTable,
     StationTable,
 )
-from sindyjoint.mechanics.rig_limits import solvable_structure
 from sindyjoint.mechanics.rig_test import (
     BASE,
     Chain,
@@ -35,13 +32,15 @@ from sindyjoint.mechanics.rig_test import (
     uncertain_numbers,
 )
 from sindyjoint.mechanics.rigs import (
-    RIG_FOLDER,
     UNITS,
     build_excitation,
     build_item,
+    naming_file,
     read_measured,
+    read_rig_file,
     read_run,
-    shipped_rigs,
+    rig_path,
+    solvable_structure,
 )
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
 from sindyjoint.mechanics.virtual import JOINTS
@@ -90,14 +89,6 @@ def has_measured_runs(path: str | Path) -> bool:
     return any(isinstance(run, dict) and "file" in run for run in runs)
 
 
-def rig_path(rig: str | Path) -> Path:
-    """Return the file of a rig: of one that ships with the package, in a folder, or itself."""
-    if str(rig) in shipped_rigs():
-        return RIG_FOLDER / f"{rig}.toml"
-    path = Path(rig)
-    return path / "rig.toml" if (path / "rig.toml").is_file() else path
-
-
 def load_rig_test(rig: str | Path) -> RigTest:
     """Read a rig with sensors and measured runs.
 
@@ -108,10 +99,10 @@ def load_rig_test(rig: str | Path) -> RigTest:
     InputError, UnitError, UnknownNameError, MissingInputError
         In one line that names file and field.
     """
-    path, given = _read(rig)
+    path, given = read_rig_file(rig)
 
-    def build() -> RigTest:
-        laws = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
+    laws = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
+    with naming_file(path):
         files = [table for table in given.run if table.file is not None]
         if not files and given.pulse is not None and given.measured:
             return _pulse_test(given, path, laws)
@@ -125,8 +116,6 @@ def load_rig_test(rig: str | Path) -> RigTest:
         marked = any(SIMULATED_KEY in (path.parent / str(table.file)).name for table in files)
         return replace(test, runs=runs, simulated=test.simulated or marked)
 
-    return _with_path(build, path)
-
 
 def load_rig_structure(rig: str | Path) -> RigTest:
     """Read a rig with sensors without its runs; a joint whose law is sought, or a model's, has ``UNKNOWN``.
@@ -136,22 +125,23 @@ def load_rig_structure(rig: str | Path) -> RigTest:
     InputError, UnitError, UnknownNameError, MissingInputError
         In one line that names file and field.
     """
-    path, given = _read(rig)
+    path, given = read_rig_file(rig)
     laws = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
-    return _with_path(lambda: _build_test(given, path, laws), path)
+    with naming_file(path):
+        return _build_test(given, path, laws)
 
 
 def has_pulse(rig: str | Path) -> bool:
     """Return whether a rig is a chain that a pulse excites."""
-    _, given = _read(rig)
+    _, given = read_rig_file(rig)
     return given.pulse is not None and bool(given.chain)
 
 
 def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
     """Read a rig whose joints have laws, shipped or given, with the runs that a virtual test shall make."""
-    path, given = _read(rig)
+    path, given = read_rig_file(rig)
 
-    def build() -> RigPlan:
+    with naming_file(path):
         test = _build_test(given, path, {**JOINTS, **(laws or {})})
         drives = tuple(
             _drive_of(table, number, given.drive) for number, table in enumerate(given.run, 1) if table.shape
@@ -168,28 +158,6 @@ def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig
             r.noise,
         )
         return RigPlan(test, drives, recorder)
-
-    return _with_path(build, path)
-
-
-def _read(rig: str | Path) -> tuple[Path, RigFile]:
-    path = rig_path(rig)
-    if not path.is_file():
-        raise MissingInputError(
-            f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
-        )
-    try:
-        return path, RigFile.model_validate(read_toml(path))
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_complaint(error)}") from error
-
-
-def _with_path(build: Any, path: Path) -> Any:
-    try:
-        return build()
-    except SindyJointError as error:
-        text = str(error)
-        raise type(error)(text if text.startswith(str(path.parent)) else f"{path}: {text}") from error
 
 
 def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:

@@ -15,8 +15,8 @@ from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.writers import ENCODERS, REMARK
 from sindyjoint.mechanics.rig_file import RigFile
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import SIMULATED_KEY, rig_path
-from sindyjoint.mechanics.rigs import UNITS
+from sindyjoint.mechanics.rig_test_file import SIMULATED_KEY
+from sindyjoint.mechanics.rigs import UNITS, rig_path
 
 
 def write_rig_test(

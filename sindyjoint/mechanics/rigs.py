@@ -5,7 +5,8 @@ Two ship with the package: ``pulse-rig``, after section 5 of the paper, and ``fo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +17,7 @@ from pydantic import ValidationError
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
 from sindyjoint.files.manifest import first_complaint
+from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import ColumnUnit, Source
 from sindyjoint.mechanics.beam import Beam, rectangular_section
@@ -31,12 +33,6 @@ from sindyjoint.mechanics.rig_file import (
     RunTable,
     SensorTable,
 )
-from sindyjoint.mechanics.rig_limits import (
-    LARGEST,
-    SMALLEST,
-    check_sizes,
-    solvable_structure,
-)
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun
 from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
 from sindyjoint.mechanics.transient import Response, respond
@@ -49,6 +45,10 @@ if TYPE_CHECKING:
     from sindyjoint.files.readers.table import Table
 
 RIG_FOLDER = Path(__file__).parent / "rig_files"
+# Of a chain, and of a simulation, so that they take minutes.
+MOST_ELEMENTS_OF_ALL, MOST_STEPS = 600, 10_000_000
+# Beyond these, SI, nothing is a part of a structure, and matrices are no longer solved.
+SMALLEST, LARGEST = 1e-12, 1e15
 UNITS = {
     "acceleration": "m/s**2",
     "velocity": "m/s",
@@ -137,6 +137,37 @@ def shipped_rigs() -> list[str]:
     return sorted(path.stem for path in RIG_FOLDER.glob("*.toml"))
 
 
+def rig_path(rig: str | Path) -> Path:
+    """Return the file of a rig: of one that ships with the package, in a folder, or itself."""
+    if str(rig) in shipped_rigs():
+        return RIG_FOLDER / f"{rig}.toml"
+    path = Path(rig)
+    return path / "rig.toml" if (path / "rig.toml").is_file() else path
+
+
+def read_rig_file(rig: str | Path) -> tuple[Path, RigFile]:
+    """Return the file of a rig and its tables."""
+    path = rig_path(rig)
+    if not path.is_file():
+        raise MissingInputError(
+            f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
+        )
+    try:
+        return path, RigFile.model_validate(read_toml(path))
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_complaint(error)}") from error
+
+
+@contextmanager
+def naming_file(path: Path) -> Iterator[None]:
+    """Let errors name the file of a rig, or one in its folder."""
+    try:
+        yield
+    except SindyJointError as error:
+        text = str(error)
+        raise type(error)(text if text.startswith(str(path.parent)) else f"{path}: {text}") from error
+
+
 def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
     """Read a rig.
 
@@ -159,22 +190,9 @@ def load_rig(rig: str | Path, laws: Mapping[str, Law] | None = None) -> Rig:
     >>> 3 < rig.structure().frequencies(1)[0] < 6
     np.True_
     """
-    path = RIG_FOLDER / f"{rig}.toml" if str(rig) in shipped_rigs() else Path(rig)
-    if not path.is_file():
-        raise MissingInputError(
-            f"{str(rig)!r} is no rig; expected a TOML file or one of {', '.join(shipped_rigs())}"
-        )
-    try:
-        given = RigFile.model_validate(read_toml(path))
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_complaint(error)}") from error
-    try:
+    path, given = read_rig_file(rig)
+    with naming_file(path):
         return _build_rig(given, path, {**JOINTS, **(laws or {})})
-    except SindyJointError as error:
-        text = str(error)
-        raise type(error)(
-            text if text.startswith((str(path), str(path.parent))) else f"{path}: {text}"
-        ) from error
 
 
 def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
@@ -199,11 +217,43 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         pulse_uncertainty=given.pulse.uncertainty,
     )  # fmt: skip
     times = {name: getattr(rig, name) for name in ("duration", "sample_rate", "step")}
-    check_sizes(items, times, where)
+    _check_sizes(items, times, where)
     structure = solvable_structure(items, stiffness)
     for name in (rig.at, *rig.points, *(record.point for record in records)):
         structure.point(name)
     return rig
+
+
+def _check_sizes(items: Sequence[Item], times: Mapping[str, float], where: str) -> None:
+    """Refuse what would take hours or all memory to simulate."""
+    elements = sum(item.elements for item in items if isinstance(item, Beam))
+    if elements > MOST_ELEMENTS_OF_ALL:
+        raise InputError(f"{elements} elements in all; expected at most {MOST_ELEMENTS_OF_ALL}")
+    for name, value in times.items():
+        if not (SMALLEST < value < LARGEST):
+            raise InputError(f"{where} {name} is {value:g} in SI; expected a positive number")
+    steps = times["duration"] * max(1 / times["step"], times["sample_rate"])
+    if steps > MOST_STEPS:
+        raise InputError(
+            f"{where}: {steps:.3g} steps of time; expected at most {MOST_STEPS:g}: a shorter duration, a lower "
+            "sample_rate or a larger step"
+        )
+
+
+def solvable_structure(items: Sequence[Item], clamp_stiffness: float) -> Structure:
+    """Return the assembled chain; refuse one that no computer can solve."""
+    try:
+        structure = assemble(items, clamp_stiffness)
+        # Whether it holds together is the business of who simulates it, with the law that its joints will have.
+        with suppress(InputError):
+            structure.frequencies(1, locked=True)
+    except (np.linalg.LinAlgError, ArithmeticError, ValueError) as error:
+        if isinstance(error, SindyJointError):
+            raise
+        raise InputError(
+            f"the chain cannot be solved ({' '.join(str(error).split()):.80}); check lengths, stiffnesses and masses"
+        ) from None
+    return structure
 
 
 def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
@@ -245,69 +295,48 @@ def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
 
 
 def build_excitation(given: PulseTable, path: Path) -> Excitation:
-    """Return the force of a pulse, N."""
+    """Return the force of a pulse, N; a measured one follows straight lines between samples."""
     where = f"{path}: [pulse]"
     if given.shape is not None:
         assert isinstance(given.force, str) and given.duration is not None
         duration = parse_quantity(given.duration, "s", f"{where} duration")
         return pulse(parse_quantity(given.force, "N", f"{where} force"), duration, given.shape)
     assert given.file is not None and given.time is not None and isinstance(given.force, ColumnTable)
-    return read_pulse(
-        path.parent / given.file, given.time.column, given.time.unit, given.force.column, given.force.unit
-    )
+    values, rate = _read_series(path.parent / given.file, given.time, "force", given.force, "N")
+    return sampled(np.append(values, 0.0), rate, "linear")
 
 
-def read_pulse(file: Path, time: str | int, time_unit: str, force: str | int, force_unit: str) -> Excitation:
-    """Read a measured force, N, as an excitation; between samples it follows straight lines.
-
-    Raises
-    ------
-    InputError, UnitError
-        For a file that cannot be read, another unit, or times that are not uniform within 1 %.
-    """
-    import numpy as np
-
-    values, sample_rate = _read_series(file, (time, time_unit), ("force", force, force_unit, "N"))
-    return sampled(np.append(values, 0.0), sample_rate, "linear")
+def _uniform_rate(file: Path, time: NDArray[np.float64]) -> float:
+    """Return the sampling rate of instants in s, Hz."""
+    with np.errstate(all="ignore"):
+        steps = np.diff(time)
+        even = steps.size and np.all(np.abs(steps - steps.mean()) <= 0.01 * steps.mean())
+    if not (even and steps.mean() > 0):
+        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the file")
+    return 1 / float(np.mean(steps))
 
 
 def _read_series(
-    file: Path, time: tuple[str | int, str], channel: tuple[str, str | int, str, str]
+    file: Path, time: ColumnTable, name: str, channel: ColumnTable, target: str
 ) -> tuple[NDArray[np.float64], float]:
-    """Read one channel (its name, column, unit and SI unit) and its sampling rate, Hz."""
-    import numpy as np
-
-    from sindyjoint.files.readers import read_table
-
-    name, column, unit, target = channel
-    to_seconds = conversion(time[1], "s", f"{file}: time")
-    to_si = conversion(unit, target, f"{file}: {name}")
-    table, _ = read_table(file)
-    stamps, values = table.columns([time[0], column])
-    with np.errstate(all="ignore"):
-        steps = np.diff(stamps * to_seconds)
-    if (
-        not steps.size
-        or not np.all(np.abs(steps - np.median(steps)) <= 0.01 * abs(np.median(steps)))
-        or steps[0] <= 0
-    ):
-        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the {name}")
+    """Read one channel in its SI unit and its sampling rate, Hz."""
+    seconds = conversion(time.unit, "s", f"{file}: time")
+    to_si = conversion(channel.unit, target, f"{file}: {name}")
+    stamps, values = read_table(file)[0].columns([time.column, channel.column])
+    rate = _uniform_rate(file, stamps * seconds)
     if not np.all(np.isfinite(values)):
         row = int(np.flatnonzero(~np.isfinite(values))[0])
         raise InputError(f"{file}: {name} is not a finite number in data row {row + 1}; repair the file")
-    return values * to_si, 1 / float(np.mean(steps))
+    return values * to_si, rate
 
 
 def read_measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
     """Read a response to a pulse; InputError where it is too short or all zero."""
-    values, sample_rate = _read_series(
-        path.parent / given.file,
-        (given.time.column, given.time.unit),
-        ("displacement", given.displacement.column, given.displacement.unit, "m"),
-    )
+    file = path.parent / given.file
+    values, sample_rate = _read_series(file, given.time, "displacement", given.displacement, "m")
     if values.size < MINIMUM_SAMPLES or not values.any():
         raise InputError(
-            f"{path.parent / given.file}: displacement has {values.size} samples, "
+            f"{file}: displacement has {values.size} samples, "
             f"{'all zero' if not values.any() else 'too few'}; expected a response of at least {MINIMUM_SAMPLES}"
         )
     return MeasuredResponse(given.point, values, sample_rate)
@@ -315,25 +344,19 @@ def read_measured(given: MeasuredTable, path: Path) -> MeasuredResponse:
 
 def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     """Read one measured run of a rig, in SI, with the units that its file states otherwise than they are declared."""
-    from sindyjoint.files.readers import read_table
-
     file = path.parent / str(table.file)
     channels: list[DriveTable | SensorTable] = [given.drive, *given.sensor]
     factors = [conversion(c.unit, UNITS[c.quantity], f"{file}: {c.column}") for c in channels]
     seconds = conversion(given.time.unit, "s", f"{file}: time")
     read, sha256 = read_table(file)
     stamps, *signals = read.columns([given.time.column, *(channel.column for channel in channels)])
-    steps = np.diff(stamps * seconds)
-    if not steps.size or not (
-        steps.mean() > 0 and np.all(np.abs(steps - steps.mean()) <= 0.01 * steps.mean())
-    ):
-        raise InputError(f"{file}: time does not rise in equal steps within 1 %; resample the file")
+    rate = _uniform_rate(file, stamps * seconds)
     drive, *responses = (signal * factor for signal, factor in zip(signals, factors, strict=True))
     frequency = (
         None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{file}: frequency")
     )
     return RigRun(
-        table.name or Path(str(table.file)).stem, drive, np.array(responses), 1 / float(steps.mean()), frequency,
+        table.name or Path(str(table.file)).stem, drive, np.array(responses), rate, frequency,
         table.level, table.use, Source(str(table.file), sha256, _stated_units(read, given)),
     )  # fmt: skip
 

@@ -297,7 +297,7 @@ def brought_from_rest(law: Law, angle: Array, rate: Array, rest: float = 0.0) ->
     """
     from sindyjoint.mechanics.kernels import evaluate_law, integrate_states
 
-    compiled = as_compiled(law).of_states()
+    compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, APPROACH))
     fastest = float(np.abs(rate).max()) if rate.size else 0.0
     way = float(angle[0]) - rest if angle.size else 0.0
@@ -378,7 +378,7 @@ def internal_states(
             f"angle and rate have shapes {theta.shape} and {omega.shape}; expected equal one-dimensional shapes"
         )
     direction = slip_direction(omega)
-    compiled = as_compiled(law).of_states()
+    compiled = as_compiled(law)
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
         state[:, 0] = brought_from_rest(law, theta, omega, rest)

@@ -97,7 +97,7 @@ class Structure:
 
     def tangent_stiffness(self) -> Array:
         """Stiffness of each joint at standstill in the middle, N·m/rad, shape (n_joints,)."""
-        return np.array([_compute_tangent(hinge.law) for hinge in self.hinges])
+        return np.array([tangent_of(hinge.law) for hinge in self.hinges])
 
     def frequencies(self, count: int = 6, locked: bool = False) -> Array:
         """Natural frequencies, Hz, with the joints' stiffness at standstill or with locked joints.
@@ -131,7 +131,8 @@ class Structure:
             ) from None
 
 
-def _compute_tangent(law: Law) -> float:
+def tangent_of(law: Law) -> float:
+    """Return the stiffness of a joint at standstill in the middle, N·m/rad."""
     # Central difference over an angle far below anything a joint is tested at.
     step, still = 1e-7, np.zeros(2)
     state = np.zeros((law.n_states, 2))

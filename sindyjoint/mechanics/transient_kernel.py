@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from sindyjoint.equation.pointers import pointer, shifted
+from sindyjoint.equation.operations import pointer, shifted
 from sindyjoint.mechanics.kernels import call_law
 
 END, CHANGE, NOT_CONVERGED, PAST_LIMIT = range(4)

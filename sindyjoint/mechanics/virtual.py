@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.measured import measured_run
+from sindyjoint.measurement.runs import measured_run
 from sindyjoint.mechanics.excitation import Excitation, harmonic
 from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.sensors import Channel, anti_aliased, delayed, from_raw_channels, raw_channels

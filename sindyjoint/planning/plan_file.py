@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.mechanics.actuator import SINE, tones
+from sindyjoint.mechanics.excitation import SINE, tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment

@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.actuator import SINE, driven_at
+from sindyjoint.mechanics.excitation import SINE, driven_at
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
     Information,

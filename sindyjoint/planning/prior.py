@@ -12,7 +12,7 @@ import numpy as np
 from sindyjoint.discovery.evidence import Evidence, block_scores
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.mechanics.actuator import Actuator, Drive
+from sindyjoint.mechanics.excitation import Actuator, Drive
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import PARTS, Information, Sensors, stacked
 from sindyjoint.planning.joints import JointRange, like_model

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.actuator import SINE, Actuator, Drive, driven_at, tones
+from sindyjoint.mechanics.excitation import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.numeric import Array

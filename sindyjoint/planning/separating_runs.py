@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Step
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.mechanics.actuator import SINE, Actuator
+from sindyjoint.mechanics.excitation import SINE, Actuator
 from sindyjoint.mechanics.laws import Law, SumLaw
 from sindyjoint.mechanics.virtual import VirtualTest
 from sindyjoint.planning.information import Sensors

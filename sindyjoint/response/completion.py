@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SimulationError
+from sindyjoint.measurement.noise import signal_end
 from sindyjoint.mechanics.excitation import repeated
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
@@ -24,12 +25,11 @@ from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.law_in_run import held_laws
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.run import RTOL, WINDOW, angle_limits, simulate_motion, span_of
+from sindyjoint.response.run import RTOL, angle_limits, simulate_motion, span_of
 from sindyjoint.response.start import steady_start
 from sindyjoint.states import ForceStates, Harmonics
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
-from sindyjoint.states.noise import signal_end
 from sindyjoint.states.periodic import BAND_SHARE
 
 Complex = NDArray[np.complex128]
@@ -93,7 +93,7 @@ def _of_period(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
         return None
     start, reach = np.array([state.angle[0], state.rate[0]]), angle_limits(law, state, "windows")
     options = {"rtol": RTOL, "beam_inertia": between, "limits": reach}
-    start, inner = steady_start(law, repeated(excitation, 1 / state.frequency), start, reach, **options)
+    start, inner = steady_start(law, repeated(excitation, 1 / state.frequency), start, **options)
     motion = simulate(
         law, repeated(excitation, 1 / state.frequency), 1 / state.frequency, POINTS * state.frequency, initial=start,
         initial_state=inner, **options,
@@ -229,7 +229,9 @@ def _of_record(law: Law, run: Run, state: ForceStates) -> ForceStates | None:
         if not state.repeated:
             moment[span_of(run, state)] = drive
         driven, options = replace(state, moment=drive), {"rtol": RTOL, "beam_inertia": between}
-        motion = simulate_motion(law, replace(run, moment=moment), driven, "moment", WINDOW, options)
+        motion = simulate_motion(
+            law, replace(run, moment=moment), driven, "moment", None, 0, np.zeros((law.n_states, 1)), options
+        )
         if not _follows(motion.angle, state):
             return None
         moved = np.array([motion.angle, motion.rate, motion.acceleration])

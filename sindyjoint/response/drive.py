@@ -7,13 +7,13 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from sindyjoint.measurement.policy import POLICY as NOISE
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.numeric import rms, without_line
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.model_law import elastic_moment
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
-from sindyjoint.states.policy import POLICY as STATES
 
 Drive = Literal["moment", "windows", "motion", "free run"]
 
@@ -87,7 +87,7 @@ def unanswered(states: ForceStates, inertia: float) -> float:
     )
     unit_noise = 2 / states.sample_rate  # one-sided density of white noise of variance one
     floor = unit_noise * states.noise.moment**2
-    beyond = (frequency > states.bandwidth) & (density > STATES.signal_to_noise * floor)
+    beyond = (frequency > states.bandwidth) & (density > NOISE.signal_to_noise * floor)
     frequency, density = frequency[beyond], density[beyond]
     stiffness = float(np.std(states.moment)) / max(float(np.std(states.angle)), 1e-300)
     answer = density / (stiffness + inertia * (2 * np.pi * frequency) ** 2) ** 2

@@ -50,18 +50,6 @@ def parts_of(elements: Sequence[JointElement]) -> list[Part]:
     return [Part(each.form, each.values, each.coefficients) for each in elements]
 
 
-def number_names(elements: Sequence[JointElement]) -> list[str]:
-    """Return what the law of :func:`sum_law` calls the numbers of some elements, in the order of a model's numbers."""
-    return [
-        name
-        for index, each in enumerate(elements)
-        for name in (
-            *(f"c{index}_{place}" for place in range(len(each.columns))),
-            *(f"p{index}_{number.name}" for number in each.parameters),
-        )
-    ]
-
-
 def sum_law(
     parts: Sequence[Part], frequency: float = 0.0, instant: Instant | None = None
 ) -> FormulaLaw | None:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.laws import Law, SumLaw, softening_limit
+from sindyjoint.mechanics.laws import Law, LawWithNumbers, SumLaw, as_compiled
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import model_law
@@ -21,48 +19,24 @@ from sindyjoint.states.campaigns import with_lags
 
 
 @dataclass(frozen=True, eq=False)
-class LawInRun:
+class LawInRun(LawWithNumbers):
     """A law whose inputs move within a run: held at their means, and what they add along the measured motion.
 
     Parameters
     ----------
-    held : Law
     added : ndarray, shape (n,)
         Moment at the samples of the run's states, N·m (N).
     moves : tuple of str
         Inputs that move the law.
     """
 
-    held: Law
     added: Array
     moves: tuple[str, ...]
 
-    @property
-    def inertia(self) -> float:
-        """Moving inertia, kg·m² (kg)."""
-        return self.held.inertia
-
-    @property
-    def n_states(self) -> int:
-        """Number of internal states."""
-        return self.held.n_states
-
-    @property
-    def softening_limit(self) -> tuple[float, float]:
-        """Softening limit of the held law."""
-        return softening_limit(self.held)
-
-    def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
-        """Transfer moment at the means of the inputs, N·m (N)."""
-        return self.held.moment(angle, rate, direction, state)
-
-    def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
-        """Rates of the internal states, shape (n_states, n)."""
-        return self.held.state_rate(angle, rate, direction, state)
-
-    def compiled(self) -> Any:
-        """Compiled form at the means of the inputs."""
-        return self.held.compiled()
+    @classmethod
+    def of(cls, held: Law, added: Array, moves: tuple[str, ...]) -> LawInRun:
+        """Return a law that is held at the means of its inputs, with what these add."""
+        return cls(held, as_compiled(held).parameters, held.inertia, added, moves)
 
 
 def with_added(law: Law | LawInRun, added: Law | None) -> Law | LawInRun:
@@ -70,7 +44,7 @@ def with_added(law: Law | LawInRun, added: Law | None) -> Law | LawInRun:
     if added is None:
         return law
     if isinstance(law, LawInRun):
-        return replace(law, held=SumLaw(law.held, added))
+        return LawInRun.of(SumLaw(law.law, added), law.added, law.moves)
     return SumLaw(law, added)
 
 
@@ -130,7 +104,7 @@ def law_in_run(model: JointModel, states: ForceStates) -> Law | LawInRun:
     rate = np.where(states.rate == 0, 1e-300, states.rate)
     along = model.without_elements().moment(states.angle, rate, inputs=states.inputs)
     added = along - held.without_elements().moment(states.angle, rate)
-    return LawInRun(law, added, moves) if np.std(added) > POLICY.input_moves * np.std(along) else law
+    return LawInRun.of(law, added, moves) if np.std(added) > POLICY.input_moves * np.std(along) else law
 
 
 def held_laws(model: JointModel, states: Sequence[ForceStates]) -> list[Law]:

@@ -137,8 +137,9 @@ def _zero_step(law: Law | LawInRun, states: ForceStates, names: Sequence[str]) -
     size, states = 1e-3 * float(np.std(states.angle)), replace(states, lead=None)
 
     def moment(zero: Array) -> Array:
-        values = along_motion(law, replace(states, angle=states.angle - zero), states.sample_rate)[0]
-        return (values + law.added if isinstance(law, LawInRun) else values)[states.moving]
+        return along_motion(law, replace(states, angle=states.angle - zero), states.sample_rate)[0][
+            states.moving
+        ]
 
     here = moment(np.zeros(states.n_samples))
     ends = size / np.array([1.0 if name == "angle zero" else states.time[-1] for name in names])

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.laws import LawWithNumbers, as_compiled
+from sindyjoint.mechanics.laws import LawWithNumbers
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import Motion, simulate_many
 from sindyjoint.numeric import Array, rms
@@ -31,8 +31,9 @@ from sindyjoint.response.run import along_motion, rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
-# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance.
-STEP = 2e-4
+# Step of the differences, in units of a parameter's scale: far above the integrator's tolerance. Below the second one
+# responses are rough where a slider turns between two samples, and where nothing pulls a joint back.
+STEP, ROUGH_STEP = 2e-4, 1e-2
 # Residual, in RMS of the response, of a simulation that fails: larger than that of any simulation that reaches its end.
 FAR_OFF = 10.0
 # Sum of squares, in units of noise, below which a change by a parameter's whole scale has no effect.
@@ -54,15 +55,12 @@ class OutputError:
         Coefficients of the terms, the inertia where it is one, numbers of the elements, nuisances, initial states.
     inertia_index : int or None
         Of the inertia among the parameters, where it is one.
-    window : float
-        Length of a multiple-shooting segment, s.
     """
 
     model: JointModel
     runs: tuple[Record, ...]
     parameters: tuple[Parameter, ...]
     inertia_index: int | None
-    window: float
 
     @classmethod
     def of(
@@ -71,7 +69,7 @@ class OutputError:
         runs: Sequence[Run],
         states: Sequence[ForceStates],
         nuisance: Sequence[Nuisance],
-        window: float,
+        window: float | None,
         test: TestNuisances | None = None,
     ) -> OutputError:
         """Collect the parameters of a model and those of the runs; negative friction starts at zero."""
@@ -92,26 +90,17 @@ class OutputError:
         for run, state in zip(runs, states, strict=True):
             records.append(record_of(simulable, run, state, test, len(parameters), window))
             parameters += initial_parameters(records[-1], model.joint.motion)
-        return cls(simulable, tuple(records), tuple(parameters), inertia_index, window)
+        return cls(simulable, tuple(records), tuple(parameters), inertia_index)
 
-    def drop_failing_runs(self) -> tuple[OutputError, tuple[str, ...]]:
-        """Return the problem without the runs whose simulation fails at the start, and why each fails."""
-        start = np.array([parameter.start for parameter in self.parameters])
-        good, words = [], []
+    def failing_runs(self) -> dict[str, str]:
+        """Return the runs whose simulation fails at the start, and why each fails."""
+        start, found = np.array([parameter.start for parameter in self.parameters]), {}
         for record in self.runs:
             try:
                 self._predict(record, start[None])
-                good.append(record)
             except SimulationError as error:
-                words.append(f"{record.run.name} ({error})")
-        gone = {i for record in self.runs if record not in good for i in record.initial_indices}
-        kept = [i for i in range(len(self.parameters)) if i not in gone]
-        shifted = {old: new for new, old in enumerate(kept)}
-        records = tuple(
-            replace(record, initial=shifted[record.initial]) if record.starts else record for record in good
-        )
-        parameters = tuple(self.parameters[i] for i in kept)
-        return replace(self, runs=records, parameters=parameters), tuple(words)
+                found[record.run.name] = str(error)
+        return found
 
     @property
     def n_shared(self) -> int:
@@ -124,7 +113,9 @@ class OutputError:
 
     def jacobian(self, x: Array) -> Array:
         """Return the derivative of the residuals by differences, shape (n, p)."""
-        steps = np.array([STEP * parameter.scale for parameter in self.parameters])
+        rough = any(record.drive == "windows" for record in self.runs)
+        wide = [rough or parameter.kind == "element" for parameter in self.parameters]
+        steps = np.where(wide, ROUGH_STEP, STEP) * [parameter.scale for parameter in self.parameters]
         # Away from a bound on the upper side.
         steps = np.where(x + steps > [parameter.high for parameter in self.parameters], -steps, steps)
         columns = []
@@ -289,7 +280,7 @@ class OutputError:
         first = record.initial_indices
         starts[list(record.starts)] = x[first.start : first.stop].reshape(-1, 2)
         return simulate_segments(
-            law, record.moment, rate, self.window, starts, interpolation="cubic", initial_state=inner,
+            law, record.moment, rate, record.window, starts, interpolation="cubic", initial_state=inner,
             limits=record.limits, rtol=RTOL,
         )  # fmt: skip
 
@@ -300,17 +291,16 @@ class OutputError:
         total = record.columns @ x[: record.columns.shape[1]]
         total = total + self._inertia(record, x[None])[0] * s.acceleration
         rest = rest_of(s)
-        for element in self.elements(x):
+        for element in self.model.with_numbers(x[self.number_indices]).elements:
             total = total + element.along(*record.followed, 1 / record.run.sample_rate, rest)
         return total if record.added is None else total + record.added
 
-    @property
+    @cached_property
     def number_indices(self) -> NDArray[np.intp]:
         """Indices of the model's numbers, in its order, among the parameters."""
         names = [parameter.name for parameter in self.parameters]
-        terms = [names.index(term.id) for term in self.model.terms]
-        inner = self._element_slice
-        return np.array([*terms, *range(inner.start, inner.stop)], dtype=np.intp)
+        inner = [place for place, each in enumerate(self.parameters) if each.kind == "element"]
+        return np.array([*(names.index(term.id) for term in self.model.terms), *inner], dtype=np.intp)
 
     def start_of(self, model: JointModel) -> Array:
         """Return parameters with the numbers of another model; nuisances and initial states as they start."""
@@ -318,20 +308,10 @@ class OutputError:
         x[self.number_indices] = model.numbers
         return x
 
-    def elements(self, x: Array) -> tuple[JointElement, ...]:
-        """Return the elements with the numbers of a set."""
-        return self.model.with_numbers(x[self.number_indices]).elements if self.model.elements else ()
-
-    @property
-    def _element_slice(self) -> slice:
-        first = len(self.model.terms)
-        return slice(first, first + sum(len(each.numbers) for each in self.model.elements))
-
     def _law_parameters(self, record: Record, sets: Array) -> Array:
-        values = np.tile(as_compiled(record.law).parameters, (len(sets), 1))
-        numbers = np.hstack([sets[:, : len(law_terms(self.model))], sets[:, self._element_slice]])
-        values[:, record.places] = numbers if record.held is None else numbers @ record.held.T
-        return values
+        assert record.in_law is not None
+        start, slopes = record.in_law
+        return start + (sets[:, self.number_indices] - self.model.numbers) @ slopes.T
 
     def _inertia(self, record: Record, sets: Array) -> Array:
         if self.inertia_index is None:

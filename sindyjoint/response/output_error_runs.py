@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,19 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.formula import VARIABLES, compile_terms
-from sindyjoint.equation.held import held_numbers
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
-from sindyjoint.mechanics.laws import Law, PaperLaw, as_compiled
+from sindyjoint.mechanics.laws import Law, as_compiled
 from sindyjoint.mechanics.segments import segment_starts
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
 from sindyjoint.numeric import Array, rms
-from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Motion, Run
 from sindyjoint.response.drive import Drive, choose_drive, prescribed
-from sindyjoint.response.element_law import number_names, parts_of, sum_law
-from sindyjoint.response.model_law import law_terms, model_law
+from sindyjoint.response.model_law import law_terms
 from sindyjoint.response.nuisances import added_law, law_of_test
 from sindyjoint.response.output_error_parts import Parameter
 from sindyjoint.response.policy import POLICY
@@ -34,6 +31,7 @@ from sindyjoint.response.run import (
     rest_of,
     settling,
     span_of,
+    window_of,
 )
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
@@ -119,10 +117,8 @@ class Record:
         Internal states that a simulation starts from: those of a joint brought from standstill to the first angle.
     cycle : Cycle, optional
         Where one period is simulated for all that the run repeats.
-    places : ndarray of int
-        Of the coefficients, then of the numbers of the elements, among the parameters of its compiled law.
-    held : ndarray, optional
-        Matrix that makes the numbers of its law of those of the model, where that depends on inputs.
+    in_law : pair of ndarray, or None
+        Where it is simulated: the parameters of its compiled law, and their derivatives by the model's numbers.
     columns : ndarray, shape (n_simulated, n_terms), or None
         Of a prescribed motion: the terms along it.
     added : ndarray, shape (n_simulated,), or None
@@ -130,6 +126,8 @@ class Record:
     starts : tuple of int
         Samples at which the simulation starts and is restarted from states that are estimated; none for a run that
         repeats, and for one whose motion is prescribed.
+    window : float
+        s, from one start to the next of a joint without restoring moment.
     initial : int
         Index of the first of these states among the parameters: angle and rate of one start after the other.
     """
@@ -145,9 +143,9 @@ class Record:
     excitation: Excitation | None
     limits: tuple[float, float]
     starts: tuple[int, ...]
+    window: float
     initial: int
-    places: NDArray[np.intp]
-    held: Array | None = None
+    in_law: tuple[Array, Array] | None
     used: NDArray[np.bool_] | None = None
     inner: Array | None = None
     cycle: Cycle | None = None
@@ -173,7 +171,7 @@ class Record:
         """Return the record with another noise draw on the channel that drives: the moment, or the motion."""
         if self.drive == "motion":
             states = noisy_motion(self.states, generator)
-            return replace(self, states=states, columns=term_columns(model, states))
+            return replace(self, states=states, columns=term_columns(model, law_terms(model), states))
         level = self.states.noise.moment
         moment = self.moment + level * generator.standard_normal(self.moment.size)
         if self.excitation is None:
@@ -204,9 +202,8 @@ def initial_parameters(record: Record, motion: Motion) -> Iterable[Parameter]:
             )
 
 
-def term_columns(model: JointModel, states: ForceStates) -> Array:
-    """Return a model's terms of angle and rate along a motion, shape (n, n_terms)."""
-    terms = law_terms(model)
+def term_columns(model: JointModel, terms: Sequence[ModelTerm], states: ForceStates) -> Array:
+    """Return some of a model's terms along a motion, shape (n, n_terms)."""
     if not terms:
         return np.empty((states.n_samples, 0))
     # At standstill friction keeps the side of the motion before.
@@ -246,7 +243,7 @@ def noisy_motion(states: ForceStates, generator: np.random.Generator) -> ForceSt
 
 
 def record_of(
-    model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float
+    model: JointModel, run: Run, states: ForceStates, test: TestNuisances, index: int, window: float | None
 ) -> Record:
     """Return a run as the problem uses it; ``index`` is the next free one among the parameters.
 
@@ -255,6 +252,7 @@ def record_of(
     these are not known at its start.
     """
     law, span = law_of_test(test, model, states), span_of(run, states)
+    window = window_of(states, window)
     drive = "motion" if prescribed(states, spurious=True) else choose_drive(law, states)
     skip, moment = settling(states), run.moment[span]
     measured = (moment if drive == "motion" else run.angle[span])[skip:]
@@ -271,7 +269,6 @@ def record_of(
     many = states.frequency is not None and states.n_samples >= MANY * states.sample_rate / states.frequency
     steady = drive == "moment" and states.method == "periodic" and many
     added = added_law(test, states) if drive == "motion" else None
-    places, held = law_numbers(model, states)
     return Record(
         run=run,
         states=states,
@@ -284,42 +281,32 @@ def record_of(
         excitation=excitation,
         limits=angle_limits(law, states, drive),
         starts=starts,
+        window=window,
         initial=index,
-        places=places,
-        held=held,
+        in_law=None if drive == "motion" else numbers_in_law(model, states, test, law),
         used=states.moving[skip:] if drive == "motion" else None,
         inner=None
         if drive != "moment" or test.moments
         else along_motion(law, states, run.sample_rate)[1][:, 0],
         cycle=Cycle.of(states, skip) if steady else None,
-        columns=term_columns(model, states) if drive == "motion" else None,
+        columns=term_columns(model, law_terms(model), states) if drive == "motion" else None,
         added=None
         if added is None
         else transfer_moment(added, *followed_motion(states), run.sample_rate, rest=rest_of(states))[0],
     )
 
 
-def law_numbers(model: JointModel, states: ForceStates) -> tuple[NDArray[np.intp], Array | None]:
-    """Return the places of the numbers of a run's law, and the matrix that makes them of those of the model.
+def numbers_in_law(
+    model: JointModel, states: ForceStates, test: TestNuisances, law: Law
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the parameters of a run's compiled law, and their derivatives by the model's numbers.
 
-    The inputs of the law are held at their means in the run.
+    They are linear in these, whatever inputs the law is held at: one number after the other is doubled.
     """
-    used = [each.name for each in model.used_inputs]
-    if not used:
-        return number_places(model), None
-    at = {name: float(np.mean(states.inputs[name])) for name in used}
-    plain = replace(model, terms=law_terms(model), covariance=())
-    return number_places(plain.at(**at)), held_numbers(plain, at)
-
-
-def number_places(model: JointModel) -> NDArray[np.intp]:
-    """Return where the numbers of terms, then of elements, stand among the parameters of a model's compiled law."""
-    terms = model_law(replace(model, elements=()))
-    names = [term.id for term in law_terms(model)]
-    order = list(PAPER_PARAMETERS) if isinstance(terms, PaperLaw) else names
-    first = as_compiled(terms).parameters.size
-    elements = sum_law(parts_of(model.elements))
-    inner = [] if elements is None else list(elements.parameters)
-    places = [order.index(name) for name in names]
-    places += [first + inner.index(name) for name in number_names(model.elements)]
-    return np.array(places, dtype=np.intp)
+    start, columns = as_compiled(law).parameters, []
+    for place, value in enumerate(model.numbers):
+        change = np.zeros(model.numbers.size)
+        change[place] = value if value != 0 else 1.0
+        other = law_of_test(test, model.with_numbers(model.numbers + change), states)
+        columns.append((as_compiled(other).parameters - start) / change[place])
+    return start, np.column_stack(columns)

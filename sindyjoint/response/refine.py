@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.mechanics.stickslip import transfer_moment
-from sindyjoint.numeric import Array
-from sindyjoint.record import Campaign
-from sindyjoint.response.kept_out import predicts_worse
-from sindyjoint.response.nuisances import added_law
+from sindyjoint.numeric import Array, scaled_least_squares
+from sindyjoint.record import Campaign, Run
+from sindyjoint.response.compared import predicts_worse
+from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.response.output_error import OutputError, without_negative_friction
 from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
+from sindyjoint.response.output_error_runs import term_columns
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.refine_starts import spread_starts
-from sindyjoint.response.run import followed_motion, rest_of
+from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
 
 MOST_EVALUATIONS = 40
@@ -78,7 +78,7 @@ def refine(
     states: Sequence[ForceStates] | None = None,
     nuisance: Sequence[Nuisance] = (),
     test: TestNuisances | None = None,
-    window: float = 1.0,
+    window: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Refinement:
     """Refine the numbers of a model's terms and elements by bounded least squares on the simulated response.
@@ -88,7 +88,7 @@ def refine(
     noise. Initial angle and rate of each run that does not repeat are estimated, too, and where a joint without
     restoring moment is simulated by multiple shooting, those of every segment. Where the motion was prescribed it is
     the drive, and the moment the response. A model with elements is fitted from two more starts, see
-    :func:`~sindyjoint.response.refine_starts.spread_starts`; the best end is used. Where it predicts the runs kept for
+    :func:`spread_starts`; the best end is used. Where it predicts the runs kept for
     validation worse than the model as it was, that is kept.
 
     Parameters
@@ -102,8 +102,9 @@ def refine(
         the response channel reads too high; its zero error, rad (m).
     test : TestNuisances, optional
         Moments and error of the inertia of this test; ``campaign`` and ``states`` have its channels put right already.
-    window : float
-        Length of a multiple-shooting segment, s, for joints without a restoring moment.
+    window : float, optional
+        Length of a multiple-shooting segment, s, for joints without a restoring moment. Default: a mean cycle of the
+        motion, at least 1 s.
     progress : callable, optional
 
     Returns
@@ -127,13 +128,20 @@ def refine(
         return Refinement(model, False, reason, {}, {}, {}, ())
     states = campaign_states(campaign) if states is None else states
     kinds = tuple(dict.fromkeys(nuisance))
-    runs = campaign.identification_runs
+    pairs = list(zip(campaign.identification_runs, states, strict=True))
+
+    def problem_of(pairs: Sequence[tuple[Run, ForceStates]]) -> OutputError:
+        return OutputError.of(model, [r for r, _ in pairs], [s for _, s in pairs], kinds, window, test)
+
     try:
-        problem = OutputError.of(model, runs, states, kinds, window, test)
+        problem = problem_of(pairs)
+        failing = problem.failing_runs()
+        pairs = [(run, state) for run, state in pairs if run.name not in failing]
+        problem = problem_of(pairs) if failing and pairs else problem
     except SimulationError as error:
         return Refinement(model, False, f"not refined: {error}", {}, {}, {}, ())
-    problem, left_out = problem.drop_failing_runs()
-    if not problem.runs:
+    left_out = [f"{name} ({why})" for name, why in failing.items()]
+    if not pairs:
         return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, ())
     start = np.array([parameter.start for parameter in problem.parameters])
     before = problem.nrmse(start)
@@ -143,39 +151,35 @@ def refine(
     found = _best_end(problem, start, others)
     refined = _summarise_refinement(model, problem, found, before, left_out)
     # An error of a channel is of all runs: where one is estimated, those kept out are not comparable without it.
-    worse = "" if kinds else predicts_worse(problem.model, refined.model, campaign, test or TestNuisances(""))
+    worse = (
+        ""
+        if kinds
+        else predicts_worse(problem.model, refined.model, campaign, test or TestNuisances(""), window)
+    )
     if worse:
         reason = f"not refined: {worse}; the model lacks something that its numbers cannot stand in for"
         return Refinement(model, False, reason, before, {}, {}, ())
     return replace(refined, model=_update_residual(_without_stale(model, refined.model), states, test))
 
 
-@dataclass(frozen=True, eq=False)
-class _End:
-    """Where a fit came to: parameters, and half the sum of squares."""
-
-    x: Array
-    cost: float
-
-
 def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Array:
     """Return the parameters of the best end over all starts; the others are followed where they come near it."""
     scale = np.array([parameter.scale for parameter in problem.parameters])
     shared = slice(problem.n_shared)
-    best = _fit(problem, start, MOST_EVALUATIONS)
+    best, least = _fit(problem, start, MOST_EVALUATIONS)
     for other in others:
-        trial = _fit(problem, other, FIRST_EVALUATIONS)
-        apart = np.abs((trial.x - best.x) / scale)[shared].max()
-        if trial.cost > (1 + POLICY.coarse_lag) * best.cost or apart < SAME_END:
+        trial, cost = _fit(problem, other, FIRST_EVALUATIONS)
+        apart = np.abs((trial - best) / scale)[shared].max()
+        if cost > (1 + POLICY.coarse_lag) * least or apart < SAME_END:
             continue
-        end = _fit(problem, trial.x, MOST_EVALUATIONS)
-        if end.cost < (1 - POLICY.least_lead) * best.cost:
-            best = end
-    return best.x
+        end, cost = _fit(problem, trial, MOST_EVALUATIONS)
+        if cost < (1 - POLICY.least_lead) * least:
+            best, least = end, cost
+    return best
 
 
-def _fit(problem: OutputError, start: Array, most: int) -> _End:
-    """Fit from one start, with at most so many evaluations."""
+def _fit(problem: OutputError, start: Array, most: int) -> tuple[Array, float]:
+    """Fit from one start, with at most so many evaluations; return the parameters and half the sum of squares."""
     from scipy.optimize import least_squares
 
     scale = np.array([parameter.scale for parameter in problem.parameters])
@@ -192,7 +196,7 @@ def _fit(problem: OutputError, start: Array, most: int) -> _End:
         gtol=1e-8,
         max_nfev=most,
     )
-    return _End(solution.x * scale, float(solution.cost))
+    return solution.x * scale, float(solution.cost)
 
 
 def _summarise_refinement(
@@ -265,20 +269,12 @@ def _update_residual(
     model: JointModel, states: Sequence[ForceStates], test: TestNuisances | None
 ) -> JointModel:
     """Return the model with the residual of the moment under its new numbers."""
-    inertia = (test.joint_of(model.joint).inertia if test is not None else None) or model.inertia
     squares, count = 0.0, 0
-    # What it is fitted to is its range from now on.
-    widely = replace(model, fitted=replace(model.fitted, angle=np.inf, rate=np.inf))
     for state in states:
-        keep = state.moving
-        rest = rest_of(state)
-        # Samples that move are as measured; internal states follow what the joint does while it sticks.
-        angle, rate = followed_motion(state)
-        modelled = widely.moment(angle, rate, 1 / state.sample_rate, state.inputs, rest)
-        added = None if test is None else added_law(test, state)
-        if added is not None:
-            modelled = modelled + transfer_moment(added, angle, rate, state.sample_rate, rest=rest)[0]
-        residual = (state.transfer_moment(inertia) - modelled)[keep]
+        moment, _ = along_motion(
+            law_of_test(test or TestNuisances(""), model, state), state, state.sample_rate
+        )
+        residual = (state.moment - moment)[state.moving]
         squares, count = squares + float(residual @ residual), count + residual.size
     return replace(model, fitted=replace(model.fitted, residual_rms=float(np.sqrt(squares / max(count, 1)))))
 
@@ -318,4 +314,49 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
     return tuple(sentences)
 
 
-__all__ = ["Refinement", "refine", "undetermined_directions"]
+def spread_starts(model: JointModel, states: Sequence[ForceStates]) -> list[JointModel]:
+    """Return a model with the nonlinear parameters of its elements larger and smaller by turns, and the opposite.
+
+    The response has several minima over these: a gap that is too small and a ramp that is too long fit each other.
+    Coefficients are those of least squares on the moment along the measured motion. None for a model without nonlinear
+    parameters; a start whose elements would have to push the other way is left out.
+    """
+    inner = [(i, number.name) for i, each in enumerate(model.elements) for number in each.parameters]
+    starts = []
+    for turn in (1, -1) if inner else ():
+        signs = {key: turn * (-1) ** place for place, key in enumerate(inner)}
+        elements = [_spread(each, i, signs) for i, each in enumerate(model.elements)]
+        start = _fitted(model, elements, states)
+        if start is not None:
+            starts.append(start)
+    return starts
+
+
+def _spread(element: JointElement, index: int, signs: dict[tuple[int, str], int]) -> JointElement:
+    numbers = [(number.value, number.standard_error) for number in element.numbers]
+    for place, number in enumerate(element.parameters, len(element.columns)):
+        factor = POLICY.shape_spread if number.unit in ("", "1") else POLICY.start_spread
+        numbers[place] = number.value * factor ** signs[index, number.name], number.standard_error
+    return element.with_numbers(numbers)
+
+
+def _fitted(
+    model: JointModel, elements: Sequence[JointElement], states: Sequence[ForceStates]
+) -> JointModel | None:
+    """Return the model with these elements, all coefficients fitted to the moment of moving samples."""
+    columns, targets = [], []
+    for state in states:
+        inner = [each.columns_along(*followed_motion(state), 1 / state.sample_rate) for each in elements]
+        columns.append(np.hstack([term_columns(model, model.terms, state), *inner])[state.moving])
+        targets.append(state.transfer_moment(model.joint.inertia or 0.0)[state.moving])
+    matrix = np.vstack(columns)
+    if not np.isfinite(matrix).all() or not np.any(matrix, axis=0).all():
+        return None
+    rest = iter(scaled_least_squares(matrix, np.concatenate(targets)))
+    numbers = [next(rest) for _ in model.terms]
+    for before, each in zip(model.elements, elements, strict=True):
+        own = np.array([next(rest) for _ in each.columns])
+        if np.any(own * before.coefficients < 0):
+            return None
+        numbers += [*own, *each.values]
+    return model.with_numbers(numbers)

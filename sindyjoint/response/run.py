@@ -8,19 +8,25 @@ from typing import Any, Literal
 
 import numpy as np
 
-from sindyjoint.errors import SimulationError
+from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import brought_from_rest, internal_states, simulate, slip_direction
+from sindyjoint.mechanics.stickslip import (
+    Motion,
+    brought_from_rest,
+    internal_states,
+    simulate,
+    slip_direction,
+)
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.start import cycle_of, fitted_start, steady_start
+from sindyjoint.response.start import cycle_of, fitted_start, internal_size, start_on_line, steady_start
 from sindyjoint.states import ForceStates, force_states
-from sindyjoint.states.standstill import without_noise_travel
+from sindyjoint.states.mask import without_noise_travel
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
@@ -104,14 +110,10 @@ class SimulatedRun:
         simulated = self.simulated_response
         if simulated is None:
             return float("nan")
-        if self.states.method == "path" or self._prescribed_once:
-            # At a reversal a mean over both branches is no moment of either; friction jumps there, and noise says when.
+        if self.drive == "motion":
+            # At a reversal friction jumps, and noise says when: there the moment of a motion is not determined.
             return self.moment_nrmse
         return rms(simulated - self.measured_response) / self.response_scale
-
-    @property
-    def _prescribed_once(self) -> bool:
-        return self.drive == "motion" and self.states.method == "broadband" and self.inertia > 0
 
     @property
     def moment_nrmse(self) -> float:
@@ -169,7 +171,8 @@ def simulate_run(
     states: ForceStates | None = None,
     *,
     drive: Drive | None = None,
-    window: float = WINDOW,
+    window: float | None = WINDOW,
+    free_run: int | None = None,
     substeps: int = SUBSTEPS,
     response_only: bool = False,
     **options: Any,
@@ -178,7 +181,8 @@ def simulate_run(
 
     The simulation starts where the force states begin, after the start-up transient: of a run that repeats in its
     steady state, of another from the angle and rate with which the law follows its first cycle best. The first period
-    of a periodic run is simulated and not compared.
+    of a periodic run is simulated and not compared. A free run starts at the first sample of the run, from the state
+    (internal states, too) with which the law follows the first ``free_run`` samples best, and all others are compared.
 
     Parameters
     ----------
@@ -188,8 +192,11 @@ def simulate_run(
         Of the run; made here if not given.
     drive : {"moment", "windows", "motion"}, optional
         Default: :func:`choose_drive`.
-    window : float
-        Length of a multiple-shooting segment, s, for ``"windows"``.
+    window : float or None
+        Length of a multiple-shooting segment, s, for ``"windows"``; None: see :func:`window_of`.
+    free_run : int, optional
+        Samples to which the initial state is fitted, from which the run is simulated without restart. Where the motion
+        is the drive, or inputs move the law within the run, they are only not compared.
     substeps : int
         Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
     response_only : bool
@@ -201,12 +208,21 @@ def simulate_run(
     -------
     SimulatedRun
         A simulation that leaves the law's range is a result, too: ``failure`` holds its message.
+
+    Raises
+    ------
+    InputError
+        For a free run from samples that are too few, or leave too little of the run.
     """
     states = force_states(run) if states is None else states
     drive = choose_drive(law, states) if drive is None else drive
-    span, skip = span_of(run, states), settling(states)
-    kept = slice(span.start + skip, span.stop)
-    compared = cut_states(states, skip)
+    span = span_of(run, states)
+    first = span.start + settling(states)
+    if free_run is not None:
+        _check_samples(run, free_run, span.stop)
+        drive = "motion" if drive == "motion" or not law.inertia > 0 else "free run"
+        first = max(free_run, span.start)
+    kept = slice(free_run, run.n_samples) if drive == "free run" else slice(first, span.stop)
     angle = rate = None
     failure, moment, inner = "", np.full(states.n_samples, np.nan), np.empty((0, 1))
     try:
@@ -214,19 +230,12 @@ def simulate_run(
             inner = brought_from_rest(law, states.angle, states.rate, rest_of(states))[:, None]
         else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
-            if isinstance(law, LawInRun):
-                moment = moment + law.added
         if drive != "motion":
-            if drive == "windows":
-                # Where a segment starts the internal states are as along the measured motion.
-                options = {"initial_state": inner, **options}
-            else:
-                # Many settle in a period that is not compared; a slider that never yields keeps where it began.
-                options = {"initial_state": inner[:, 0], **options}
-            motion = simulate_motion(law, run, states, drive, window, {"rtol": RTOL, **options})
-            angle, rate = motion.angle[skip:], motion.rate[skip:]
+            motion = simulate_motion(law, run, states, drive, window, kept.start, inner, options)
+            angle, rate = (signal[-(kept.stop - kept.start) :] for signal in (motion.angle, motion.rate))
     except SimulationError as error:
         failure = str(error)
+    at = np.clip(np.arange(kept.start, kept.stop) - span.start, 0, states.n_samples - 1)
     return SimulatedRun(
         run=run.name,
         drive=drive,
@@ -237,11 +246,29 @@ def simulate_run(
         moment=run.moment[kept],
         simulated_angle=angle,
         simulated_rate=rate,
-        simulated_moment=moment[skip:],
-        states=compared,
+        simulated_moment=moment[at],
+        states=cut_states(states, kept.start - span.start, kept.stop - span.start),
         inertia=law.inertia,
         failure=failure,
     )
+
+
+def _check_samples(run: Run, samples: int, end: int) -> None:
+    most = end - 2 * POLICY.fewest_initial
+    if not POLICY.fewest_initial <= samples <= most:
+        raise InputError(
+            f"{run.label}: free_run is {samples} samples; expected {POLICY.fewest_initial} to {most}: the initial "
+            "state is estimated from them, and something must be left to compare"
+        )
+
+
+def window_of(states: ForceStates, window: float | None = None) -> float:
+    """Return the length of a multiple-shooting segment, s: a mean cycle of the motion, at least :data:`WINDOW`.
+
+    A friction that changes a little moves a joint that nothing pulls back for good: from one segment to the next that
+    drift is free. Shorter than a cycle, segments would also free what friction does in either direction.
+    """
+    return max(WINDOW, cycle_of(states)) if window is None else window
 
 
 def span_of(run: Run, states: ForceStates) -> slice:
@@ -261,8 +288,8 @@ def along_motion(
     )
     still = without_noise_travel(states, angle, rate, 1 / sample_rate) if law.n_states else (angle, rate)
     inner = internal_states(law, still[0], still[1], sample_rate, substeps=substeps, rest=rest_of(states))
-    moment = law.moment(angle, rate, slip_direction(rate), inner)[size:]
-    return moment + law.inertia * states.acceleration, inner[:, size:]
+    moment = law.moment(angle, rate, slip_direction(rate), inner)[size:] + law.inertia * states.acceleration
+    return moment + (law.added if isinstance(law, LawInRun) else 0.0), inner[:, size:]
 
 
 def followed_motion(states: ForceStates) -> tuple[Array, Array]:
@@ -292,14 +319,20 @@ def settling(states: ForceStates) -> int:
     return period if states.n_samples >= 3 * period else 0
 
 
-def cut_states(states: ForceStates, skip: int) -> ForceStates:
-    """Return the states from a sample on."""
-    if not skip:
+def cut_states(states: ForceStates, first: int, end: int | None = None) -> ForceStates:
+    """Return the states of some samples; beyond those that are known nothing moves."""
+    if first == 0 and end in (None, states.n_samples):
         return states
-    names = ("time", "angle", "rate", "acceleration", "moment", "moving", "block")
-    inputs = {name: values[skip:] for name, values in states.inputs.items()}
+    wanted = np.arange(first, states.n_samples if end is None else end)
+    at = np.clip(wanted, 0, states.n_samples - 1)
+    names = ("angle", "rate", "acceleration", "moment", "block")
     return replace(
-        states, replicate=None, inputs=inputs, **{name: getattr(states, name)[skip:] for name in names}
+        states,
+        replicate=None,
+        time=states.time[0] + wanted / states.sample_rate,
+        moving=states.moving[at] & (at == wanted),
+        inputs={name: values[at] for name, values in states.inputs.items()},
+        **{name: getattr(states, name)[at] for name in names},
     )
 
 
@@ -310,6 +343,11 @@ def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     measured range. A stiffening law whose damping is negative has no such limit and swings ever wider and faster:
     it ends :attr:`~ResponsePolicy.runaway` ranges outside of the measured one.
     """
+    if drive == "free run":
+        drive = choose_drive(law, states)
+        if drive != "moment":
+            # What nothing pulls back may drift as far as it will: that is what a free run is to show.
+            return (-np.inf, np.inf)
     low, high = softening_limit(law)
     least, most = float(np.min(states.angle)), float(np.max(states.angle))
     reach = most - least
@@ -341,31 +379,47 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
 
 
 def simulate_motion(
-    law: Law, run: Run, states: ForceStates, drive: Drive, window: float, options: dict[str, Any]
-) -> Any:
-    """Simulate the joint under the measured moment; ``options`` are those of the integrator."""
-    span = span_of(run, states)
-    moment = run.moment[span]
-    if "limits" not in options:
-        options["limits"] = angle_limits(law, states, drive)
+    law: Law,
+    run: Run,
+    states: ForceStates,
+    drive: Drive,
+    window: float | None,
+    first: int,
+    inner: Array,
+    options: dict[str, Any],
+) -> Motion:
+    """Simulate the joint under the measured moment, from internal states along the measured motion.
+
+    ``first`` is the first compared sample of the run.
+    """
+    options = {"rtol": RTOL, "limits": angle_limits(law, states, drive), **options}
+    span, rate = span_of(run, states), run.sample_rate
     if drive == "windows":
         start = np.column_stack([states.angle, states.rate])
+        options = {"initial_state": inner, **options}
         return simulate_segments(
-            law, moment, run.sample_rate, window, start, interpolation="cubic", **options
+            law, run.moment[span], rate, window_of(states, window), start, interpolation="cubic", **options
         )
     excitation = (
-        repeated(states.moment, states.n_samples / run.sample_rate)
-        if states.repeated
-        else measured_drive(run, states)
+        repeated(states.moment, states.n_samples / rate) if states.repeated else measured_drive(run, states)
     )
-    start, reach = np.array([states.angle[0], states.rate[0]]), angle_limits(law, states, "windows")
-    if excitation.periodic:
-        start, inner = steady_start(law, excitation, start, reach, **options)
-        options["initial_state"] = inner
+    start, z = np.array([states.angle[0], states.rate[0]]), options.pop("initial_state", inner[:, 0])
+    # What the noise of a start, or a search for it, makes of the first cycle is not the law's.
+    around = options | {"limits": angle_limits(law, states, "windows")}
+    if excitation.periodic and drive == "moment":
+        # Many internal states settle in a period; a slider that never yields keeps where it began.
+        start, z = steady_start(law, excitation, start, initial_state=z, **around)
     else:
-        size = np.array([np.std(states.angle), rms(states.rate)])
+        size = np.array([np.std(states.angle), rms(states.rate), *np.zeros(law.n_states)])
         # A start is known little better by what comes after a cycle.
-        first = run.angle[span][: max(round(cycle_of(states) * run.sample_rate), POLICY.fewest_initial)]
-        around = options | {"limits": reach}
-        start = fitted_start(law, excitation, first, run.sample_rate, start, size, **around)
-    return simulate(law, excitation, moment.size / run.sample_rate, run.sample_rate, initial=start, **options)
+        used = max(round(cycle_of(states) * rate), POLICY.fewest_initial)
+        if drive == "free run":
+            span, used, excitation = slice(0, run.n_samples), first, sampled(run.moment, rate)
+            start, size[2:] = start_on_line(run, states, first), internal_size(law, inner)
+            z = brought_from_rest(law, run.angle[:1], states.rate, rest_of(states))
+        found = np.concatenate([start, np.broadcast_to(z, law.n_states)])
+        noise = states.noise.angle / size[0]
+        found = fitted_start(law, excitation, run.angle[span][:used], rate, found, size, noise, **around)
+        start, z = found[:2], found[2:]
+    duration = (span.stop - span.start) / rate
+    return simulate(law, excitation, duration, rate, initial=start, initial_state=z, **options)

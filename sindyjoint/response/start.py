@@ -11,6 +11,7 @@ from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, rms
+from sindyjoint.record import Run
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
 
@@ -29,9 +30,25 @@ def cycle_of(states: ForceStates) -> float:
     return 2 * np.pi * float(np.std(states.angle)) / max(rms(states.rate), 1e-300)
 
 
-def steady_start(
-    law: Law, excitation: Excitation, start: Array, reach: tuple[float, float], **options: Any
-) -> tuple[Array, Array]:
+def start_on_line(run: Run, states: ForceStates, samples: int) -> Array:
+    """Return the angle and rate of a straight line through the first of some samples, an eighth of a cycle at most."""
+    count = min(samples, max(POLICY.fewest_initial, round(cycle_of(states) / 8 * run.sample_rate)))
+    slope, angle = np.polyfit(np.arange(count) / run.sample_rate, run.angle[:count], 1)
+    return np.array([angle, slope])
+
+
+def internal_size(law: Law, along: Array) -> Array:
+    """Return by how much the internal states of a law vary along a motion; zero for a clock, which is known."""
+    zero = np.zeros(1)
+    alone = (
+        law.state_rate(zero, zero, np.ones(1), np.zeros((law.n_states, 1)))[:, 0]
+        if law.n_states
+        else zero[:0]
+    )
+    return np.where(alone == 0, np.std(along, axis=1), 0.0)
+
+
+def steady_start(law: Law, excitation: Excitation, start: Array, **options: Any) -> tuple[Array, Array]:
     """Return angle and rate, and internal states, at the first instant of a period once the motion is steady.
 
     Parameters
@@ -41,15 +58,11 @@ def steady_start(
         That repeats.
     start : ndarray, shape (2,)
         Angle and rate as measured, rad and rad/s.
-    reach : pair of float
-        Angles that end the simulation. What the noise of a start makes of the first period is not the law's.
     **options
         Of :func:`~sindyjoint.mechanics.stickslip.simulate`.
     """
-    nodes = len(excitation.pieces)
-    rate = 1 / excitation.step
-    options = options | {"limits": reach}
-    settled = simulate(law, excitation, (SETTLED * nodes + 1) / rate, rate, initial=start, **options)
+    duration = (SETTLED * len(excitation.pieces) + 1) * excitation.step
+    settled = simulate(law, excitation, duration, 1 / excitation.step, initial=start, **options)
     return np.array([settled.angle[-1], settled.rate[-1]]), settled.state[:, -1]
 
 
@@ -60,9 +73,10 @@ def fitted_start(
     sample_rate: float,
     start: Array,
     size: Array,
+    noise: float,
     **options: Any,
 ) -> Array:
-    """Return the angle and rate from which a simulation comes nearest to some measured angles.
+    """Return the angle, rate and internal states from which a simulation comes nearest to some measured angles.
 
     Parameters
     ----------
@@ -73,31 +87,39 @@ def fitted_start(
         Angles, rad.
     sample_rate : float
         Hz.
-    start : ndarray, shape (2,)
-        First guess, rad and rad/s.
-    size : ndarray, shape (2,)
-        RMS of angle and rate over the run: how far a start may lie from the guess is a share of it.
+    start : ndarray, shape (2 + n_states,)
+        First guess, SI.
+    size : ndarray, shape (2 + n_states,)
+        RMS of each over the run: how far angle and rate may lie from the guess is a share of it, how far an internal
+        state is likely to. One without a size is not fitted.
+    noise : float
+        Of the angle, in its RMS: by it a likely internal state is weighed against the angles.
     **options
         Of :func:`~sindyjoint.mechanics.stickslip.simulate`.
     """
     from scipy.optimize import least_squares
 
-    bound, found = POLICY.initial_range, np.zeros(2)
+    free = np.flatnonzero(size)
+    bound, found = np.where(free < 2, POLICY.initial_range, np.inf), np.zeros(free.size)
     for share in STAGES:
         count = min(max(round(share * measured.size), POLICY.fewest_initial), measured.size)
 
         def residual(x: Array, count: int = count) -> Array:
+            from_here = start.copy()
+            from_here[free] += size[free] * x
+            begin = {"initial": from_here[:2], "initial_state": from_here[2:]}
             try:
-                motion = simulate(
-                    law, excitation, count / sample_rate, sample_rate, initial=start + size * x, **options
-                )
+                motion = simulate(law, excitation, count / sample_rate, sample_rate, **options | begin)
+                apart = (motion.angle - measured[:count]) / size[0]
             except SimulationError:
-                return np.full(count, FAR_OFF)
-            return (motion.angle - measured[:count]) / size[0]
+                apart = np.full(count, FAR_OFF)
+            return np.concatenate([apart, noise * x[free > 1]])
 
         def jacobian(x: Array, at: Any = residual) -> Array:
             here = at(x)
-            return np.column_stack([(at(x + step) - here) / STEP for step in STEP * np.eye(2)])
+            return np.column_stack([(at(x + step) - here) / STEP for step in STEP * np.eye(x.size)])
 
         found = np.asarray(least_squares(residual, found, jacobian, bounds=(-bound, bound)).x)
-    return start + size * found
+    result = start.copy()
+    result[free] += size[free] * found
+    return result

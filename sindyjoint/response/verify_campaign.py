@@ -14,8 +14,6 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array, finite
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import compare_run, compared_states
-from sindyjoint.response.drive import prescribed
-from sindyjoint.response.free_run import free_run_states, simulate_free
 from sindyjoint.response.law_in_run import as_followed
 from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.response.oscillation import compare_oscillations, oscillation
@@ -69,7 +67,12 @@ def verify_campaign(
         exceeded = beyond_tested(model, states)
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
-        simulate = _way_of(run, states, test, settings)
+
+        def simulate(other: JointModel, run: Run = run, states: ForceStates = states) -> SimulatedRun:
+            return compare_run(
+                lambda known: law_of_test(test, other, known), run, states, settings.window, free_run
+            )
+
         simulated = simulate(model)
         if free_run is not None and simulated.drive == "motion":
             warnings.append(f"{run.name}: {_by_motion(campaign)}")
@@ -103,22 +106,6 @@ def beyond_tested(model: JointModel, *states: ForceStates, whose: str = "") -> t
 
 
 GIVEN = "the given model in "
-
-
-def _way_of(
-    run: Run, states: ForceStates, test: TestNuisances, settings: Settings
-) -> Callable[[JointModel], SimulatedRun]:
-    """Return how models are simulated in a run."""
-    free_run = settings.free_run
-    if free_run is not None:
-        driven = prescribed(states)
-        whole = replace(free_run_states(run), began=states.began)
-        return lambda model: simulate_free(
-            law_of_test(test, model, whole), run, whole, free_run, by_motion=driven
-        )
-    return lambda model: compare_run(
-        lambda known: law_of_test(test, model, known), run, states, settings.window
-    )
 
 
 def _by_motion(campaign: Campaign) -> str:

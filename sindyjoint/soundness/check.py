@@ -11,8 +11,7 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.record import Campaign, Motion, Run
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.faults import find_faults, find_rig_faults
-from sindyjoint.soundness.finding import Finding, Soundness
-from sindyjoint.soundness.kinds import DELAY, KINDS, PHASE
+from sindyjoint.soundness.finding import DELAY, KINDS, PHASE, Finding, Soundness
 from sindyjoint.soundness.masking import fill_test, mask_campaign
 from sindyjoint.soundness.record import Record, record_of_structure
 from sindyjoint.soundness.words import Words, words_of, words_of_rig

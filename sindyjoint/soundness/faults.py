@@ -11,7 +11,7 @@ from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.detectors import copies, course, sizes, spikes, tones, values
 from sindyjoint.soundness.finding import Finding, in_order
-from sindyjoint.soundness.law import filters, motions, odd_runs, signs
+from sindyjoint.soundness.law import filters, motions, odd_runs
 from sindyjoint.soundness.masking import fill_test
 from sindyjoint.soundness.record import Record, record_of, record_of_structure
 from sindyjoint.soundness.structure.sensors import find_in_sensors
@@ -120,8 +120,8 @@ def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -
     for record in records:
         yield from tones.find_mains(record, words)
     cycles, inertia = motions.mean_cycles(records), campaign.joint.inertia
-    backwards = list(signs.find_signs(records, cycles, inertia, words))
-    found = [*backwards, *signs.find_inertia(cycles, inertia, words)]
+    backwards = list(filters.find_signs(records, cycles, inertia, words))
+    found = [*backwards, *filters.find_inertia(cycles, inertia, words)]
     named = {finding.run for finding in backwards}
     if None not in named:
         cycles = cycles.take([i for i, name in enumerate(cycles.names) if name not in named])

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.measurement.noise import difference_noise
+from sindyjoint.measurement.runs import with_channels
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.record import Mask, marked_of, spans_of
-from sindyjoint.states.noise import difference_noise
 from sindyjoint.text import list_some
 
 SATURATION, ENDS = "saturation", ("dead_start", "dead_tail")
@@ -117,7 +118,7 @@ def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
         signals[name] = bridge(signal[kept], ~marked_of(spans, run.n_samples)[kept], period)
     valid = valid[kept]
     # First the whole run's channels, which are as long as its marks; then these.
-    fresh = replace(run, valid=None, inputs={}).with_channels(signals)
+    fresh = with_channels(replace(run, valid=None, inputs={}), signals)
     inputs = {name: values[kept] for name, values in run.inputs.items()}
     return replace(fresh, valid=None if valid.all() else valid, inputs=inputs)
 

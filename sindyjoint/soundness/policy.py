@@ -62,11 +62,6 @@ class SoundnessPolicy:
     )
     copied_samples: int = limit(16, "equal samples in a row that are a copy and no chance", unit="samples")
     # Single samples.
-    noise_changes: float = limit(
-        0.55,
-        "share of sign changes of third differences from which they are noise",
-        source="white noise has 0.77, a smooth signal hardly any",
-    )
     saturated_arrival: float = limit(
         5.5,
         "ratio of the distances from its limit 9 and 3 samples away up to which a channel arrives with a slope",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.inputs import Source
+from sindyjoint.measurement.runs import white_noise, with_channels
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import Run
@@ -99,16 +100,8 @@ class Channel:
 
     @cached_property
     def noise(self) -> float:
-        """RMS of the noise from sample to sample, by third differences: their median ignores steps and spikes.
-
-        Zero where they are no noise: those of white noise change sign from one to the next in 77 % of all cases, those
-        of a smooth signal hardly ever.
-        """
-        third = np.diff(self.values, 3)
-        sign = np.sign(third[third != 0])
-        if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < POLICY.noise_changes:
-            return 0.0
-        return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0))
+        """RMS of the noise from sample to sample, whose median ignores steps and spikes."""
+        return white_noise(self.values)
 
     @cached_property
     def quantised(self) -> bool:
@@ -258,7 +251,7 @@ class Record:
             if f.run == self.name and f.channel and f.id != "saturation":
                 found.setdefault(f.channel, []).extend(f.spans)
         changes = {name: _without(self.channels[name], spans) for name, spans in found.items() if spans}
-        return record_of(self.run.with_channels(changes)) if changes and self.run else self
+        return record_of(with_channels(self.run, changes)) if changes and self.run else self
 
 
 def _without(values: Array, spans: Iterable[tuple[int, int]]) -> Array:

@@ -1,7 +1,7 @@
 """From measured moment and angle to force states (θ, θ̇, θ̈, M, moving)."""
 
 from sindyjoint.states.build import campaign_states, force_states, one_after_another, states_of
-from sindyjoint.states.noise import transfer_noise
+from sindyjoint.states.floor import transfer_noise
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
 from sindyjoint.states.rows import RegressionRows, regression_rows
 

@@ -1,15 +1,16 @@
-"""Force states of a run that does not repeat: one smoothing kernel and its derivatives."""
+"""Force states of a run that does not repeat: one smoothing kernel and its derivatives, or differences along a path."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from sindyjoint.accelerometer import Fusion
 from sindyjoint.errors import InputError
+from sindyjoint.measurement.noise import WIDEST, channel_noise
+from sindyjoint.measurement.runs import white_noise
 from sindyjoint.numeric import Array
 from sindyjoint.record import Run
+from sindyjoint.rig import Fusion
 from sindyjoint.states.mask import moving_mask, rate_limit, within
-from sindyjoint.states.noise import WIDEST, channel_noise
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 from sindyjoint.states.smoothing import filtered_inputs, smoothing_kernels
@@ -194,3 +195,50 @@ def _lead(angle: Array, low: Array, first: Array) -> tuple[Array, Array]:
     padded = np.concatenate([-known[half:0:-1], known])
     smooth, rate = (fftconvolve(padded, kernel, mode="valid")[:half] for kernel in (low, first))
     return smooth + angle[0], rate
+
+
+def path_states(run: Run) -> ForceStates:
+    """Return the force states of a quasi-static run: in the place of time is the path, and the rate is ±1.
+
+    Nothing accelerates. The noise of a sample is that of its neighbours on the same branch: errors of the angle are in
+    it, through the slope.
+
+    Parameters
+    ----------
+    run : Run
+        Of which ``quasi_static`` is set: at even steps of the path.
+    """
+    step = 1 / run.sample_rate
+    # A step without motion is the reversal, between the last sample of one branch and the first of the next.
+    change = np.diff(run.angle) / step
+    after, before = np.append(change, 0.0), np.append(0.0, change)
+    rate = np.where(after != 0.0, after, before)
+    moving = rate != 0.0
+    if run.valid is not None:
+        moving &= run.valid
+    scatter = white_noise(run.moment[moving]) if run.noise.moment is None else run.noise.moment
+    return ForceStates(
+        run=run.name,
+        frequency=None,
+        level=run.level,
+        sample_rate=run.sample_rate,
+        time=run.time,
+        angle=run.angle,
+        rate=rate,
+        acceleration=np.zeros(run.n_samples),
+        moment=run.moment,
+        moving=moving,
+        block=np.arange(run.n_samples) * BLOCKS // run.n_samples,
+        replicate=None,
+        noise=NoiseFloor(
+            scatter,
+            run.noise.angle or 0.0,
+            0.0,
+            0.0,
+            source="spectrum" if run.noise.moment is None else "declared",
+        ),
+        method="path",
+        bandwidth=WIDEST * run.sample_rate,
+        dropped=0.0,
+        inputs=run.inputs,
+    )

@@ -11,12 +11,11 @@ import numpy as np
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
-from sindyjoint.states.broadband import broadband_states
-from sindyjoint.states.path import path_states
+from sindyjoint.states.broadband import broadband_states, path_states
+from sindyjoint.states.floor import with_scatter
 from sindyjoint.states.periodic import periodic_states
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
-from sindyjoint.states.repeats import with_scatter
 from sindyjoint.states.repetition import mean_period, repetition
 
 Choice = Literal["auto", "periodic", "broadband"]

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.accelerometer import Fusion
 from sindyjoint.numeric import Array
+from sindyjoint.rig import Fusion
 
 Method = Literal["periodic", "broadband", "path"]
 

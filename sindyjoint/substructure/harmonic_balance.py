@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure, craig_bampton, with_coordinate
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.harmonics import analysis, differentiation, real_blocks, synthesis
-from sindyjoint.substructure.period import PeriodMoment, period_moment
+from sindyjoint.substructure.period import analysis, by_harmonic, period_moment, rates, real_blocks, synthesis
 
 Complex = NDArray[np.complex128]
 
@@ -126,20 +125,10 @@ class Balance:
         """Return the same structure with other laws."""
         return replace(self, laws=tuple(laws))
 
-    @cached_property
-    def _matrices(self) -> tuple[Array, Array, Array]:
-        samples = SAMPLES_PER_HARMONIC * (self.harmonics + 1)
-        return (
-            synthesis(self.harmonics, samples), analysis(self.harmonics, samples), differentiation(self.harmonics)
-        )  # fmt: skip
-
-    def angles(self, unknowns: Array) -> Array:
-        """Return the joints' angles over one period, rad, shape (joints, samples)."""
-        return unknowns[:-2].reshape(len(self.laws), -1) @ self._matrices[0].T
-
     def peak_angles(self, unknowns: Array) -> Array:
         """Return half of the peak-to-peak angle of each joint, rad, shape (joints,)."""
-        return np.asarray(np.ptp(self.angles(unknowns), axis=1) / 2)
+        to_time = over_a_period(self.harmonics)[0]
+        return np.asarray(np.ptp(unknowns[:-2].reshape(len(self.laws), -1) @ to_time.T, axis=1) / 2)
 
     def _dynamic(self, omega: float, growth: float, orders: NDArray[Any]) -> Complex:
         """Return D_h = K − (hΩ)²·M + i·h·Ω·(C − ξ·M), ξ in the first harmonic alone, shape (orders, n, n)."""
@@ -158,17 +147,9 @@ class Balance:
             ξ, 1/s: negative damping of the first harmonic, proportional to mass, that holds a free vibration at its
             amplitude.
         """
-        joints, width = len(self.laws), 2 * self.harmonics + 1
-        orders = np.arange(self.harmonics + 1)
-        dynamic = self._dynamic(omega, growth, orders)
-        matrix = np.zeros((self.size, self.size))
-        held = slice(0, joints), slice(joints, None)
-        condensed = _condensed(dynamic, *held)
-        rows = np.arange(joints) * width
-        matrix[np.ix_(rows, rows)] = condensed[0].real
-        for order in orders[2:]:
-            pairs = np.ravel(rows[:, None] + [2 * order - 1, 2 * order])
-            matrix[np.ix_(pairs, pairs)] = real_blocks(condensed[order])
+        joints = len(self.laws)
+        dynamic = self._dynamic(omega, growth, np.arange(self.harmonics + 1))
+        matrix = by_harmonic(_condensed(dynamic, slice(0, joints), slice(joints, None)), spare=2)
         # The first harmonic, in which the force acts, keeps the point.
         first = _condensed(dynamic[1:2], slice(0, joints + 1), slice(joints + 1, None))[0]
         matrix[np.ix_(self.first, self.first)] = real_blocks(first)
@@ -192,18 +173,6 @@ class Balance:
         """Return the complex amplitude of the reported point's first harmonic, m."""
         return complex(self.output @ self.first_harmonic(unknowns, omega))
 
-    def moments(self, unknowns: Array, omega: float, slopes: bool = True) -> list[PeriodMoment]:
-        """Return what each joint transfers over a period; without slopes its derivatives are zero."""
-        to_time, _, derive = self._matrices
-        to_rate = omega * to_time @ derive
-        width = 2 * self.harmonics + 1
-        return [
-            period_moment(
-                law, (to_time @ own, to_rate @ own), (to_time, to_rate) if slopes else None, 2 * np.pi / omega
-            )
-            for law, own in zip(self.laws, unknowns[:-2].reshape(-1, width), strict=True)
-        ]
-
     def residual(
         self, unknowns: Array, omega: float, force: float = 0.0, growth: float = 0.0, slopes: bool = True
     ) -> tuple[Array, Array]:
@@ -226,24 +195,27 @@ class Balance:
         ndarray, shape (size,); ndarray, shape (size, size)
             N·m, and N in the last two.
         """
-        to_time, to_coefficients, derive = self._matrices
         jacobian = self.linear(omega, growth)
         out = jacobian @ unknowns
         out[-2] -= force
-        moments = self.moments(unknowns, omega, slopes)
-        add_joint_moments(
-            out, jacobian, unknowns, moments, self.hold, (to_time, to_coefficients, to_time @ derive), slopes
-        )
+        angles = unknowns[:-2].reshape(len(self.laws), -1)
+        add_joint_moments(out, jacobian, angles, self.laws, omega, self.hold, slopes)
         return out, jacobian
+
+
+def over_a_period(harmonics: int) -> tuple[Array, Array, Array]:
+    """Return what makes samples of coefficients, coefficients of samples, and samples of d/dτ of coefficients."""
+    samples = SAMPLES_PER_HARMONIC * (harmonics + 1)
+    return synthesis(harmonics, samples), analysis(harmonics, samples), rates(harmonics, samples)
 
 
 def add_joint_moments(
     out: Array,
     jacobian: Array,
-    unknowns: Array,
-    moments: Sequence[PeriodMoment],
+    angles: Array,
+    laws: Sequence[Any],
+    omega: float,
     hold: Array,
-    matrices: tuple[Array, Array, Array],
     slopes: bool = True,
 ) -> None:
     """Add what the joints transfer to the balance of the linear rest, in place; the joints' angles come first.
@@ -252,14 +224,14 @@ def add_joint_moments(
     ----------
     out, jacobian : ndarray
         What is out of balance, N·m, and its derivatives by the unknowns.
-    unknowns : ndarray
-        Coefficients of each joint's angle, then others.
-    moments : sequence of PeriodMoment
+    angles : ndarray, shape (joints, 2H + 1)
+        Coefficients of each joint's angle.
+    laws : sequence of Law
         Of each joint.
+    omega : float
+        rad/s.
     hold : ndarray, shape (joints,)
         ε of the projection, N·m/rad.
-    matrices : tuple of three ndarray
-        From coefficients to samples, from samples to coefficients, and from coefficients to samples of d/dτ.
     slopes : bool
         Whether the derivatives are wanted.
 
@@ -268,13 +240,16 @@ def add_joint_moments(
     InputError
         For negative friction.
     """
-    to_time, to_coefficients, to_rate = matrices
-    width, samples = to_coefficients.shape
+    width = angles.shape[1]
+    to_time, to_coefficients, to_rate = over_a_period(width // 2)
+    samples = len(to_time)
     # Means from sample to sample, brought back onto the samples: either step lowers harmonic h by cos(πh/n).
     lowered = np.cos(np.pi * ((np.arange(width) + 1) // 2) / samples) ** 2
     onto = (to_coefficients + np.roll(to_coefficients, -1, axis=1)) / (2 * lowered[:, None])
-    for j, moment in enumerate(moments):
+    by = (to_time, omega * to_rate) if slopes else None
+    for j, (law, angle) in enumerate(zip(laws, angles, strict=True)):
         own = slice(j * width, (j + 1) * width)
+        moment = period_moment(law, (to_time @ angle, omega * (to_rate @ angle)), by, 2 * np.pi / omega)
         out[own] += to_coefficients @ moment.middle
         jacobian[own, own] += to_coefficients @ moment.d_middle if slopes else 0.0
         if moment.friction.min() < 0:
@@ -282,7 +257,7 @@ def add_joint_moments(
                 "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
             )
         # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
-        shift = to_rate @ unknowns[own] + CENTRING * (to_time @ unknowns[own])
+        shift = to_rate @ angle + CENTRING * (to_time @ angle)
         moved = to_time @ -out[own] + hold[j] * shift
         mean, by_ends, by_limit = _clipped_means(moved, (moment.friction + np.roll(moment.friction, -1)) / 2)
         out[own] += onto @ mean

@@ -15,6 +15,7 @@ from sindyjoint.equation.policy import POLICY
 from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import model_law
 from sindyjoint.shown import Shown
+from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.period import steady_states
 
 # Samples per period; reversals fall on samples, where friction is taken in the middle of its interval.
@@ -205,3 +206,66 @@ def varied_laws(model: JointModel) -> Sequence[tuple[Any, Any, float]]:
             ends.append(model_law(model.with_numbers(numbers)))
         found.append((ends[0], ends[1], float(step)))
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class Varied:
+    """The laws of all joints with one number of a model smaller and larger, for each number.
+
+    Parameters
+    ----------
+    laws : sequence of (laws, laws, float)
+        Each with a law per joint, and the step between the middle and either of them.
+    covariance : ndarray, shape (k, k)
+        Of the numbers.
+    """
+
+    laws: Sequence[tuple[tuple[Any, ...], tuple[Any, ...], float]]
+    covariance: Array
+
+    @classmethod
+    def of(cls, laws: Sequence[Any], models: Sequence[JointModel | None]) -> Varied | None:
+        """Return the variations of joints by their models, one model for joints that share it; None without any.
+
+        Parameters
+        ----------
+        laws : sequence of Law
+            Of each joint.
+        models : sequence of JointModel or None
+            Of each joint; None where its law is taken as known.
+        """
+        found = []
+        blocks: list[Array] = []
+        for model in {id(m): m for m in models if m is not None}.values():
+            varied = varied_laws(model)
+            for low, high, step in varied:
+                ends = (
+                    tuple(end if m is model else law for m, law in zip(models, laws, strict=True))
+                    for end in (low, high)
+                )
+                found.append((*ends, step))
+            places = np.flatnonzero(model.number_errors > 0)
+            blocks.append(model.covariance_matrix[np.ix_(places, places)])
+        if not found:
+            return None
+        from scipy.linalg import block_diag
+
+        return cls(found, block_diag(*blocks))  # type: ignore[arg-type]
+
+    def changes(
+        self, balance: Balance, unknowns: Array, omega: float, force: float = 0.0, growth: float = 0.0
+    ) -> Array:
+        """Return the derivatives of the residual by the numbers, shape (size, k)."""
+        columns = []
+        for low, high, step in self.laws:
+            ends = [
+                balance.with_laws(laws).residual(unknowns, omega, force, growth, slopes=False)[0]
+                for laws in (low, high)
+            ]
+            columns.append((ends[1] - ends[0]) / (2 * step))
+        return np.array(columns).T
+
+    def errors(self, slopes: Array) -> Array:
+        """Return standard errors of quantities by their derivatives, shape (..., k) → (...)."""
+        variance = np.einsum("...i,ij,...j->...", slopes, self.covariance, slopes)
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))

@@ -23,7 +23,7 @@ from sindyjoint.substructure.continuation import (
     refined,
 )
 from sindyjoint.substructure.harmonic_balance import Balance
-from sindyjoint.substructure.varied import Varied
+from sindyjoint.substructure.joint_curves import Varied
 
 # A curve begins at this share of the amplitude at which the first joint slips, or of the angles at which it ends.
 BEGIN_STUCK, BEGIN_FREE = 0.5, 0.02

@@ -15,12 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.measurement.noise import signal_end
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array
-from sindyjoint.states.noise import signal_end
-from sindyjoint.substructure.ends import Ends, find_ends, jump_columns, only_displacement
 from sindyjoint.substructure.spectra import Spectra, channel_spectra
-from sindyjoint.substructure.transfer import Transfer, open_joints
+from sindyjoint.substructure.transfer import (
+    Ends,
+    Transfer,
+    find_ends,
+    jump_columns,
+    only_displacement,
+    open_joints,
+)
 
 Complex = NDArray[np.complex128]
 

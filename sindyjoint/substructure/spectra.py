@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.measurement.noise import signal_end
 from sindyjoint.mechanics.rig_test import RigRun
 from sindyjoint.numeric import Array
 from sindyjoint.states.harmonics import (
@@ -21,7 +22,6 @@ from sindyjoint.states.harmonics import (
     refine_frequency,
     steady_start,
 )
-from sindyjoint.states.noise import signal_end
 from sindyjoint.states.periodic import REPLICATES
 from sindyjoint.states.policy import POLICY
 from sindyjoint.substructure.policy import POLICY as LIMITS

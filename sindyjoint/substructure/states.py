@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.measurement.policy import POLICY as NOISE
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.states.broadband import BLOCKS, dwells
 from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
@@ -68,7 +69,7 @@ def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
 
     power = np.abs(amplitude) ** 2 / (2 * standard_error**2)
     smooth = median_filter(power, min(power.size, max(5, power.size // 60)) | 1, mode="nearest")
-    above = np.flatnonzero(smooth > STATES.signal_to_noise)
+    above = np.flatnonzero(smooth > NOISE.signal_to_noise)
     return np.arange(power.size) <= (above[-1] if above.size else -1)
 
 

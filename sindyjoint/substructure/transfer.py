@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure
@@ -84,3 +86,150 @@ def static_moments(structure: Structure, at: str, drive: float) -> Array | None:
     if np.linalg.matrix_rank(on_joints, 1e-9) < joints:
         return None
     return np.linalg.lstsq(on_joints, free.T @ load_row(structure, at) * drive, rcond=None)[0]
+
+
+# Modes up to so many times the highest frequency: the static part of those above is left out.
+BEYOND = 10.0
+# Jumps of a mode are expected up to so many times the RMS motion of the sensors.
+LARGEST = 3.0
+
+
+class Ends(NamedTuple):
+    """What the ends of a record add to the amplitudes.
+
+    Parameters
+    ----------
+    channels : ndarray of complex, shape (1 + sensors, h)
+    angles : ndarray of complex, shape (joints, h)
+        Of the joints, less what a drift and a bend of the record are: those are the slow part's.
+    unknowns : int
+        Jumps that were found.
+    """
+
+    channels: Complex
+    angles: Complex
+    unknowns: int
+
+
+def expected_jumps(sensors: Sequence[Sensor], amplitudes: Complex, angular: Array, modes: Array) -> Array:
+    """Return by how much deflections, m, and then velocities, m/s, of modes may jump, shape (2·modes,).
+
+    From what the sensors show, shape (sensors, h), from half of a mode's angular frequency up.
+    """
+    moved = np.array(
+        [
+            np.abs(series) / angular ** ORDER[sensor.quantity]
+            for sensor, series in zip(sensors, amplitudes, strict=True)
+        ]
+    )
+    above = angular >= np.minimum(modes[:, None] / 2, angular[-1] / 2)
+    return LARGEST * np.concatenate(
+        [np.sqrt(np.max(above @ (moved * angular**order).T ** 2, axis=1)) for order in (0, 1)]
+    )
+
+
+def only_displacement(sensors: Sequence[Sensor]) -> bool:
+    """Return whether every sensor shows displacement."""
+    return all(ORDER[sensor.quantity] == 0 for sensor in sensors)
+
+
+def jump_columns(
+    structure: Structure,
+    sensors: Sequence[Sensor],
+    angular: Array,
+    length: float,
+    amplitudes: Complex,
+) -> tuple[Complex, Complex]:
+    """Return what jumps of each mode's deflection and velocity add, each as large as it is expected to be at most.
+
+    Over a record of length T the series of a rate is (ẋ)_k = iω·x_k + (2/T)·[x] with the jump [x] = x(T) − x(0). So the
+    linear rest with open joints answers at each harmonic
+
+        (K + iωC − ω²M)·q_k = b·f_k − E·m_k − (2/T)·((iωM + C)·[q] + M·[q̇])
+
+    exactly, whatever the motion is at the ends (the transient term of frequency-domain identification: Pintelon and
+    Schoukens, System Identification, 2nd ed., 2012, section 6.3). The jumps are the same at all harmonics: a few
+    numbers, those of the modes within the band and well above it. No mode jumps by much more than the sensors move.
+
+    Parameters
+    ----------
+    structure : Structure
+    sensors : sequence of Sensor
+    angular : ndarray, shape (h,)
+    length : float
+        Of the record, s.
+    amplitudes : ndarray of complex, shape (sensors, h)
+        Of the sensors.
+
+    Returns
+    -------
+    channels : ndarray, shape (h, 1 + sensors, 2·modes)
+    angles : ndarray, shape (h, joints, 2·modes)
+    """
+    joints = structure.n_joints
+    squared, shapes = eigh(structure.stiffness, structure.mass)
+    kept = squared <= (BEYOND * angular[-1]) ** 2
+    squared, shapes = squared[kept], shapes[:, kept]
+    shapes = shapes / np.abs(np.array([*structure.points.values()]) @ shapes).max(axis=0)
+    w, scale = angular[:, None, None], 2.0 / length
+    mass, damping = structure.mass @ shapes, structure.damping @ shapes
+    loads = -scale * np.concatenate(
+        [1j * w * mass + damping, np.broadcast_to(mass, (angular.size, *mass.shape))], axis=2
+    )
+    stiffness = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
+    coordinates = np.asarray(np.linalg.solve(stiffness, loads), dtype=np.complex128)
+    rows = sensor_rows(structure, sensors)
+    at = rows @ shapes
+    none = np.zeros_like(at)
+    shown = np.einsum("sn,hnk->hsk", rows, coordinates)
+    # Of a rate and of an acceleration the jumps themselves are a part.
+    extra = {
+        0: np.zeros((angular.size, len(rows), 2 * shapes.shape[1]), dtype=complex),
+        1: np.broadcast_to(np.hstack([at, none]), shown.shape) * scale,
+        2: np.concatenate([1j * w * at, np.broadcast_to(at, (angular.size, *at.shape))], axis=2) * scale,
+    }
+    channels = np.zeros((angular.size, 1 + len(rows), shown.shape[2]), dtype=complex)
+    for number, sensor in enumerate(sensors):
+        order = ORDER[sensor.quantity]
+        channels[:, 1 + number] = (1j * angular[:, None]) ** order * shown[:, number] + extra[order][
+            :, number
+        ]
+    # A jump of the angle is a drift, (2/T)·i/ω of the series; one of its rate a bend, (2/T)/ω².
+    of_angle = shapes[:joints]
+    smooth = np.concatenate([1j / w * of_angle, 1 / w**2 * of_angle], axis=2) * scale
+    if only_displacement(sensors):
+        smooth *= 0  # These sensors show them.
+    sizes = expected_jumps(sensors, amplitudes, angular, np.sqrt(np.maximum(squared, 0)))
+    shown_channels: Complex = np.asarray(channels * sizes, dtype=np.complex128)
+    angles: Complex = (coordinates[:, :joints] - smooth) * sizes
+    return shown_channels, angles
+
+
+def find_ends(
+    columns: tuple[Complex, Complex], design: Complex, estimator: Complex, weight: Array, amplitudes: Complex
+) -> Ends:
+    """Return what the ends add, the jumps found by least squares.
+
+    Parameters
+    ----------
+    columns : tuple of ndarray
+        Of :func:`jump_columns`.
+    design, estimator : ndarray, shapes (h, channels, unknowns), (h, unknowns, channels)
+        How the channels follow drive and moments, and these the channels.
+    weight : ndarray, shape (h, channels)
+    amplitudes : ndarray of complex, shape (channels, h)
+    """
+    channels, angles = columns
+    left = channels - design @ (estimator @ channels)
+    target = amplitudes.T[:, :, None] - design @ (estimator @ amplitudes.T[:, :, None])
+    rows = (left * weight[:, :, None]).reshape(-1, left.shape[2])
+    said = (target * weight[:, :, None]).ravel()
+    rows, said = np.vstack([rows.real, rows.imag]), np.concatenate([said.real, said.imag])
+    unknowns = rows.shape[1]
+    factor: Array = np.asarray(np.linalg.qr(np.column_stack([rows, said]), mode="r"))
+    shown = np.vstack([factor[:, :unknowns], np.eye(unknowns)])
+    jumps = np.linalg.lstsq(shown, np.concatenate([factor[:, unknowns], np.zeros(unknowns)]), rcond=None)[0]
+    # How many of them the channels tell, and not what was expected.
+    singular = np.linalg.svd(factor[:, :unknowns], compute_uv=False)
+    told = float(np.sum(singular**2 / (1 + singular**2)))
+    return Ends((channels @ jumps).T, (angles @ jumps).T, round(told))

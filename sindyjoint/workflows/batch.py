@@ -10,25 +10,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sindyjoint.batch.record import (
-    CAMPAIGNS,
-    FACTORS_FILE,
-    MODEL_FILE,
-    RECORD_FILE,
-    REQUIRED,
-    CampaignRecord,
-    Task,
-    Writer,
-    broken,
-    changed_outputs,
-    extras_of,
-    find_tasks,
-    fingerprint,
-    is_valid,
-    last_result,
-    read_record,
-)
-from sindyjoint.batch.summary import Batch, summarised
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.evidence_file import evidence_bytes
 from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text
@@ -47,6 +28,25 @@ from sindyjoint.parallel import Lost, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
 from sindyjoint.workflows.discover import discover
+from sindyjoint.workflows.joints.record import (
+    CAMPAIGNS,
+    FACTORS_FILE,
+    MODEL_FILE,
+    RECORD_FILE,
+    REQUIRED,
+    CampaignRecord,
+    Task,
+    Writer,
+    broken,
+    changed_outputs,
+    extras_of,
+    find_tasks,
+    fingerprint,
+    is_valid,
+    last_result,
+    read_record,
+)
+from sindyjoint.workflows.joints.summary import Batch, summarised
 
 
 def batch(
@@ -85,7 +85,7 @@ def batch(
     progress : callable, optional
         Called with one line as each campaign ends.
     on_record : callable, optional
-        Called with each :class:`~sindyjoint.batch.record.CampaignRecord` as it ends.
+        Called with each :class:`~sindyjoint.workflows.joints.record.CampaignRecord` as it ends.
     **options
         Of :func:`~sindyjoint.workflows.discover.discover`. Each campaign has its seed.
 

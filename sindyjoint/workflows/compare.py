@@ -33,12 +33,12 @@ from sindyjoint.judgement.question import (
     hold_out_groups,
     parts_of,
 )
-from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 from sindyjoint.soundness.check import require_sound
 from sindyjoint.states import campaign_states
+from sindyjoint.states.floor import moment_floor
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.verify import given_model
@@ -187,7 +187,7 @@ def _compared(
         seconds=clock.seconds,
         discovery=found,
         soundness=found.soundness,
-        noise_floor=moment_floor(found.states, found.model.inertia).relative,
+        noise_floor=moment_floor(found.states, found.model.inertia, found.model).relative,
         parts=parts,
         trust=found.trust,
     )

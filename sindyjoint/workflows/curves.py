@@ -13,8 +13,8 @@ from sindyjoint.equation.model_file import as_model, read_models
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.mechanics.laws import softening_limit
 from sindyjoint.mechanics.rig_test import BASE, RigTest
-from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure, rig_path
-from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure
+from sindyjoint.mechanics.rigs import Rig, load_rig, rig_path, shipped_rigs
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
@@ -22,12 +22,10 @@ from sindyjoint.response.model_law import model_law
 from sindyjoint.response.models_by_kind import place_by_kind
 from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels
 from sindyjoint.substructure.continuation import FOLLOWED
-from sindyjoint.substructure.forced import ForcedResponse, frequency_response
+from sindyjoint.substructure.forced import ForcedResponse, StructureCurves, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
-from sindyjoint.substructure.joint_curves import JointCurves, model_curve
+from sindyjoint.substructure.joint_curves import JointCurves, Varied, model_curve
 from sindyjoint.substructure.modes import ModeCurve, mode_over_amplitude, point_of_mode
-from sindyjoint.substructure.structure_curves import StructureCurves
-from sindyjoint.substructure.varied import Varied
 from sindyjoint.threads import single_threaded
 
 Say = Callable[[str], None]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-    from sindyjoint.mechanics.actuator import Actuator
+    from sindyjoint.mechanics.excitation import Actuator
     from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rigs import Rig
 
@@ -155,6 +155,8 @@ def diagnose(
         def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
             from sindyjoint.diagnosis.campaign.numbers.refined import refined_problem
 
+            if not (refine or last.rounded):
+                return last, ()
             return refined_problem(last, checked.usable, tested.nuisances(last.test), say)
 
         result = explain_gap(
@@ -163,7 +165,7 @@ def diagnose(
             say,
             advise,
             lambda result: keep(tested.complete(result)),
-            refined if refine else lambda last: (last, ()),
+            refined,
         )
         return tested.complete(result)
 

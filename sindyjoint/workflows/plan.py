@@ -14,7 +14,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, UnknownNameError, checks_options
 from sindyjoint.judgement.discovery import Discovery
-from sindyjoint.mechanics.actuator import SINE, TONES, Actuator
+from sindyjoint.mechanics.excitation import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.planning.information import Sensors

@@ -96,7 +96,7 @@ def refine(
     nuisance: Sequence[Kind] = (),
     accept: Sequence[str] = (),
     align: bool = False,
-    window: float = WINDOW,
+    window: float | None = None,
     tolerance: float = POLICY.verification_tolerance,
     draws: int = 0,
     random_state: int | np.random.Generator | None = 0,
@@ -150,7 +150,7 @@ def refine(
         )
         shown = corrected(TestNuisances("", nuisances=tuple(estimated)), usable)
         notes = (*notes, *lost)
-    settings = Settings(tolerance, draws, np.random.default_rng(random_state), window)
+    settings = Settings(tolerance, draws, np.random.default_rng(random_state), window or WINDOW)
     verified = verify_campaign(
         later, align_channels(shown) if align else shown, settings, say, applied, seen_runs(later, given)
     )

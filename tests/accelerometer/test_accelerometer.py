@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from sindyjoint.accelerometer import disagreement, fuse
-from sindyjoint.accelerometer.fusion import averaged
-from sindyjoint.accelerometer.noise import sensor_noise
-from sindyjoint.accelerometer.smoother import integrated_twice
 from sindyjoint.errors import InputError
-from sindyjoint.measured import measured_run
+from sindyjoint.measurement.fusion import averaged, fuse
+from sindyjoint.measurement.runs import measured_run, with_channels
+from sindyjoint.measurement.sensors import disagreement, integrated_twice, sensor_noise
 from sindyjoint.record import MEASURED_ANGLE, Campaign, Joint
 from sindyjoint.soundness.detectors.sizes import find_disagreement
 from sindyjoint.soundness.record import record_of
@@ -198,7 +196,7 @@ def test_a_repaired_channel_is_fused_anew():
     spiked = noisy(acceleration, 0.01, 1)
     spiked[4000] += 300 * np.std(acceleration)
     run = run_of(60 * angle, spiked, angle=noisy(angle, 0.01, 2))
-    mended = run.with_channels({"acceleration": noisy(acceleration, 0.01, 1)})
+    mended = with_channels(run, {"acceleration": noisy(acceleration, 0.01, 1)})
     assert error(mended.angle, angle) < error(run.angle, angle)
     assert set(mended.channels) == {"moment", "angle", "acceleration", MEASURED_ANGLE}
 

@@ -28,7 +28,7 @@ class Made:
 
     candidates: tuple
     found: tuple = ()
-    gap: Gap = Gap(1.0, 1.0, 1.0)
+    gap: Gap = Gap(1.0, 1.0)
     is_noise: bool = False
     needless: str = ""
     policy: object = CAMPAIGN
@@ -39,7 +39,8 @@ class Made:
     def parameters(self):
         return {each.name: each.parameters for each in self.found}
 
-    def floor(self):
+    @property
+    def noise_floor(self):
         return Gap(self.noise, self.noise)
 
     def searched(self, begun, most, say, search):
@@ -83,7 +84,7 @@ class Based(Made):
 
     other: Made | None = None
     numbers: int = 0
-    initial_gap = Gap(1.0, 1.0, 1.0)
+    initial_gap = Gap(1.0, 1.0)
     floor_is_bound = False
 
     def corrected(self):

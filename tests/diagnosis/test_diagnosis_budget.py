@@ -45,7 +45,7 @@ def work_on(campaign):
 
 def budget_of(campaign):
     work = work_on(campaign)
-    total, noise = gap_of(work, work.model, ()).moment ** 2, noise_floor(work).moment ** 2
+    total, noise = gap_of(work, work.model, ()).moment ** 2, noise_floor(work, work.model).moment ** 2
     return make_budget(GapRegression.build(work.rows, work.model), total, noise, 0.0), total
 
 

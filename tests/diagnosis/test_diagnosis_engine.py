@@ -27,34 +27,34 @@ def names(**changes):
     return [step.effect for step in added(**changes)]
 
 
-GOOD, NAN = Gap(0.5, 0.5, 0.5), float("nan")
+GOOD, NAN = Gap(0.5, 0.5), float("nan")
 
 
 def test_after_a_fit_that_fails_the_next_effect_has_its_turn():
-    bad, good = Effect("bad", 600.0, Gap(NAN, NAN, NAN)), Effect("good", 500.0, GOOD)
+    bad, good = Effect("bad", 600.0, Gap(NAN, NAN)), Effect("good", 500.0, GOOD)
     assert names(candidates=(bad, good)) == ["good"]
-    worse = [Effect(f"bad{i}", 900.0 - i, Gap(NAN, NAN, NAN)) for i in range(3)]
+    worse = [Effect(f"bad{i}", 900.0 - i, Gap(NAN, NAN)) for i in range(3)]
     assert names(candidates=(*worse, good)) == []  # two are refused, the third ends it
 
 
 def test_a_step_tells_the_gap_that_it_leads_down_from_and_no_more_steps_are_taken_than_asked_for():
-    one, two = Effect("one", 600.0, GOOD), Effect("two", 500.0, Gap(0.1, 0.1, 0.1))
+    one, two = Effect("one", 600.0, GOOD), Effect("two", 500.0, Gap(0.1, 0.1))
     first, second = added(candidates=(one, two))
-    assert (first.gap_before, first.gap_after) == (Gap(1.0, 1.0, 1.0), one.gap)
+    assert (first.gap_before, first.gap_after) == (Gap(1.0, 1.0), one.gap)
     assert (second.gap_before, second.gap_after) == (one.gap, two.gap)
     assert names(candidates=(one, two), most=1) == ["one"]
 
 
 def test_an_effect_that_a_later_one_makes_needless_leaves_the_steps():
-    early, late = Effect("early", 600.0, GOOD), Effect("late", 500.0, Gap(0.1, 0.1, 0.1))
+    early, late = Effect("early", 600.0, GOOD), Effect("late", 500.0, Gap(0.1, 0.1))
     assert names(candidates=(early, late)) == ["early", "late"]
     (step,) = added(candidates=(early, late), needless="early")
-    assert step.effect == "late" and step.gap_before == Gap(1.0, 1.0, 1.0)
+    assert step.effect == "late" and step.gap_before == Gap(1.0, 1.0)
 
 
 def test_nothing_is_searched_once_the_residual_is_surely_noise():
     one = Effect("one", 600.0, GOOD)
-    two = replace(one, name="two", gap=Gap(0.1, 0.1, 0.1))
+    two = replace(one, name="two", gap=Gap(0.1, 0.1))
     assert names(candidates=(one, two), is_noise=True) == ["one"]
 
 
@@ -66,9 +66,9 @@ def test_nothing_is_added_that_is_not_believed():
 
 
 def test_a_search_whose_gap_ends_larger_than_it_began_is_taken_back():
-    worse = Effect("worse", 500.0, Gap(1.1, 0.9, 0.9))
+    worse = Effect("worse", 500.0, Gap(1.1, 0.9))
     assert names(candidates=(worse,)) == []
-    better, last = Effect("better", 600.0, GOOD), Effect("last", 400.0, Gap(0.3, 0.3, 0.3))
+    better, last = Effect("better", 600.0, GOOD), Effect("last", 400.0, Gap(0.3, 0.3))
     assert names(candidates=(better, worse)) == ["better"]
     # A step that makes it larger stays where a later one leads it further down.
     assert names(candidates=(better, worse, last)) == ["better", "worse", "last"]
@@ -117,8 +117,6 @@ SMALL, LARGE = Residual(0.0, 0.15), Residual(0.9, 0.15)
         # A gap that grows is a gap that grows, however uncertain the numbers.
         (True, SMALL, gaps(0.5, 0.11, FLOOR, (0.05, 0.063, 0.006), (0.0, 0.078)), "partly_named"),
         (False, SMALL, gaps(0.11, 0.11, FLOOR, (0.5, 0.5, 0.1)), "unknown"),
-        # A gap on runs left out that the uncertainty of the numbers explains.
-        (True, SMALL, gaps(0.5, 0.3, FLOOR, unsure=(0.2, 0.0)), "named"),
         # Where no moment is measured, the response is all there is.
         (True, SMALL, gaps(NAN, NAN, NAN, (1.0, 0.12, 0.1)), "named"),
         (False, SMALL, gaps(NAN, NAN, NAN, (1.0, 1.0, 0.1)), "unknown"),
@@ -178,11 +176,8 @@ def test_no_verdict_says_more_than_its_figures(initial, final, floor, unsure, sh
     steps = one_step() if found else ()
     verdict, _ = judge(steps, Residual(share, 0.15), figures, CAMPAIGN)
     (moment, response), policy = final, CAMPAIGN
-    least = [
-        np.sqrt(floor[i] ** 2 + unsure[i] ** 2 + policy.processing_error**2) * (1 + 1e-12) for i in (0, 1)
-    ]
     if verdict in ("nothing_missing", "named", "ambiguous"):
-        assert moment <= policy.within_floors * least[0]
+        assert moment <= policy.within_floors * np.hypot(floor[0], policy.processing_error) * (1 + 1e-12)
         noise = np.hypot(floor[1], policy.processing_error)
         widest = np.hypot(policy.response_floors * noise, policy.within_floors * unsure[1])
         assert not response > widest * (1 + 1e-12)

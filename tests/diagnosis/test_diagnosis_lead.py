@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
-from sindyjoint.diagnosis.campaign.numbers.uncertainty import motion_errors
 from sindyjoint.diagnosis.campaign.processing import is_seen
 from sindyjoint.diagnosis.campaign.repair import held_out_gap, modelled, refit, rest_angle
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
@@ -21,6 +20,7 @@ from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.response.run import simulate_run
 from sindyjoint.states import campaign_states, force_states
+from sindyjoint.states.floor import moment_floor
 
 STEP = 0.002
 
@@ -133,10 +133,9 @@ def test_noise_of_the_motion_enters_the_moment_by_a_steep_damping(seed):
     states = campaign_states(campaign, "broadband")
     model = first_model(campaign, states, None, "paper").model
     work = Work.build(campaign, runs, states, ["one", "two"], model)
-    gap, floor = gap_of(work, model, ()).moment, noise_floor(work).moment
-    measured, processed = motion_errors(work, model, ())
-    assert gap > 2 * floor and processed == 0.0
-    assert gap == pytest.approx(np.hypot(floor, measured), rel=0.2)
+    gap, floor = gap_of(work, model, ()).moment, noise_floor(work, model).moment
+    assert gap > 2 * moment_floor(states, 0.0).relative
+    assert gap == pytest.approx(floor, rel=0.2)
 
 
 def test_friction_that_would_push_beside_an_effect_is_needless():
@@ -186,4 +185,4 @@ def test_runs_that_go_less_far_do_not_narrow_the_range_of_a_number():
     rows = gap_runs(states, model, [run.name for run in runs])
     less = max(float(np.abs(row.angle).max()) for row in rows[1:])
     assert fitted.variant.bounds(Reference(less, 1.0))[0, 1] < stop  # the range of the others alone
-    assert held_out_gap(rows, model, [fitted], {run.name: 0.0 for run in runs})[0] < 0.002
+    assert held_out_gap(rows, model, [fitted], {run.name: 0.0 for run in runs}) < 0.002

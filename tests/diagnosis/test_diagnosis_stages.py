@@ -26,8 +26,7 @@ UNLIMITED = {f.name: np.inf for f in fields(CAMPAIGN) if f.name.endswith(("_work
 STAGES = {
     "search": "the search",
     "verdict": "the verdict",
-    "numbers": "the correction of the numbers",
-    "refinement": "the refinement on the simulated response",
+    "numbers": "the refinement on the simulated response",
     "parts": "the division of the gap",
 }
 
@@ -109,7 +108,7 @@ class Costly(Based):
 
     def finished(self):
         spend(10.0)
-        return replace(self, gap=Gap(0.2, 0.2, 0.2))
+        return replace(self, gap=Gap(0.2, 0.2))
 
     def budget(self, first, last):
         spend(10.0)
@@ -122,11 +121,11 @@ class Costly(Based):
 
 def explained(**limits):
     """Return what is found of two effects, the second of which only helps beside the first."""
-    effects = (Effect("first", 900.0, Gap(0.5, 0.5, 0.5)), Effect("second", 500.0, Gap(0.25, 0.25, 0.25)))
+    effects = (Effect("first", 900.0, Gap(0.5, 0.5)), Effect("second", 500.0, Gap(0.25, 0.25)))
 
     def refined(last):
         spend(10.0)
-        return replace(last, gap=Gap(0.15, 0.15, 0.15)), ("refined",)
+        return replace(last, gap=Gap(0.15, 0.15)), ("refined",)
 
     problem = Costly(candidates=effects, policy=replace(CAMPAIGN, **limits))
     said = []
@@ -160,11 +159,9 @@ def test_a_stage_that_may_do_nothing_says_so_and_names_nothing_more(stage):
         assert [s.probability for s in result.steps] == [s.probability for s in whole.steps]
     if stage == "parts":
         assert np.isnan(result.found["budget"].total) and result.found["where"] == ()
-    if stage == "refinement":
-        assert (
-            result.final.moment == 0.2 == result.steps[-1].gap_after.moment
-            and "refined" not in result.warnings
-        )
+    if stage == "numbers":
+        assert result.final.moment == 0.25 == result.steps[-1].gap_after.moment
+        assert "refined" not in result.warnings
 
 
 def test_a_round_that_does_not_end_adds_nothing_and_those_before_it_stand():
@@ -209,4 +206,4 @@ def test_every_stage_has_work_and_seconds_of_its_own():
                                   for number, what in enumerate(("work", "seconds"))})  # fmt: skip
     stages = Stages.of(policy, lambda words: None)
     given = [(getattr(stages, stage).most_work, getattr(stages, stage).most_seconds) for stage in STAGES]
-    assert given == [(place, 100 + place) for place in range(1, 6)]
+    assert given == [(place, 100 + place) for place in range(1, 5)]

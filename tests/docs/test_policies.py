@@ -43,7 +43,6 @@ def test_the_page_of_keys_is_what_reads_the_files():
 
 def test_every_folder_that_decides_has_a_policy():
     needed = {
-        "batch",
         "diagnosis",
         "discovery",
         "equation",
@@ -51,6 +50,8 @@ def test_every_folder_that_decides_has_a_policy():
         "soundness",
         "states",
         "judgement",
+        "workflows",
+        "measurement",
     }
     assert needed <= {name.split()[0] for name in POLICIES}
 

@@ -1,13 +1,23 @@
-"""Compiled formulas: shared work, blocks, shapes; checked against NumPy written out."""
+"""Compiled formulas against NumPy written out, and the units of formulas, the radian being one of them."""
 
 import pickle
 
 import numpy as np
 import pytest
 
+from sindyjoint.equation.dimensions import (
+    coefficient_unit,
+    formula_unit,
+    is_coherent,
+    parse_unit,
+    same_dimension,
+    to_si,
+    unit_for,
+    unit_text,
+)
 from sindyjoint.equation.evaluation import BLOCK
 from sindyjoint.equation.formula import compile_terms, parse_formula, state_symbol
-from sindyjoint.errors import FormulaError, InputError
+from sindyjoint.errors import FormulaError, InputError, UnitError
 
 TEXTS = [
     "theta",
@@ -121,3 +131,134 @@ def test_an_expression_from_elsewhere_is_refused():
 
     with pytest.raises(FormulaError, match="gamma.*cannot be evaluated: gamma is no allowed function"):
         compile_terms([sympy.gamma(state_symbol("z"))], ["z"])
+
+
+UNITS = {
+    "theta": "rad",
+    "omega": "rad/s",
+    "alpha": "rad/s^2",
+    "g": "rad",
+    "v_s": "rad/s",
+    "n": "1",
+    "M_y": "N*m",
+}
+PARAMETERS = ("g", "v_s", "n", "M_y")
+
+
+def unit_of(text):
+    return unit_text(formula_unit(parse_formula(text, PARAMETERS), UNITS))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("1", "1"),
+        ("2.5*pi", "1"),
+        ("theta", "rad"),
+        ("theta**2*omega", "rad^3/s"),
+        ("omega*abs(omega)", "rad^2/s^2"),
+        ("sign(omega)", "1"),
+        ("heaviside(theta)*alpha", "rad/s^2"),
+        ("exp(-(abs(omega)/v_s)**n)*sign(omega)", "1"),
+        ("sign(theta)*max(abs(theta) - g, 0)", "rad"),
+        ("sqrt(theta**2 + g**2)", "rad"),
+        ("abs(omega)**0.5", "rad^0.5/s^0.5"),
+        ("tanh(theta/g) + atan(omega/v_s) + log(1 + abs(theta)/g)", "1"),
+        ("sin(theta) + cos(1)*tan(theta/g)", "1"),
+        ("M_y*theta/g", "N*m"),
+        ("min(theta, g)", "rad"),
+    ],
+)
+def test_unit_of_a_formula(text, unit):
+    assert unit_of(text) == unit
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "theta + omega",
+            "omega \\+ theta combines omega in rad/s with theta in rad; expected equal units",
+        ),
+        ("theta - 0.001", "with theta in rad; expected equal units"),
+        ("max(theta, omega)", "max\\(omega, theta\\) combines"),
+        ("tanh(theta)", "tanh\\(theta\\) is given rad; expected a plain number: divide by a parameter"),
+        ("exp(-abs(omega))", "exp\\(-abs\\(omega\\)\\) is given rad/s; expected a plain number"),
+        ("cos(omega)", "cos\\(omega\\) is given rad/s"),
+        ("abs(theta)**n", "the base of abs\\(theta\\)\\*\\*n has the unit rad; with a parameter as exponent"),
+        ("(abs(theta)/g)**v_s", "the exponent of .* has the unit rad/s"),
+    ],
+)
+def test_what_does_not_fit_together_is_refused(text, message):
+    with pytest.raises(UnitError, match=message):
+        unit_of(text)
+
+
+def test_a_symbol_without_a_unit_is_refused():
+    with pytest.raises(FormulaError, match="the formula holds n, whose unit is not known"):
+        formula_unit(parse_formula("n*theta", ["n"]), {"theta": "rad"})
+
+
+def test_the_radian_counts():
+    assert not same_dimension("N*m/rad", "N*m/rad^2")
+    assert not same_dimension("N*m/rad", "N*m")
+    assert same_dimension("N*m*s/rad", "s*m*N/rad")
+
+
+@pytest.mark.parametrize(
+    ("text", "rotation", "translation"),
+    [
+        ("1", "N*m", "N"),
+        ("theta", "N*m/rad", "N/m"),
+        ("theta**3", "N*m/rad^3", "N/m^3"),
+        ("omega", "N*m*s/rad", "N*s/m"),
+        ("omega*abs(omega)", "N*m*s^2/rad^2", "N*s^2/m^2"),
+        ("alpha", "kg*m^2", "kg"),
+        ("sign(omega)", "N*m", "N"),
+    ],
+)
+def test_unit_of_the_coefficient(text, rotation, translation):
+    expression = parse_formula(text)
+    assert coefficient_unit(expression, {}, "rotation") == rotation
+    assert coefficient_unit(expression, {}, "translation") == translation
+    # and the one follows from the other by itself, in both directions
+    assert unit_for(rotation, "translation") == translation
+    assert unit_for(translation, "rotation") == rotation
+
+
+@pytest.mark.parametrize(
+    ("rotation", "translation"), [("rad", "m"), ("rad/s", "m/s"), ("1", "1"), ("s", "s")]
+)
+def test_units_of_parameters_translate_too(rotation, translation):
+    assert unit_for(rotation, "translation") == translation
+    assert unit_for(translation, "rotation") == rotation
+
+
+def test_prefixes_are_known_so_that_they_can_be_refused_kindly():
+    assert to_si(1.0, "mN*m") == pytest.approx(1e-3)
+    assert to_si(180.0, "deg") == pytest.approx(3.141592653589793)
+    assert is_coherent("N*m*s/rad") and is_coherent("kg*m^2") and is_coherent("1")
+    assert not is_coherent("mrad") and not is_coherent("N*mm") and not is_coherent("g")
+
+
+@pytest.mark.parametrize("text", ["", " ", None, 3, "N·m", "N*m; import os", "m" * 70, "$"])
+def test_what_is_no_unit_text_is_refused(text):
+    with pytest.raises(UnitError, match="expected a text such as 'N\\*m/rad', or '1' for a plain number"):
+        parse_unit(text)
+
+
+@pytest.mark.parametrize("text", ["furlong", "2*N", "N**", "N m)", "1/0", "--"])
+def test_a_unit_that_cannot_be_read_is_refused(text):
+    with pytest.raises(UnitError, match="cannot be read .*known are m, kg, s, rad, N, Hz, deg, K"):
+        parse_unit(text)
+
+
+@pytest.mark.parametrize("text", ["10**10**10", "9^9^9^9", "m**9**9**9", "m^(9)^9", "m^999", "(m^99)^99"])
+def test_a_tower_of_powers_is_refused_before_it_is_worked_out(text):
+    with pytest.raises(UnitError, match="powers up to 99"):
+        parse_unit(text)
+
+
+@pytest.mark.parametrize("text", ["1", "1/s", "N*m*s^2/rad^2", "kg*m**2", "m^-1.5", "N*m/rad^(2)"])
+def test_units_of_catalogues_still_pass(text):
+    assert parse_unit(text) is not None

@@ -135,7 +135,7 @@ def test_a_model_without_terms_is_refused(make_model):
 
 
 def test_a_number_that_is_not_finite_is_refused(make_model):
-    with pytest.raises(InputError, match="term 'linear_stiffness' of the model: coefficient is nan"):
+    with pytest.raises(InputError, match="coefficient of term 'linear_stiffness' of the model is nan"):
         export_model(make_model({"linear_stiffness": float("nan")}), "python")
 
 

@@ -129,8 +129,8 @@ def read_model(path: Path) -> None:
 
 
 def read_record(path: Path) -> None:
-    from sindyjoint.batch.record import last_result
-    from sindyjoint.batch.record import read_record as read
+    from sindyjoint.workflows.joints.record import last_result
+    from sindyjoint.workflows.joints.record import read_record as read
 
     last_result(path.parent)
     read(path.parent)
@@ -210,8 +210,8 @@ def _documents(folder: Path) -> dict[str, Target]:
     """Return what is text: formulas, units, and the documents of campaigns and results."""
     from made_models import paper_model
 
-    from sindyjoint.batch.record import CampaignRecord
     from sindyjoint.documents import sums_of, sums_text
+    from sindyjoint.workflows.joints.record import CampaignRecord
     from tests.equation.test_element import JENKINS, MAXWELL, with_elements
 
     (folder / "run.csv").write_text(_table(), encoding="utf-8")
@@ -259,11 +259,11 @@ def made_test() -> Any:
 def _results(folder: Path, wanted: str) -> dict[str, Target]:
     """Return the factors of a campaign, or the data that figures of one kind of result are drawn from."""
     from sindyjoint import diagnose, discover, simulate, verify
-    from sindyjoint.batch.record import FACTORS_FILE
     from sindyjoint.diagnosis.effects.catalogue import load_effects
     from sindyjoint.discovery.evidence_file import evidence_bytes
     from sindyjoint.reporting import write_results
     from sindyjoint.soundness.check import check_campaign
+    from sindyjoint.workflows.joints.record import FACTORS_FILE
     from sindyjoint.workflows.rig import rig_motion
 
     campaign = simulate(random_state=0, duration=1.0, frequencies=(3.0, 5.0))

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.files import load_campaign, write_campaign, writers
-from sindyjoint.inputs import SensorNoise
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.rig import SensorRig
+from sindyjoint.rig import SensorNoise, SensorRig
 from sindyjoint.text import control_character
 
 RIG = SensorRig(2333.0, 0.02, 0.06, 1.02)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.mechanics.actuator import tones
+from sindyjoint.mechanics.excitation import tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
 from sindyjoint.planning import runs as planned_runs
 from sindyjoint.planning.information import Information, Sensors, run_information

@@ -12,10 +12,10 @@ import sympy
 from sindyjoint import simulate as virtual_campaign
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics import INTER_PANEL, PaperLaw
-from sindyjoint.mechanics.excitation import multisine, sweep
 from sindyjoint.mechanics.laws import FormulaLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Campaign, Joint, Run
+from tests.made_models import multisine, sweep
 
 TRUE_IDS = (
     "linear_stiffness",

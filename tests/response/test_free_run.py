@@ -12,8 +12,8 @@ from sindyjoint.mechanics.laws import SumLaw
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.numeric import rms
 from sindyjoint.record import Run
-from sindyjoint.response.free_run import free_run_states, simulate_free
 from sindyjoint.response.run import simulate_run
+from sindyjoint.states import force_states
 
 RATE = 500.0
 SPRING = PaperLaw(k1=400.0, c1=0.3, inertia=0.02)
@@ -50,8 +50,8 @@ def run_of(law, noise=0.0, seed=0, seconds=12.0, level=8.0):
     return Run("one", moment, angle + scatter, RATE)
 
 
-def free(law, run, samples, by_motion=False):
-    return simulate_free(law, run, free_run_states(run), samples, by_motion)
+def free(law, run, samples):
+    return simulate_run(law, run, force_states(run, "broadband"), free_run=samples)
 
 
 @pytest.mark.parametrize("law", [SPRING, SLIDE, HYSTERETIC], ids=["spring", "slide", "hysteretic"])
@@ -71,7 +71,7 @@ def test_noise_of_the_angle_stays_noise(law):
 def test_internal_states_settle_first():
     run = run_of(HYSTERETIC, level=4.0)
     # A friction at rest that the run does not begin with stays for good where little slips.
-    at_once = simulate_run(HYSTERETIC, run, free_run_states(run), drive="moment")
+    at_once = simulate_run(HYSTERETIC, run, force_states(run, "broadband"), drive="moment")
     settled = free(HYSTERETIC, run, 600)
     late = settled.time[0] - at_once.time[0]
     rest = slice(round(late * RATE), None)

@@ -59,7 +59,7 @@ def test_a_load_that_moves_within_a_run_is_followed(model):
     law = law_in_run(model, states)
     assert isinstance(law, LawInRun) and law.moves == ("load",)
     assert simulate_run(law, run, states).moment_nrmse < 0.01
-    assert simulate_run(law.held, run, states).moment_nrmse > 0.1
+    assert simulate_run(law.law, run, states).moment_nrmse > 0.1
     with pytest.raises(InputError, match="load moves the law within run"):
         held_laws(model, [states])
 

@@ -13,11 +13,11 @@ from sindyjoint.record import Run
 from sindyjoint.response import refine as refine_module
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.element_law import parts_of, sum_law
+from sindyjoint.response.model_law import law_terms
 from sindyjoint.response.nuisances import corrected
 from sindyjoint.response.output_error import OutputError
 from sindyjoint.response.output_error_runs import term_columns
-from sindyjoint.response.refine import refine
-from sindyjoint.response.refine_starts import spread_starts
+from sindyjoint.response.refine import refine, spread_starts
 from sindyjoint.states import campaign_states, force_states
 from tests.made_models import model_of, term
 
@@ -148,7 +148,9 @@ def test_elements_keep_their_state_while_a_noisy_joint_sticks():
     run = Run("held", np.sin(9 * time), noisy, rate)
     state, model = force_states(run), model_with(dahl())
     problem = OutputError.of(model, [run], [state], (), 1.0)
-    record = replace(problem.runs[0], drive="motion", columns=term_columns(problem.model, state))
+    record = replace(
+        problem.runs[0], drive="motion", columns=term_columns(problem.model, law_terms(problem.model), state)
+    )
     quiet = model.elements[0].along(angle, np.gradient(angle, 1 / rate), 1 / rate, float(angle[0]))
     x = problem.start_of(model)
     others = record.columns @ x[: record.columns.shape[1]] + model.inertia * state.acceleration

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sindyjoint import JointRegressor
-from sindyjoint.equation.held import held_numbers
 from sindyjoint.inputs import Input
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.virtual import virtual_campaign
@@ -40,12 +39,6 @@ def model(campaign):
     rows = regression_rows(campaign_states(campaign), campaign.joint.inertia)
     fitted = JointRegressor("paper", inputs=campaign.inputs, threshold=0.0).fit(**rows.fit_arguments())
     return replace(fitted.model_, joint=campaign.joint)
-
-
-def test_the_numbers_of_a_held_law_are_linear_in_those_of_the_model(model):
-    assert "linear_stiffness_by_temperature" in model
-    held = model.at(temperature=250.0)
-    np.testing.assert_allclose(held_numbers(model, {"temperature": 250.0}) @ model.numbers, held.numbers)
 
 
 def test_a_dependence_is_refined_on_the_response_of_runs_at_their_own_inputs(campaign, model):

@@ -8,14 +8,14 @@ import pytest
 
 from sindyjoint import simulate as virtual_campaign
 from sindyjoint.mechanics import INTER_PANEL, FunctionLaw
-from sindyjoint.mechanics.excitation import harmonic, sweep
+from sindyjoint.mechanics.excitation import harmonic
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import model_law
 from sindyjoint.response.run import measured_drive, simulate_run
 from sindyjoint.response.verify_campaign import cycle_energy
 from sindyjoint.states import force_states
-from tests.made_models import model_of, term
+from tests.made_models import model_of, sweep, term
 
 
 def runs(drive="moment", **options):

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from small_joints import content
 
-from sindyjoint.batch.record import read_record
 from sindyjoint.files.atomic import _name_temporary, hold_folder
 from sindyjoint.workflows.batch import batch, verify_batch
+from sindyjoint.workflows.joints.record import read_record
 
 
 def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, lfilter
 
+import sindyjoint
 from tests.recovery.random_joints import random_plan
 
 
@@ -384,3 +385,8 @@ FAULTS = {
     "one_frequency": Fault(one_frequency, ("coverage",), "campaign", ("note",)),
     "few_samples": Fault(few_samples, ("few_samples_per_period",), "all", ("note",)),
 }  # fmt: skip
+
+
+def findings_of(campaign):
+    """Return what the check of a campaign finds."""
+    return sindyjoint.check(campaign).soundness.findings

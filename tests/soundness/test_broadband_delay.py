@@ -8,8 +8,8 @@ from scipy.signal import lfilter
 
 from sindyjoint.numeric import delayed
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.faults import find_faults
 from tests.diagnosis.hidden_effects import hide_in_noise
+from tests.soundness.faults import findings_of
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def multisines():
 
 
 def delays(campaign):
-    return [f for f in find_faults(campaign) if f.id == "channel_delay"]
+    return [f for f in findings_of(campaign) if f.id == "channel_delay"]
 
 
 def test_a_late_moment_is_found(multisines):
@@ -71,4 +71,4 @@ def test_damping_of_each_direction_is_no_drift_of_a_sweep():
         lambda t, index: (0.6, 1.0)[index % 2] * np.sin(2 * np.pi * (1 + 0.9 * t) * t),
         lambda angle, rate, step: angle + 0.01 * rate + 0.005 * np.abs(rate) + 0.1 * np.sign(rate),
     )
-    assert list(find_faults(swept)) == []
+    assert findings_of(swept) == ()

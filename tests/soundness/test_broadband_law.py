@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.faults import find_faults
+from tests.soundness.faults import findings_of
 
 RATE, DURATION, NOISE = 400.0, 10.0, 0.01
 
@@ -32,7 +32,7 @@ LINE = np.arange(RUNS[0].n_samples) / RUNS[0].n_samples
 def found(**changes):
     """Return what is said of the runs, the fourth of them changed."""
     runs = tuple(replace(run, **changes) if index == 3 else run for index, run in enumerate(RUNS))
-    return list(find_faults(Campaign(Joint(inertia=0.0), runs)))
+    return list(findings_of(Campaign(Joint(inertia=0.0), runs)))
 
 
 def test_nothing_is_said_of_sound_runs():

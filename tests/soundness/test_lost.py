@@ -1,4 +1,4 @@
-"""Samples that a recorder lost: found by their time stamps, left out where that is safe, refused where not."""
+"""Samples that a recorder lost, and others at fault: left out where that is safe, refused where not."""
 
 import json
 from dataclasses import replace
@@ -6,21 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint import discover
-from sindyjoint.files import load_campaign
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.reporting.output import CampaignFiles
-from sindyjoint.soundness.check import check_campaign
-from sindyjoint.workflows.check import check
+from sindyjoint import check, discover, load_campaign, simulate
 
+PAPER = ("linear_stiffness", "cubic_stiffness", "linear_damping", "coulomb_friction")
 LOST = ((700, 715), (2000, 2150))  # 15 samples, and more than a quarter of each period
 
 
 @pytest.fixture(scope="module")
 def whole():
-    return virtual_campaign(
-        frequencies=(3.0, 5.0), levels=(0.9, 0.5), duration=4.0, noise=0.01, random_state=3
-    )
+    return simulate(frequencies=(3.0, 5.0), levels=(0.9, 0.5), duration=4.0, noise=0.01, random_state=3)
 
 
 MANIFEST = """
@@ -84,15 +78,61 @@ def test_what_was_left_out_before_is_shown_again(whole):
     valid = np.ones(whole.runs[0].n_samples, dtype=bool)
     valid[100:110] = False
     marked = whole.with_runs((replace(whole.runs[0], valid=valid), *whole.runs[1:]))
-    (found,) = [f for f in check_campaign(marked).soundness.findings if f.id == "lost_samples"]
+    (found,) = [f for f in check(marked).soundness.findings if f.id == "lost_samples"]
     assert found.run == whole.runs[0].name and found.spans == ((100, 110),)
 
 
-def test_a_diagnosis_beside_a_batch_says_what_is_left_out(lost, tmp_path):
+def test_a_diagnosis_beside_a_batch_says_what_is_left_out(lost, tmp_path, sindyjoint):
     """It is of the campaign as it was read, not of the one without those samples, of which nothing is to be said."""
-    found = discover(load_campaign(lost))
-    assert found.measured is not None and found.campaign is not found.measured
-    CampaignFiles(reports=False, diagnose=True)(found, tmp_path)
-    record = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())
+    out = tmp_path / "batch"
+    assert sindyjoint("batch", lost, "--out", out, "--diagnose").status == 0
+    (file,) = out.rglob("diagnosis.json")
+    record = json.loads(file.read_text())
     assert "lost_samples" in record["soundness"]["ids"]
     assert any("left out: lost samples" in warning for warning in record["warnings"])
+
+
+@pytest.fixture(scope="module")
+def clean():
+    """Six runs of the virtual test."""
+    return simulate(frequencies=[3, 4.5], levels=[0.9, 0.6, 0.4], duration=6, noise=0.01, random_state=3)
+
+
+@pytest.fixture(scope="module")
+def reference(clean):
+    return discover(clean)
+
+
+def spiked(campaign):
+    rng = np.random.default_rng(1)
+    runs = []
+    for run in campaign.runs:
+        channels = {}
+        for name in ("moment", "angle"):
+            signal = getattr(run, name).copy()
+            at = rng.choice(run.n_samples, 5, replace=False)
+            signal[at] += 50 * np.std(signal) * rng.choice([-1, 1], 5)
+            channels[name] = signal
+        runs.append(replace(run, **channels))
+    return campaign.with_runs(tuple(runs))
+
+
+def clipped(campaign):
+    limits = [np.quantile(np.abs(run.moment), 0.97) for run in campaign.runs]
+    return campaign.with_runs(
+        tuple(replace(r, moment=np.clip(r.moment, -c, c)) for r, c in zip(campaign.runs, limits, strict=True))
+    )
+
+
+@pytest.mark.parametrize(("fault", "id"), [(spiked, "spikes"), (clipped, "saturation")])
+def test_coefficients_keep_within_their_intervals(clean, reference, fault, id):
+    """5 spikes of 50 RMS in each channel of each run, or 3 % of each run's moment at its limit."""
+    found = discover(fault(clean))
+    assert found.found and found.soundness.verdict != "unsound"
+    assert {f.id for f in found.soundness.findings} == {id}
+    assert found.warnings[0].endswith(f"left out: {id}")
+    for term in PAPER:
+        before, after = reference.model[term], found.model[term]
+        low, high = before.interval95
+        assert low < after.coefficient < high, term
+        assert after.standard_error < 2 * before.standard_error, term

@@ -6,11 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from sindyjoint.files.campaign import load_campaign
+from sindyjoint.files import load_campaign
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.faults import find_faults
 from tests.diagnosis.hidden_effects import hide
-from tests.soundness.faults import FAULTS, found, inject, sound_campaign
+from tests.soundness.faults import FAULTS, findings_of, found, inject, sound_campaign
 from tests.soundness.file_units import FILE_FAULTS, HONEST_FILES, write_files
 
 SEEDS = (203, 205)  # moment-driven and displacement-driven or by a rig; not those that limits were set on
@@ -27,13 +26,13 @@ def doubts(findings):
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_sound_campaign_has_no_fault(seed):
-    assert doubts(find_faults(campaign_of(seed))) == []
+    assert doubts(findings_of(campaign_of(seed))) == []
 
 
 @pytest.mark.parametrize("kind", FAULTS)
 def test_a_fault_is_found_under_its_name_and_says_what_it_does_and_what_helps(kind):
     bad, run = inject(kind, campaign_of(SEEDS[len(kind) % 2]), SEEDS[0])
-    findings = find_faults(bad)
+    findings = findings_of(bad)
     assert found(kind, findings, run), [(f.id, f.run, f.extent) for f in findings]
     names = {run.name for run in bad.runs} | {None}
     order = [("stops", "biases", "note").index(f.severity) for f in findings]
@@ -53,7 +52,7 @@ def test_a_unit_that_the_file_denies_stops(kind, tmp_path):
     some = campaign_of(SEEDS[0])
     some = some.with_runs(some.runs[:2])
     loaded = load_campaign(write_files(some, tmp_path, names, row, declared))
-    mismatches = [f for f in find_faults(loaded) if f.id == "unit_mismatch"]
+    mismatches = [f for f in findings_of(loaded) if f.id == "unit_mismatch"]
     assert {(f.run, f.channel, f.severity) for f in mismatches} == {
         (run, channel, "stops") for run in ("0", "1")
     }
@@ -63,13 +62,13 @@ def test_a_unit_that_the_file_denies_stops(kind, tmp_path):
 def test_an_honest_header_is_believed(names, row, declared, tmp_path):
     some = campaign_of(SEEDS[0])
     loaded = load_campaign(write_files(some.with_runs(some.runs[:2]), tmp_path, names, row, declared))
-    assert not [f for f in find_faults(loaded) if f.id == "unit_mismatch"]
+    assert not [f for f in findings_of(loaded) if f.id == "unit_mismatch"]
 
 
 def test_words_follow_the_motion():
     sliding = replace(campaign_of(SEEDS[0]), joint=Joint(motion="translation", inertia=0.02))
     bad, _ = inject("moment_clipped", sliding, 0)
-    text = " ".join(f.extent + f.effect + f.remedy for f in find_faults(bad))
+    text = " ".join(f.extent + f.effect + f.remedy for f in findings_of(bad))
     assert "force" in text and "moment" not in text and "N*m" not in text
 
 
@@ -94,15 +93,15 @@ ODD = {
 
 @pytest.mark.parametrize("name", ODD)
 def test_odd_data_raise_nothing(name, recwarn):
-    find_faults(Campaign(Joint(inertia=0.1), tuple(ODD[name])))
-    find_faults(Campaign(Joint(motion="translation"), tuple(ODD[name])))
+    findings_of(Campaign(Joint(inertia=0.1), tuple(ODD[name])))
+    findings_of(Campaign(Joint(motion="translation"), tuple(ODD[name])))
     assert not recwarn.list
 
 
 @pytest.mark.parametrize("seed", [952, 1006])
 def test_a_bend_at_the_reversals_is_no_delay(seed):
     """Friction bends the motion of a rig; the series of a noisy angle rounds that, and turns 1 ms too late."""
-    assert "channel_delay" not in [f.id for f in find_faults(sound_campaign(seed))]
+    assert "channel_delay" not in [f.id for f in findings_of(sound_campaign(seed))]
 
 
 @pytest.mark.parametrize("seed", [504, 507, 515])
@@ -111,4 +110,4 @@ def test_a_maxwell_branch_is_no_delay(seed):
     rng = np.random.default_rng((5, seed))
     size, noise = float(rng.uniform(0.04, 0.15)), float(10 ** rng.uniform(-3, -1.3))
     campaign = hide("maxwell_branch", seed, size, noise).campaign
-    assert "channel_delay" not in [f.id for f in find_faults(campaign)]
+    assert "channel_delay" not in [f.id for f in findings_of(campaign)]

@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from sindyjoint.record import Run
-from sindyjoint.soundness.detectors.spikes import find_spikes
-from sindyjoint.soundness.record import record_of
-from sindyjoint.soundness.words import words_of
+from sindyjoint import Campaign, Joint, Run
+from tests.soundness.faults import findings_of
 
 RATE = 1000.0
 TIME = np.arange(0, 4, 1 / RATE)
@@ -14,11 +12,15 @@ ANGLE = 1e-3 * np.sin(2 * np.pi * 3 * TIME + 0.1)
 INWARDS = [130, 300, 630, 960, 1470]  # samples after a crest
 
 
+def spikes_of(run):
+    found = findings_of(Campaign(Joint(inertia=0.0), (run,)))
+    return [(f.id, f.channel) for f in found if f.id == "spikes"]
+
+
 def spiked(at, values):
     angle = ANGLE + 1e-6 * np.random.default_rng(1).standard_normal(TIME.size)
     angle[at] = values
-    run = Run("run", 100 * ANGLE, angle, RATE, frequency=3.0)
-    return [(f.id, f.channel) for f in find_spikes([record_of(run)], words_of("rotation"))]
+    return spikes_of(Run("run", 100 * ANGLE, angle, RATE, frequency=3.0))
 
 
 def test_a_joint_that_jumps_back_and_forth_on_its_way_in_has_no_spikes():
@@ -44,5 +46,4 @@ def test_a_blow_that_stops_the_motion_is_no_spike(stops, ids):
     noise = np.random.default_rng(1).standard_normal((2, TIME.size))
     moment = np.sin(TIME) + 0.01 * noise[0]
     moment[2000] += 4
-    run = Run("run", moment, angle + 1e-5 * noise[1], RATE)
-    assert [(f.id, f.channel) for f in find_spikes([record_of(run)], words_of("rotation"))] == ids
+    assert spikes_of(Run("run", moment, angle + 1e-5 * noise[1], RATE)) == ids

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
+from sindyjoint.measurement.noise import difference_noise, moment_noise, signal_end
 from sindyjoint.record import Run
 from sindyjoint.states.broadband import broadband_states, dwells, smoothing_kernels
-from sindyjoint.states.noise import difference_noise, moment_noise, signal_end
 
 RATE = 1000.0
 

@@ -7,13 +7,8 @@ import pytest
 from scipy.signal import butter, cheby2, detrend, ellip, sosfilt
 
 from sindyjoint.errors import InputError
-from sindyjoint.inputs import SensorNoise
-from sindyjoint.measurement.floor import moment_floor
-from sindyjoint.numeric import without_line
-from sindyjoint.record import Run
-from sindyjoint.states import force_states
-from sindyjoint.states import noise as states_noise
-from sindyjoint.states.noise import (
+from sindyjoint.measurement import noise as states_noise
+from sindyjoint.measurement.noise import (
     channel_noise,
     coherent_to_the_top,
     moment_noise,
@@ -21,6 +16,11 @@ from sindyjoint.states.noise import (
     quantisation_step,
     signal_end,
 )
+from sindyjoint.numeric import without_line
+from sindyjoint.record import Run
+from sindyjoint.rig import SensorNoise
+from sindyjoint.states import force_states
+from sindyjoint.states.floor import moment_floor
 
 RATE, N = 1000.0, 20_000
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 import sindyjoint
-from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.pulse_test import with_laws
-from sindyjoint.mechanics.rigs import load_rig
+from sindyjoint.mechanics import PaperLaw, load_rig, with_laws
 from tests.substructure.moreau import steady
 
 PULSE_RIG = load_rig("pulse-rig")

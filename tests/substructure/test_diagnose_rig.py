@@ -3,15 +3,13 @@
 import json
 from dataclasses import replace
 
-import jsonschema
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose_rig
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.numeric import solve_factored
-from sindyjoint.reporting.output import write_results
-from sindyjoint.reporting.packing import record_schema
-from sindyjoint.workflows.diagnose import diagnose_rig
+from tests.doors.asked import checked_record
 
 from .test_refine_rig import K3, C, K, few_harmonics, model  # noqa: F401
 from .two_masses import integrated_run, rig_test, swept_run
@@ -57,9 +55,9 @@ def test_the_missing_stiffness_is_named_and_measured(found, tmp_path):
     terms = {term.id: term for term in found.in_place.models["joint"].terms}
     fifth = terms["quintic_stiffness"]
     assert abs(fifth.coefficient - FIFTH) < 4 * fifth.standard_error
-    write_results(found, tmp_path / "out")
+    found.report(tmp_path / "out")
     record = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
-    jsonschema.validate(record, record_schema("diagnosis"))
+    checked_record("diagnosis", record)
     assert "quintic_stiffness" in record["in_place"]["kinds"]["joint"]["terms"]
     saved = json.loads((tmp_path / "out" / "model.json").read_text())
     assert "quintic_stiffness" in [term["id"] for term in saved["terms"]]

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -13,13 +12,12 @@ from sindyjoint.errors import UnsoundError
 from sindyjoint.files.writers import ENCODERS
 from sindyjoint.judgement.rig_verdict import of_many_rows, of_slight_terms, within_the_states
 from sindyjoint.judgement.verdict import Verdict
-from sindyjoint.reporting.output import write_results
-from sindyjoint.reporting.packing import record_schema
 from sindyjoint.substructure.law_errors import Source, law_errors
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.states import joint_states, kept_orders, slow_part, strongest_line
 from sindyjoint.substructure.unseen import find_slow
 from sindyjoint.workflows.discover import discover_rig
+from tests.doors.asked import checked_record
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test
 
@@ -228,7 +226,7 @@ def test_a_structure_by_its_matrices_from_the_command_line(folder, found, capsys
         main(["discover", f"{folder}/rig.toml", "--json", "-q", "--random-state", "0"])
     assert ended.value.code == 0
     record = json.loads(capsys.readouterr().out)
-    jsonschema.validate(record, record_schema("structure"))
+    checked_record("structure", record)
     terms = {term["id"]: term["coefficient"] for term in record["laws"][0]["discovery"]["terms"]}
     assert terms == pytest.approx(
         {t.id: t.coefficient for t in found.laws[0].discovery.model.terms}, rel=1e-6
@@ -258,7 +256,7 @@ def test_the_check_of_a_folder_with_a_rig_stops_what_comes_after(folder, runs, t
 
 
 def test_the_page_shows_laws_and_sensors(found, tmp_path):
-    write_results(found, tmp_path / "out")
+    found.report(tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text()
     assert (
         "joint/report.html" in page and "times their noise" in page and "when a sensor is taken away" in page

@@ -3,12 +3,11 @@
 import json
 from dataclasses import replace
 
-import jsonschema
 import pytest
 
 import sindyjoint
 from sindyjoint.errors import InputError
-from sindyjoint.reporting.packing import record_schema
+from tests.doors.asked import checked_record
 from tests.made_models import model_of, term
 
 from .two_masses import integrated_run, rig_test, swept_run
@@ -64,7 +63,7 @@ def test_the_law_of_the_joint_leaves_the_noise_of_the_sensors(verified):
         assert run.noise_floor == pytest.approx(NOISE, rel=0.3)
         assert run.response_nrmse < 2 * NOISE and run.rmse_unit == "m/s^2"
     record = json.loads(json.dumps(verified.to_dict(), allow_nan=False))
-    jsonschema.validate(record, record_schema("verification"))
+    checked_record("verification", record)
 
 
 def test_a_joint_that_is_five_percent_stiffer_fails(declared):

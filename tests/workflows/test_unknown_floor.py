@@ -7,8 +7,8 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from sindyjoint import JointModel, discover
-from sindyjoint.inputs import SensorNoise
 from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.rig import SensorNoise
 
 RATE, N = 500.0, 8000
 

@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import constant
-from sindyjoint.mechanics.actuator import TONES, Actuator, driven_at
+from sindyjoint.mechanics.excitation import TONES, Actuator, driven_at
 from sindyjoint.numeric import Array
 from sindyjoint.response.drive import prescribed
 from sindyjoint.states import ForceStates

@@ -10,10 +10,10 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.add import aligned, fitted_together
 from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT
-from sindyjoint.diagnosis.campaign.measure import CampaignEvidence
+from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, score_of
 from sindyjoint.diagnosis.campaign.numbers.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.other_starts import with_delay
-from sindyjoint.diagnosis.campaign.repair import keeping, refit
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.start import Work, is_free
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -111,8 +111,7 @@ class Begun:
 
     def alone(self) -> Score:
         """Return the score of the model with what is there in any case."""
-        ev = CampaignEvidence(self.work.plain, self.work.model, (), self.given)
-        return ev.evidence.score(ev.base)
+        return score_of(self.work.plain, self.work.model, self.given)
 
 
 def find_effects(problem: Problem, most: int, say: Say) -> Found:
@@ -251,6 +250,25 @@ def odds_of(best: Chosen, other: Chosen) -> float:
     return float(max(np.exp(-max(rises.sum(), 0.0)), 2 * ndtr(-max(deviate(rises), 0.0))))
 
 
+def _needless(work: Work, repaired: Repaired, found: Found) -> frozenset[str]:
+    """Return which of several effects do not win, at the numbers that all have together, what they must."""
+    names = [each.name for each in found.effects]
+    adding = [each for each in repaired.effects if not each.shifts]
+    gone: frozenset[str] = frozenset()
+    whole = score_of(work.plain, repaired.model, adding)
+    while len(names) - len(gone) > 1:
+        without = {}
+        for name in (n for n in names if n not in gone):
+            others = [e for e in adding if e.name != name and e.name not in gone]
+            others = refit_nonlinear(work.plain, repaired.model, others, work.policy)
+            without[name] = score_of(work.plain, repaired.model, others)
+        name = max(without, key=lambda each: without[each].total)
+        if whole.total - without[name].total > found.least * max(whole.excess, 1.0):
+            break
+        gone, whole = gone | {name}, without[name]
+    return gone
+
+
 def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
     """Return the progress with the best set of effects that the data show, fitted together, as steps."""
     problem = begun.problem
@@ -261,8 +279,12 @@ def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
         return replace(begun, problem=problem)
     moved, given = ([e for e in problem.found if e.shifts is kind] for kind in (True, False))
     work, repaired = fitted_together(found.work, [*moved, *found.shifts], [*given, *found.effects])
+    idle = _needless(work, repaired, found)
+    if idle:
+        effects = [e for e in found.effects if e.name not in idle]
+        work, repaired = fitted_together(found.work, [*moved, *found.shifts], [*given, *effects])
     problem = replace(problem, work=work, repaired=repaired)
-    rankings = found.rankings
+    rankings = [each for each in found.rankings if each.fitted[0].name not in idle]
     if problem.zero:
         problem, needless = with_zero_fitted(problem)
         rankings = [each for each in rankings if not (needless and each.fitted[0].name == CONSTANT)]

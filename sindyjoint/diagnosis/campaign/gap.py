@@ -8,10 +8,12 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.kept import kept_runs
 from sindyjoint.diagnosis.campaign.numbers.free_decay import continuation_gap
+from sindyjoint.diagnosis.campaign.numbers.whole import number_columns
+from sindyjoint.diagnosis.campaign.regression import stack
 from sindyjoint.diagnosis.campaign.repair import (
     about_zero,
     held_out_gap,
-    kept_weighted_gap,
+    modelled,
     refit,
 )
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
@@ -22,11 +24,11 @@ from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.model import JointModel
-from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.response.compared import pooled_errors
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.run import moment_scale, pooled_nrmse
 from sindyjoint.states import ForceStates
+from sindyjoint.states.floor import moment_floor
 
 
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
@@ -39,10 +41,10 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     adding = [e for e in effects if not e.shifts]
     if work.campaign.validation_runs:
         moment, response = pooled_errors(kept_runs(work, model, effects))
-        return Gap(moment, response, kept_weighted_gap(kept_rows(work, model, effects), model, adding))
-    moment, weighted = held_out_gap(work.rows, model, adding, work.noise, work.policy)
+        return Gap(moment, response)
+    moment = held_out_gap(work.rows, model, adding, work.noise, work.policy)
     of_response = continuation_gap if is_free(work.campaign) else response_gap
-    return Gap(moment, of_response(work, model, effects), weighted)
+    return Gap(moment, of_response(work, model, effects))
 
 
 def moment_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
@@ -50,7 +52,7 @@ def moment_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -
     if work.campaign.validation_runs:
         return gap_of(work, model, effects).moment
     adding = [e for e in effects if not e.shifts]
-    return held_out_gap(work.rows, model, adding, work.noise, work.policy)[0]
+    return held_out_gap(work.rows, model, adding, work.noise, work.policy)
 
 
 def gap_without(work: Work, found: Sequence[FittedEffect], names: Collection[str]) -> Gap:
@@ -73,12 +75,32 @@ def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()
     return kept_rows(work, model, effects) if work.campaign.validation_runs else work.moment_rows()
 
 
-def noise_floor(work: Work) -> Gap:
-    """Return the noise relative to the signals, over the runs of which gaps are reported; NaN where it is not known."""
+def kept_misfit(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
+    """Return the errors on runs kept for validation, RMS in units of what noise makes expected of each row.
+
+    √(rᵀ(I + K(JᵀJ)⁻¹Kᵀ)⁻¹r / n), r the residual of the kept rows, K and J the derivatives by all numbers of these and
+    of the rows that were fitted: what the numbers' own errors predict is no misfit.
+    """
+    adding = [e for e in effects if not e.shifts]
+    kept = kept_rows(work, model, effects)
+    residual = np.concatenate([run.white(run.target - modelled(run, model, adding)) for run in kept])
+    fitted, other = (
+        stack(rows, lambda run: number_columns(run, model, adding)) for rows in (work.plain, kept)
+    )
+    scale = np.linalg.norm(fitted, axis=0)
+    scale[scale == 0] = 1.0
+    fitted, other = fitted / scale, other / scale
+    along = other.T @ residual
+    explained = along @ np.linalg.lstsq(fitted.T @ fitted + other.T @ other, along, rcond=None)[0]
+    return float(np.sqrt(max(residual @ residual - explained, 0.0) / residual.size))
+
+
+def noise_floor(work: Work, model: JointModel) -> Gap:
+    """Return what does not repeat, beside a model, over the runs of which gaps are reported; NaN where not known."""
     states, inertia = work.kept_states or work.states, work.model.inertia
     known = all(s.noise.motion_measured for s in states)
     response = _response_floor(states, inertia) if known else float("nan")
-    return Gap(moment_floor(states, inertia).relative, response)
+    return Gap(moment_floor(states, inertia, model).relative, response)
 
 
 def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:

@@ -19,7 +19,7 @@ from sindyjoint.diagnosis.effects.motion import JoinedMotions
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.evidence.rows import Rotated
-from sindyjoint.evidence.score import Evidence
+from sindyjoint.evidence.score import Evidence, Score
 from sindyjoint.evidence.search import Candidate, Chosen, Search
 from sindyjoint.numeric import Array, main_frequency
 
@@ -194,6 +194,12 @@ class CampaignEvidence:
             variant = effect.variants[each.form]
             effects.append(FittedEffect(effect, variant, each.values, value * np.array(each.mix), 0.0))
         return effects
+
+
+def score_of(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> Score:
+    """Return the score of a model with effects, delays aside, all coefficients fitted together."""
+    ev = CampaignEvidence(runs, model, (), [each for each in effects if not each.shifts])
+    return ev.evidence.score(ev.base)
 
 
 def mixed(columns: Array, residual: Array, basis: Array) -> tuple[Array, tuple[float, ...]]:

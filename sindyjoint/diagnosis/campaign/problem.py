@@ -14,13 +14,12 @@ from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.campaign import admissible
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
-from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, gap_without, noise_floor
+from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, gap_without, kept_misfit, noise_floor
 from sindyjoint.diagnosis.campaign.joint_zero import ZERO, zero_start
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
-from sindyjoint.diagnosis.campaign.numbers.bias import without_bias
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
-from sindyjoint.diagnosis.campaign.numbers.uncertainty import left_out_error, motion_errors, response_error
-from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, nuisances_of, whole_model
+from sindyjoint.diagnosis.campaign.numbers.uncertainty import response_error
+from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, is_element, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.regression import GapRegression
@@ -47,7 +46,7 @@ from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
-from sindyjoint.mechanics.actuator import Actuator
+from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import (
     identifiability_notes,
@@ -82,8 +81,6 @@ class CampaignProblem(Problem):
         From where displacements are counted, in that of the channel, rad (m), and its standard error.
     refined : JointModel, optional
         The whole model with numbers from elsewhere, which those of ``repaired`` are parts of.
-    notes : tuple of str
-        On the form of its elements.
     actuator : Actuator, optional
         That makes further runs.
     search : Searched, optional
@@ -101,7 +98,6 @@ class CampaignProblem(Problem):
     zero: float = 0.0
     zero_error: float = 0.0
     refined: JointModel | None = None
-    notes: tuple[str, ...] = ()
     actuator: Actuator | None = None
     search: Searched | None = None
     rows: int = 0
@@ -168,30 +164,19 @@ class CampaignProblem(Problem):
     @property
     def noise_floor(self) -> Gap:
         """Noise of the runs of which the gap is reported; NaN where it is not known."""
-        return noise_floor(self.work)
+        return noise_floor(self.work, self.repaired.model)
 
     @property
     def floor_is_bound(self) -> bool:
         """Whether a channel's spectrum ends in signal, so that its noise is only known to be less."""
         return any(s.noise.source == "coherent" for s in self.work.kept_states or self.work.states)
 
-    @cached_property
-    def _motion_errors(self) -> tuple[float, float]:
-        return motion_errors(self.work, self.repaired.model, self.found)
-
-    def floor(self) -> Gap:
-        """Return the noise floor with what noise of the motion adds by the slopes of the law."""
-        known = self.noise_floor
-        return replace(known, moment=float(np.hypot(known.moment, self._motion_errors[0])))
-
     def uncertainty(self) -> Gap:
-        """Return the gaps that the true law leaves by its numbers, its drive and the processing of its motion."""
-        model, effects, floor = self.repaired.model, self.found, self.noise_floor.response
-        response = 0.0
-        if not is_free(self.work.campaign) and self.gap.response > self.policy.within_floors * floor:
-            response = response_error(self.work, model, effects)
-        moment = np.hypot(left_out_error(self.work, model, effects), self._motion_errors[1])
-        return Gap(float(moment), response)
+        """Return the gap of the response that the true law leaves by its numbers and its drive."""
+        floor = self.noise_floor.response
+        if is_free(self.work.campaign) or not self.gap.response > self.policy.within_floors * floor:
+            return Gap(0.0, 0.0)
+        return Gap(0.0, response_error(self.work, self.repaired.model, self.found))
 
     corrected = without_drift_found
 
@@ -217,15 +202,16 @@ class CampaignProblem(Problem):
         return fitted.variant.units(self.work.campaign.joint.motion)
 
     def finished(self) -> Self:
-        """Return the problem with its numbers freed of what the processing does to them.
-
-        The coefficients of free motion are refined on the simulated response instead.
-        """
+        """Return the problem; the coefficients of free motion are refined on the simulated response."""
         work = self.work
-        if is_free(work.campaign):
-            return replace(self, repaired=refined(work.campaign, work.states, work.rows, self.repaired))
-        unbiased, notes = without_bias(work, self.repaired)
-        return self if unbiased is self.repaired else replace(self, repaired=unbiased, notes=notes)
+        if not is_free(work.campaign):
+            return self
+        return replace(self, repaired=refined(work.campaign, work.states, work.rows, self.repaired))
+
+    @property
+    def rounded(self) -> bool:
+        """Whether mean periods have rounded off the corners of an element, so that its numbers along them are wrong."""
+        return any(map(is_element, self.found)) and all(run.folded for run in self.work.rows)
 
     @cached_property
     def whole(self) -> JointModel:
@@ -267,9 +253,10 @@ class CampaignProblem(Problem):
             return Residual(1.0, self.policy.unexplained)
         before, after, rows = self.search.before, self.search.after, self.search.rows
         share = share_beyond_noise((before, rows), (after, rows), self.policy)
-        # Of runs kept for validation there is the gap alone.
-        known = not self.work.campaign.validation_runs
-        misfit = float(np.sqrt(after / rows)) if known else np.inf
+        kept = self.work.campaign.validation_runs
+        misfit = (
+            kept_misfit(self.work, self.repaired.model, self.found) if kept else float(np.sqrt(after / rows))
+        )
         return Residual(share, self.policy.unexplained, misfit=misfit)
 
     def budget(self, first: Self, last: Self) -> Budget:
@@ -305,7 +292,6 @@ class CampaignProblem(Problem):
                 *identifiability_notes(campaign, self.states),
                 *warn_of_negative_inertia(repaired.model),
                 *warn_of_negative_damping(repaired.model),
-                *self.notes,
             ),
             model=repaired.model,
             effects=self.found,

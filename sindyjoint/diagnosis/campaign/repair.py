@@ -203,8 +203,8 @@ def held_out_gap(
     noise: dict[str, float],
     policy: DiagnosisPolicy = CAMPAIGN,
     refitted: bool = True,
-) -> tuple[float, float]:
-    """Return the moment gap on runs that were left out: relative RMS, and RMS in units of the rows' noise.
+) -> float:
+    """Return the moment gap on runs that were left out, relative RMS.
 
     Each group of runs is left out in turn; coefficients and, unless they are not to be ``refitted``, nonlinear
     parameters come from the others.
@@ -216,13 +216,13 @@ def held_out_gap(
     white = whitened(runs, plain)
     target = np.concatenate([run.target for run in runs])
     whole = whitened(runs, target)
-    residual, weighted = np.empty(target.size), np.empty(whole.size)
+    residual = np.empty(target.size)
     # The range of a number is that of the campaign: runs that go less far do not narrow it.
     reference = reference_scales(runs)
     ranged = [e if e.within is not None else replace(e, within=e.variant.bounds(reference)) for e in effects]
     for group in dict.fromkeys(labels.tolist()):
-        out, white_out = labels == group, white_labels == group
-        used, rows, others = plain, white, ~white_out
+        out, others = labels == group, white_labels != group
+        used, rows = plain, white
         train = [run for run in runs if run.group != group]
         if refitted and train and len(train) < len(runs) and any(e.values.size for e in effects):
             # Along the motion itself where it is short: a kink that is followed roughly has its numbers elsewhere.
@@ -233,16 +233,7 @@ def held_out_gap(
             rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])
         residual[out] = target[out] - used[out] @ coefficients
-        weighted[white_out] = whole[white_out] - rows[white_out] @ coefficients
-    return _relative(runs, residual, target, noise), float(np.sqrt(np.mean(weighted**2)))
-
-
-def kept_weighted_gap(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return the gap in units of the rows' noise on runs that no coefficient of model and effects was fitted to."""
-    coefficients = coefficients_of(model, effects)
-    target = np.concatenate([run.target for run in runs])
-    residual = target - np.vstack([all_columns(run, model, effects) for run in runs]) @ coefficients
-    return float(np.sqrt(np.mean(whitened(runs, residual) ** 2)))
+    return _relative(runs, residual, target, noise)
 
 
 def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> list[float]:

@@ -27,7 +27,7 @@ from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.result import Advice, Step
 from sindyjoint.equation.model import JointModel
-from sindyjoint.mechanics.actuator import Actuator
+from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.parallel import side_by_side
 from sindyjoint.text import in_words_of
 

@@ -30,7 +30,6 @@ from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.equation.without_rate import is_rate_free, rate_free
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.measurement.floor import moment_floor
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import (
     ForceStates,
@@ -39,6 +38,7 @@ from sindyjoint.states import (
     states_of,
     transfer_noise,
 )
+from sindyjoint.states.floor import moment_floor
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics
 from sindyjoint.states.rows import group_labels

@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.batch.population import CoefficientScatter, Trend
-from sindyjoint.batch.record import CAMPAIGNS, CampaignRecord
-from sindyjoint.batch.summary import TEMPERATURE, Batch
 from sindyjoint.reporting.equation import superscripted
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section
@@ -39,6 +36,9 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import percent, rounded, spelled
+from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
+from sindyjoint.workflows.joints.record import CAMPAIGNS, CampaignRecord
+from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
 
 # More names than these cannot be read below an axis.
 NAMED = 24

@@ -28,10 +28,9 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.reporting.tables import DASH, TextTable, csv_columns
 from sindyjoint.reporting.view import View
-from sindyjoint.substructure.forced import ForcedResponse
+from sindyjoint.substructure.forced import ForcedResponse, StructureCurves
 from sindyjoint.substructure.joint_curves import MEASURES, JointCurve, JointCurves
 from sindyjoint.substructure.modes import ModeCurve
-from sindyjoint.substructure.structure_curves import StructureCurves
 from sindyjoint.text import quantities
 
 UNITS = {"rotation": ("rad", "N*m/rad"), "translation": ("m", "N/m")}

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sindyjoint.accelerometer import disagreement
 from sindyjoint.files.units import unit_ratio
 from sindyjoint.inputs import ColumnUnit
+from sindyjoint.measurement.sensors import disagreement
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.policy import POLICY

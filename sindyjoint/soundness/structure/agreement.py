@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.ends import jump_columns
 from sindyjoint.substructure.recovery import BLIND, Recovery
 from sindyjoint.substructure.spectra import strongest
-from sindyjoint.substructure.transfer import open_joints
+from sindyjoint.substructure.transfer import jump_columns, open_joints
 from sindyjoint.substructure.update import with_numbers
 
 Complex = NDArray[np.complex128]
@@ -55,7 +54,8 @@ class Equations:
     slopes : ndarray of complex, shape (k, l, channels, 1 + joints)
         Derivatives by the structure's numbers.
     ends : ndarray of complex, shape (m, l, channels)
-        What jumps at the ends of records that do not repeat add (:mod:`sindyjoint.substructure.ends`), each of the
+        What jumps at the ends of records that do not repeat add
+        (:func:`~sindyjoint.substructure.transfer.jump_columns`), each of the
         size that is expected of it.
     prior : ndarray, shape (k + m,)
         Standard uncertainty of the numbers, relative, and of the jumps.

@@ -18,18 +18,16 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
-from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.structure import Structure, tangent_of
 from sindyjoint.numeric import Array, solve_factored
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
-from sindyjoint.substructure.harmonics import analysis, rates, real_blocks, synthesis
-from sindyjoint.substructure.period import period_moment
+from sindyjoint.substructure.period import by_harmonic
 
 Complex = NDArray[np.complex128]
 Factors = tuple[Array, NDArray[np.int32]]
 
 # Newton steps, from a motion that was recovered and from one nearby.
 STEPS, FURTHER_STEPS = 40, 6
-SAMPLES = 8  # per harmonic
 # Of the largest moment: what may be out of balance.
 BALANCED = 1e-6
 # Steps with the derivatives of a balance nearby, each of which leaves less than this share of the one before.
@@ -62,14 +60,7 @@ class Condensed:
     @cached_property
     def linear(self) -> Array:
         """S_h on the real coefficients of all angles, shape (size, size)."""
-        joints, width = self.stiffness.shape[1], 2 * len(self.stiffness) - 1
-        rows: NDArray[np.intp] = np.arange(joints) * width
-        matrix = np.zeros((joints * width,) * 2)
-        matrix[np.ix_(rows, rows)] = self.stiffness[0].real
-        for order in range(1, len(self.stiffness)):
-            pairs: NDArray[np.intp] = np.ravel(rows[:, None] + np.array([2 * order - 1, 2 * order]))
-            matrix[np.ix_(pairs, pairs)] = real_blocks(self.stiffness[order])
-        return matrix
+        return by_harmonic(self.stiffness)
 
 
 def condense(structure: Structure, at: str, sensors: Sequence[Sensor], omega: float, count: int) -> Condensed:
@@ -144,19 +135,10 @@ class Steady:
 
     def residual(self, angles: Array, slopes: bool = True) -> tuple[Array, Array]:
         """Return what is out of balance, N·m, and its derivatives by the coefficients of the angles, shape (size,)."""
-        width, samples = 2 * self.harmonics + 1, SAMPLES * (self.harmonics + 1)
-        to_time = synthesis(self.harmonics, samples)
-        by_phase = rates(self.harmonics, samples)
-        to_rate = self.omega * by_phase if slopes else by_phase
-        moments = [
-            period_moment(law, (to_time @ own, self.omega * (by_phase @ own)), (to_time, to_rate) if slopes else None,
-                          2 * np.pi / self.omega)
-            for law, own in zip(self.laws, angles.reshape(-1, width), strict=True)
-        ]  # fmt: skip
         jacobian = self.linear.copy() if slopes else self.linear
         out = self.linear @ angles - self.load(self.drive)
-        matrices = to_time, analysis(self.harmonics, samples), by_phase
-        add_joint_moments(out, jacobian, angles, moments, self.hold, matrices, slopes)
+        each = angles.reshape(len(self.laws), -1)
+        add_joint_moments(out, jacobian, each, self.laws, self.omega, self.hold, slopes)
         return out, jacobian
 
     def solve(self, start: Array, factors: Factors | None = None) -> Array:
@@ -228,16 +210,10 @@ def steady(
     """Return the balance of a structure with laws in its joints under a drive of amplitudes 0 to H."""
     joints = np.arange(structure.n_joints)
     condensed = condensed or condense(structure, at, sensors, omega, drive.size - 1)
-    tangents = np.array([_tangent(law) for law in laws])
+    tangents = np.array([tangent_of(law) for law in laws])
     main = int(np.argmax(np.abs(drive[1:]))) + 1
     hold = HOLD * (np.abs(tangents) + (main * omega) ** 2 * structure.mass[joints, joints])
     return Steady(condensed, tuple(laws), omega, drive, hold)
-
-
-def _tangent(law: Any) -> float:
-    step, still = 1e-7, np.zeros(2)
-    low, high = law.moment(np.array([-step, step]), still, still, np.zeros((law.n_states, 2)))
-    return float(high - low) / (2 * step)
 
 
 def coefficients(amplitudes: Complex) -> Array:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, counted_from, has_middle, shifted_run
-from sindyjoint.diagnosis.campaign.measure import CampaignEvidence
+from sindyjoint.diagnosis.campaign.measure import score_of
 from sindyjoint.diagnosis.campaign.numbers.whole import number_columns
 from sindyjoint.diagnosis.campaign.regression import stack
 from sindyjoint.diagnosis.campaign.repair import (
@@ -50,15 +50,9 @@ def with_zero_fitted(problem: Problem) -> tuple[Problem, bool]:
     if constant is None:
         return without, False
     both = _fitted(problem, problem.found) if any(has_middle(e.effect) for e in others) else problem
-    stays = _score(both) - _score(without) > -np.log(POLICY.chance)
+    scores = [score_of(p.work.plain, p.repaired.model, p.found).total for p in (both, without)]
+    stays = scores[0] - scores[1] > -np.log(POLICY.chance)
     return (both, False) if stays else (without, True)
-
-
-def _score(problem: Problem) -> float:
-    """Return the score of a law as it is fitted, nats."""
-    beside = [e for e in problem.found if not e.shifts]
-    ev = CampaignEvidence(problem.work.plain, problem.repaired.model, (), beside)
-    return ev.evidence.score(ev.base).total
 
 
 def _fitted(problem: Problem, effects: Sequence[FittedEffect]) -> Problem:

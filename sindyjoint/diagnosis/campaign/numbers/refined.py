@@ -1,4 +1,8 @@
-"""The numbers of a repaired model fitted once more, to the simulated response of its campaign."""
+"""The numbers of a repaired model fitted once more, to the simulated response of its campaign.
+
+A mean period rounds off the corners of a slider: numbers fitted along the measured motion are those of rounded corners,
+and one form of an element looks like another. The simulated response has the corners where the joint has them.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +10,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from sindyjoint.equation.element import JointElement
+from sindyjoint.diagnosis.campaign.numbers.whole import is_element
+from sindyjoint.diagnosis.campaign.regression import wrong_signs
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
 from sindyjoint.equation.formula import formula_text
-from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
-from sindyjoint.response.kept_out import simulated_gap
+from sindyjoint.response.compared import simulated_gap
 from sindyjoint.response.nuisances import corrected
 from sindyjoint.response.refine import refine
 from sindyjoint.states import campaign_states, one_after_another
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+    from sindyjoint.diagnosis.effects.catalogue import Variant
     from sindyjoint.diagnosis.effects.fitted import FittedEffect
+
+# Forms of an element whose misfits, a χ², are within this of the least are not told apart: they are as probable as one
+# to twenty.
+FORM_LEAD = 6.0
 
 
 def refined_problem(
@@ -31,8 +39,9 @@ def refined_problem(
 ) -> tuple[CampaignProblem, tuple[str, ...]]:
     """Return a repaired campaign whose whole model is fitted to the simulated response, and notes on that.
 
-    As it is where the response gap would grow by it. Where the catalogue has further forms of an element, as of Bouc
-    and Wen's law or of a gap, the one with the least misfit of the response is used.
+    As it is where the response gap would grow by it. Of the forms that the catalogue has of an element, as of Bouc and
+    Wen's law or of a gap, the one with the least misfit of the response is used, or the plainest of those that are
+    alike; a note names the others.
 
     Parameters
     ----------
@@ -44,77 +53,85 @@ def refined_problem(
         What the diagnosis found of the test.
     progress : callable, optional
     """
-    whole = problem.whole
-    if not (whole.terms or whole.elements):
+    if not (problem.whole.terms or problem.whole.elements):
         return problem, ()
     (progress or (lambda stage: None))("refining on the simulated response")
     campaign = corrected(test, usable)
     states = one_after_another(campaign, campaign_states(campaign))
     tried = [
-        refine(model, campaign, states=states, test=test)
-        for model in (whole, *other_forms(whole, problem.found))
+        (form, refine(form.whole, campaign, states=states, test=test))
+        for form in (problem, *_in_other_forms(problem))
     ]
-    # One that did not succeed has no misfit.
-    refinement = min(tried, key=lambda each: each.misfit if each.refined else np.inf)
-    if not refinement.refined:
-        return problem, refinement.notes
-    before, after = (simulated_gap(model, campaign, test) for model in (whole, refinement.model))
+    done = [(form, each) for form, each in tried if each.refined]
+    if not done:
+        return problem, tried[0][1].notes
+    least = min(each.misfit for _, each in done)
+    alike = [(form, each) for form, each in done if each.misfit <= least + FORM_LEAD]
+    best, refinement = min(alike, key=lambda pair: (_rank(pair[0]), pair[1].misfit))
+    before, after = (simulated_gap(model, campaign, test) for model in (problem.whole, refinement.model))
     if not after <= (1 + problem.policy.refined_gap) * before:
         note = (
             f"the refinement on the simulated response is not used: the response gap would be {100 * after:.3f} % "
             f"where it is {100 * before:.3f} %"
         )
         return problem, (note,)
-    notes = refinement.notes
-    if refinement is not tried[0]:
-        notes = (
-            *notes,
-            "the simulated response is better with another form of an element than the regression chose: "
-            f"{refinement.model.equation()}",
-        )
-    return problem.with_whole(refinement.model), notes
+    others = [form for form, _ in alike if form is not best]
+    return best.with_whole(refinement.model), (*refinement.notes, *_undetermined(best, others))
 
 
-def other_forms(model: JointModel, effects: Sequence[FittedEffect]) -> list[JointModel]:
-    """Return a model with one element in another form that the catalogue has of its effect, numbers as they are.
-
-    Forms with other numbers than the element has are left out.
-    """
-    models = []
-    for effect in effects:
-        place = next((i for i, each in enumerate(model.elements) if each.id == effect.name), None)
-        if place is None:
-            continue
-        known = model.elements[place]
-        seen = {_form(known)}
-        for variant in effect.effect.variants:
-            if variant.names != effect.variant.names or len(variant.columns) != len(known.columns):
+def _in_other_forms(problem: CampaignProblem) -> list[CampaignProblem]:
+    """Return the problem with an element in another form, or range, of the catalogue's, fitted to the rows."""
+    work, repaired, found = problem.work, problem.repaired, []
+    for place, each in enumerate(repaired.effects):
+        for other in each.effect.variants if is_element(each) else ():
+            if other == each.variant or other.names != each.variant.names:
                 continue
-            if [state.name for state in variant.states] != [state.name for state in known.states]:
-                continue
-            columns = tuple(
-                replace(value, formula=formula_text(column.expression))
-                for value, column in zip(known.columns, variant.columns, strict=True)
-            )
-            states = tuple(
-                replace(
-                    old,
-                    rate=formula_text(new.rate),
-                    limit=None if new.limit is None else formula_text(new.limit),
-                )
-                for old, new in zip(known.states, variant.states, strict=True)
-            )
-            other = replace(known, columns=columns, states=states)
-            if _form(other) not in seen:
-                seen.add(_form(other))
-                elements = (*model.elements[:place], other, *model.elements[place + 1 :])
-                models.append(replace(model, elements=elements))
-    return models
+            effects = list(repaired.effects)
+            effects[place] = replace(each, variant=other, within=None)
+            fitted = _fitted(problem, effects)
+            if not wrong_signs(other, fitted.effects[place].coefficients):
+                found.append(replace(problem, repaired=fitted, work=replace(work, model=fitted.model)))
+    return found
 
 
-def _form(element: JointElement) -> tuple[str, ...]:
-    """Return the formulas of an element."""
-    return (
-        *(column.formula for column in element.columns),
-        *(f"{state.rate}, {state.limit}" for state in element.states),
-    )
+def _fitted(problem: CampaignProblem, effects: Sequence[FittedEffect]) -> Repaired:
+    """Return the repaired model with other forms of its effects, all numbers fitted to the rows."""
+    work, policy = problem.work, keeping(problem.policy)
+    model = problem.repaired.model
+    shifts = [e for e in effects if e.shifts]
+    adding = refit_nonlinear(work.rows, model, [e for e in effects if not e.shifts], policy)
+    later = refit(work.rows, model, adding, policy)
+    by_name = {e.name: e for e in (*shifts, *later.effects)}
+    return replace(later, effects=tuple(by_name[e.name] for e in effects), dropped=problem.repaired.dropped)
+
+
+def _rank(problem: CampaignProblem) -> list[int]:
+    """Return which form of its effect each element has: the catalogue begins with the plainest."""
+    ranks = []
+    for each in problem.found:
+        forms = [_formulas(variant) for variant in each.effect.variants]
+        mine = _formulas(each.variant)
+        ranks.append(forms.index(mine) if mine in forms else len(forms))
+    return ranks
+
+
+def _undetermined(best: CampaignProblem, others: Sequence[CampaignProblem]) -> tuple[str, ...]:
+    """Return a note for each element that has another form in a model that is as like the measurement."""
+    notes = []
+    for place, mine in enumerate(best.found):
+        forms = dict.fromkeys(_formulas(each.found[place].variant) for each in others)
+        forms.pop(_formulas(mine.variant), None)
+        if forms:
+            notes.append(
+                f"these runs do not determine the form of {mine.effect.name}: {_formulas(mine.variant)} is used, and "
+                f"{' or '.join(forms)} fits as well; its numbers hold for the form used"
+            )
+    return tuple(notes)
+
+
+def _formulas(variant: Variant) -> str:
+    parts = [
+        *(column.formula for column in variant.columns),
+        *(f"{s.name}' = {formula_text(s.rate)}" for s in variant.states),
+    ]
+    return ", ".join(parts)

@@ -1,9 +1,4 @@
-"""The gap that noise alone leaves: of the true law's own terms, fitted to noisy runs and driven by a noisy moment.
-
-A gap on runs left out holds more than their noise: the numbers come from the other runs, and are uncertain; the law is
-evaluated along a noisy motion, whose processing rounds off its reversals. So are a simulation's numbers and its drive.
-Beyond what these explain a law is wrong.
-"""
+"""The gap of the response that noise alone leaves: the true law's numbers are fitted, and its drive is measured."""
 
 from __future__ import annotations
 
@@ -11,15 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.gap import kept_rows
 from sindyjoint.diagnosis.campaign.kept import kept_runs
 from sindyjoint.diagnosis.campaign.numbers.whole import number_columns
 from sindyjoint.diagnosis.campaign.regression import stack
-from sindyjoint.diagnosis.campaign.repair import coefficients_of, modelled, whitened
-from sindyjoint.diagnosis.campaign.rows.build import along_replicate
-from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
+from sindyjoint.diagnosis.campaign.repair import coefficients_of
+from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.simulated_run import simulated
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
@@ -28,91 +20,8 @@ from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.model_law import with_coefficients
 from sindyjoint.response.run import SimulatedRun, pooled_nrmse
-from sindyjoint.states import ForceStates
-from sindyjoint.states.broadband import smoothing_kernels
 
 DRAWS = 3  # of numbers and noise, by which the response is simulated again
-
-
-def left_out_error(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return by how much the true law, fitted to other runs, would miss runs left out: relative RMS of the moment.
-
-    The variance x'Cx of a prediction, C the covariance of the numbers by the noise of the rows they come from.
-    """
-    adding = [e for e in effects if not e.shifts]
-    runs = work.rows
-    if work.campaign.validation_runs:
-        kept = kept_rows(work, model, effects)
-        columns = np.vstack([number_columns(run, model, adding) for run in kept])
-        spread = _prediction_variance(columns, _covariance(runs, model, adding))
-        return float(np.sqrt(np.mean(spread) / np.mean(np.concatenate([r.target for r in kept]) ** 2)))
-    plain = np.vstack([number_columns(run, model, adding) for run in runs])
-    white, share = whitened(runs, plain), _shares(runs)
-    labels, white_labels = row_groups(runs), row_groups(runs, white=True)
-    spread = np.zeros(len(plain))
-    for group in dict.fromkeys(labels.tolist()):
-        out, others = labels == group, white_labels != group
-        if others.any():
-            spread[out] = _prediction_variance(plain[out], _noise_covariance(white[others], share[others]))
-    return float(np.sqrt(np.mean(spread) / np.mean(np.concatenate([r.target for r in runs]) ** 2)))
-
-
-def motion_errors(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> tuple[float, float]:
-    """Return by how much the true law misses because its motion is measured, and because it is processed.
-
-    Relative RMS of the moment, over runs that do not repeat: a mean period hardly has either. Noise of the motion
-    enters by the slopes of the law, beside the inertia's moment. What the processing leaves of the law's own simulation
-    is known where rows hold it.
-    """
-    rng = np.random.default_rng(0)
-    adding = [e for e in effects if not e.shifts]
-    kept = bool(work.campaign.validation_runs)
-    states = work.kept_states if kept else work.states
-    rows = kept_rows(work, model, effects) if kept else work.rows
-    own = float(np.sum(np.concatenate([run.target for run in rows]) ** 2))
-    measured = processed = 0.0
-    for run, state in zip(rows, states, strict=True):
-        if run.folded or run.half_cycles is not None:
-            continue
-        if run.processing is not None:
-            processed += float(np.sum(_within(run, run.processing) ** 2))
-        noisier, acceleration = _noisier_motion(state, rng)
-        # Along the states as they are, too: the rows lack what the processing leaves.
-        both = (along_replicate(run, state, each, model) for each in (state, noisier))
-        first, last = (each.target - modelled(each, model, adding) for each in both)
-        inertial = model.inertia * acceleration[_places(run, state)]
-        whole, known = _within(run, last - first), _within(run, inertial)
-        measured += max(float(np.sum(whole**2) - np.sum(known**2)), 0.0)
-    return float(np.sqrt(measured / own)), float(np.sqrt(processed / own))
-
-
-def _within(run: GapRun, part: Array) -> Array:
-    return part if run.band is None else run.band.within(part)
-
-
-def _places(run: GapRun, states: ForceStates) -> NDArray[np.intp]:
-    """Return the samples of the states at which a run has rows."""
-    return np.round((run.motion.time[run.motion.keep] - states.time[0]) * states.sample_rate).astype(int)
-
-
-def _noisier_motion(states: ForceStates, rng: np.random.Generator) -> tuple[ForceStates, Array]:
-    """Return states with noise added to the motion as large as what it holds already, and that of the acceleration."""
-    low, first, second = smoothing_kernels(states.bandwidth, states.sample_rate)
-
-    def smooth(size: float, *kernels: Array) -> list[Array]:
-        white = size * rng.standard_normal(states.n_samples + low.size - 1)
-        return [np.convolve(white, kernel, mode="valid") for kernel in kernels]
-
-    angle, rate, acceleration = smooth(states.noise.angle, low, first, second)
-    if states.rate_measured:
-        rate, acceleration = smooth(states.noise.rate / float(np.linalg.norm(low)), low, first)
-    later = replace(
-        states,
-        angle=states.angle + angle,
-        rate=states.rate + rate,
-        acceleration=states.acceleration + acceleration,
-    )
-    return later, acceleration
 
 
 def response_error(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
@@ -193,7 +102,3 @@ def _noise_covariance(white: Array, share: Array) -> Array:
     norm[norm == 0] = 1.0
     inverse = np.linalg.pinv(white / norm, rcond=1e-9)
     return np.asarray((inverse * share) @ inverse.T / np.outer(norm, norm))
-
-
-def _prediction_variance(columns: Array, covariance: Array) -> Array:
-    return np.asarray(np.einsum("ij,jk,ik->i", columns, covariance, columns))

@@ -18,11 +18,9 @@ from sindyjoint.diagnosis.campaign.repair import (
     unique_shares,
 )
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.parts import element_of, parts_of_law
 from sindyjoint.equation.element import JointElement, Value
-from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import Nuisance, TestNuisances
 from sindyjoint.numeric import Array
@@ -159,8 +157,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
 def from_whole(repaired: Repaired, runs: Sequence[GapRun], whole: JointModel) -> Repaired:
     """Return a repaired model of which a model with other numbers is the :func:`whole_model`.
 
-    What is new in a sum goes to its first part. Elements may have another form of their effect; numbers of the test
-    stay as they are.
+    What is new in a sum goes to its first part; numbers of the test stay as they are.
     """
     numbers = numbers_of(repaired, runs)
     parts = _parts_of_whole(repaired, numbers)
@@ -170,23 +167,7 @@ def from_whole(repaired: Repaired, runs: Sequence[GapRun], whole: JointModel) ->
     touched = [at for part in parts for at in part]
     covariance[touched, :] = covariance[:, touched] = 0.0
     covariance[np.ix_(first, first)] = np.array(whole.covariance)
-    forms = {element.id: element for element in whole.elements}
-    effects = tuple(
-        replace(e, variant=_variant_of(forms[e.name], e)) if e.name in forms else e for e in repaired.effects
-    )
-    return with_numbers(replace(repaired, effects=effects), values, covariance)
-
-
-def _variant_of(element: JointElement, effect: FittedEffect) -> Variant:
-    """Return the form of an effect that an element has."""
-    for variant in effect.effect.variants:
-        own = [state.rate for state in element.states], [column.formula for column in element.columns]
-        if own == (
-            [formula_text(state.rate) for state in variant.states],
-            [formula_text(column.expression) for column in variant.columns],
-        ):
-            return variant
-    return effect.variant
+    return with_numbers(repaired, values, covariance)
 
 
 def _parts_of_whole(repaired: Repaired, numbers: Numbers) -> list[list[int]]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles, reversals
 from sindyjoint.diagnosis.campaign.rows.run import Band, GapRun
-from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel_noise_factor, slopes
+from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel_noise_factor
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import VARIABLES, compile_terms
@@ -26,8 +26,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.response.run import rest_of, settling
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
-from sindyjoint.states.mask import rate_limit
-from sindyjoint.states.standstill import without_noise_travel
+from sindyjoint.states.mask import rate_limit, without_noise_travel
 
 PHASES = 240
 FEWEST_PHASES = 12
@@ -256,9 +255,7 @@ def _free_decay(states: ForceStates, model: JointModel, group: str, policy: Diag
         max(states.noise.angle * float(np.linalg.norm(low)), LEAST_NOISE * float(np.abs(angle).max())),
         max(states.noise.rate, LEAST_NOISE * float(np.abs(rate).max())),
     )
-    half_cycles = HalfCycles.build(
-        rate, step, slopes(model, angle, rate), model.inertia, limit, noise, policy
-    )
+    half_cycles = HalfCycles.build(rate, step, model.slopes(angle, rate), model.inertia, limit, noise, policy)
     if half_cycles is None:
         return None
     rows = np.arange(size)
@@ -294,7 +291,7 @@ def _motion(
     angle, rate, acceleration = signals
     means = {name: float(np.mean(values)) for name, values in states.inputs.items()}
     held = model.at(**{each.name: means[each.name] for each in model.inputs if each.name in means})
-    stiffness, damping = slopes(held, angle, rate)
+    stiffness, damping = held.slopes(angle, rate)
     instants = states.time[0] + step * np.arange(angle.size)
     return MeasuredMotion(
         angle=angle,

@@ -15,18 +15,6 @@ from sindyjoint.states.broadband import WIDEST, smoothing_kernels
 BEYOND = 2.0
 
 
-def slopes(model: JointModel, angle: Array, rate: Array) -> tuple[Array, Array]:
-    """Return ∂M/∂θ and ∂M/∂θ̇ of a model's smooth moment along a motion, by central differences.
-
-    The step is a thousandth of the range, and a rate keeps its sign: the friction step is no slope.
-    """
-    small = 1e-3 * model.fitted.angle
-    along = (model.moment(angle + small, rate) - model.moment(angle - small, rate)) / (2 * small)
-    tiny = np.minimum(1e-3 * model.fitted.rate, 0.5 * np.abs(rate)) + 1e-300
-    across = (model.moment(angle, rate + tiny) - model.moment(angle, rate - tiny)) / (2 * tiny)
-    return along, np.where(np.abs(rate) > 1e-9 * model.fitted.rate, across, 0.0)
-
-
 def folded_whitener(
     states: ForceStates, model: JointModel, motion: MeasuredMotion, sigma: Array, phase: Array
 ) -> Array:
@@ -47,7 +35,7 @@ def folded_whitener(
     kept = max(1, int(round(states.bandwidth / states.frequency)))
     orders = np.arange(0, kept + 9)
     angular = 2 * np.pi * states.frequency * orders
-    stiffness, damping = (s[motion.keep] for s in slopes(model, motion.angle, motion.rate))
+    stiffness, damping = (s[motion.keep] for s in model.slopes(motion.angle, motion.rate))
     cosine, sine = np.cos(2 * np.pi * np.outer(phase, orders)), np.sin(2 * np.pi * np.outer(phase, orders))
     inertial = model.inertia * angular**2
     carried = [
@@ -100,7 +88,7 @@ def kernel_noise_factor(
     cutoff = min(BEYOND * states.bandwidth, WIDEST * states.sample_rate)
     low, first, second = smoothing_kernels(cutoff, states.sample_rate)
     longest = low.size - 1
-    stiffness, damping = slopes(model, motion.angle[motion.keep], motion.rate[motion.keep])
+    stiffness, damping = model.slopes(motion.angle[motion.keep], motion.rate[motion.keep])
     inertia = np.full(samples.size, model.inertia)
     angle = states.noise.angle
     if states.rate_measured:

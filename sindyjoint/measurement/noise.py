@@ -8,10 +8,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from sindyjoint.measurement.policy import POLICY
 from sindyjoint.numeric import Array, without_line
 from sindyjoint.record import Run
-from sindyjoint.states.policy import POLICY
-from sindyjoint.states.record import ForceStates
 
 # Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
 WIDEST = 0.38
@@ -297,8 +296,3 @@ def _fused_noise(run: Run) -> ChannelNoise:
     sensors = [each for each in (run.fusion.acceleration, run.fusion.angle) if each is not None]
     end = max((signal_end(each, run.sample_rate) for each in sensors), key=lambda each: each.bandwidth)
     return ChannelNoise(end, *moment_noise(run.moment, run.sample_rate, run.noise.moment), 0.0, True)
-
-
-def transfer_noise(states: ForceStates, inertia: float) -> float:
-    """Return the noise of a single sample of the transfer moment, N·m: the sensor's, and I times that of θ̈."""
-    return float(np.hypot(states.noise.moment, inertia * states.noise.acceleration))

@@ -10,17 +10,19 @@ sample.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.accelerometer import fuse
 from sindyjoint.errors import InputError
-from sindyjoint.inputs import SensorNoise, signals_of
+from sindyjoint.inputs import signals_of
+from sindyjoint.measurement.fusion import fuse
+from sindyjoint.measurement.policy import POLICY
 from sindyjoint.numeric import Array
-from sindyjoint.record import MINIMUM_SAMPLES, Run, checked_signal
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, MINIMUM_SAMPLES, Run, checked_signal
+from sindyjoint.rig import SensorNoise
 
 # Most steps of a path, and measured samples that one step holds on the average where there are fewer.
 MOST_STEPS, PER_STEP = 20_000, 2
@@ -28,8 +30,6 @@ MOST_STEPS, PER_STEP = 20_000, 2
 SIGMAS, QUANTA = 6.0, 1.5
 # Fewest samples that a parabola through a reversal takes.
 FEWEST_AT_A_TURN = 5
-# Share of third differences that change sign, below which they are those of a smooth signal.
-ALTERNATING = 0.6
 # Across a longer gap between measured samples, in steps of the path, nothing is known.
 LONGEST_GAP = 3.0
 # Steps that are left out on either side of a reversal.
@@ -77,6 +77,18 @@ def measured_run(name: str, signals: Mapping[str, ArrayLike], sample_rate: float
         **known, sample_rate=sample_rate, frequency=options.get("frequency"), declared=options.get("noise")
     )
     return Run(name, moment, angle, sample_rate, fusion=fusion, **options)
+
+
+def with_channels(run: Run, signals: Mapping[str, Any]) -> Run:
+    """Return a run with other values of its ``channels``, the angle of several sensors fused anew."""
+    if run.fusion is None:
+        return replace(run, **signals)
+    sensors = run.channels | dict(signals)
+    moment, angle, fusion = fuse(
+        sensors["moment"] + run.fusion.constant, sensors["acceleration"], run.sample_rate,
+        sensors.get(MEASURED_ANGLE), sensors.get(MEASURED_RATE), run.frequency, run.noise,
+    )  # fmt: skip
+    return replace(run, moment=moment, angle=angle, fusion=fusion)
 
 
 def travelled_run(
@@ -159,7 +171,7 @@ def white_noise(values: Array) -> float:
     """
     third = np.diff(values, 3)
     sign = np.sign(third[third != 0])
-    if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < ALTERNATING:
+    if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < POLICY.noise_changes:
         return 0.0
     return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sindyjoint.accelerometer.fused import Fusion
-from sindyjoint.accelerometer.noise import moving_size, rough_noise, sensor_noise
-from sindyjoint.accelerometer.smoother import integrated_twice, slow_correction
-from sindyjoint.inputs import SensorNoise
+from sindyjoint.measurement.sensors import (
+    integrated_twice,
+    moving_size,
+    rough_noise,
+    sensor_noise,
+    slow_correction,
+)
 from sindyjoint.numeric import Array, scaled_least_squares
-from sindyjoint.text import Quantities, list_some
+from sindyjoint.rig import Fusion, SensorNoise
 
 # Noise below this share of a channel's RMS counts as so much: beyond, rounding decides.
 LEAST_NOISE = 1e-3
@@ -175,27 +177,3 @@ def zero_of(elastic: Array, angle: Array, moment: Array) -> float | None:
         return None
     nearest = float(real[np.argmin(np.abs(real))])
     return nearest if np.polyval(np.polyder(elastic), nearest) > 0 else None
-
-
-def unknown_means(fusions: Mapping[str, Fusion | None], q: Quantities) -> Iterator[str]:
-    """Yield what the sensors of the motion of some runs leave open at zero frequency, in words."""
-    angle, moment = q.angle.lower(), q.moment.lower()
-    for drifts, cause in ((False, "an accelerometer does not see it"), (True, f"the {angle} sensor drifts")):
-        runs = {
-            name: fusion
-            for name, fusion in fusions.items()
-            if fusion is not None and not fusion.mean_known and (fusion.angle is not None) == drifts
-        }
-        for placed in (True, False):
-            names = [name for name, fusion in runs.items() if fusion.placed == placed]
-            if not names:
-                continue
-            largest = max(abs(runs[name].constant) for name in names)
-            yield f"the mean {angle} is not known in {list_some(names)} ({cause}): " + (
-                f"zero {angle} was put where the elastic {moment} is zero, so that a preload and a zero error of the "
-                f"{moment} are undetermined; with a preload the stiffness coefficients hold about that position (at θ0 "
-                "from the unloaded one k1 + 2·k2·θ0 + 3·k3·θ0² and k2 + 3·k3·θ0)"
-                if placed
-                else f"a preload is undetermined, the constant part (up to {largest:.3g} {q.moment_unit}) was taken "
-                f"off the {moment}, and coefficients hold about the mean position of each run"
-            )

@@ -1,4 +1,4 @@
-"""What is left out of a fit: marked, bridged, and of no influence on the coefficients."""
+"""Detectors and masks alone: steps of series, runs held against a law in closed form, gaps that are bridged."""
 
 from dataclasses import replace
 
@@ -7,14 +7,14 @@ import pytest
 
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import LongRecord
-from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.record import Campaign, Joint, Run
+from sindyjoint.soundness.detectors.course import step_of
 from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.law.motions import MOST_HARMONICS, POINTS, cycles_of
+from sindyjoint.soundness.law.odd_runs import Held, find_odd_runs, find_other_scales
 from sindyjoint.soundness.masking import bridge, mask_campaign, mask_run
+from sindyjoint.soundness.words import words_of
 from sindyjoint.states import force_states
-from sindyjoint.workflows.discover import discover
-
-PAPER = ("linear_stiffness", "cubic_stiffness", "linear_damping", "coulomb_friction")
 
 
 def finding(run="a", channel="moment", spans=((3, 5),), id="spikes", masked=True):
@@ -31,19 +31,6 @@ def sine(n=2000, rate=1000.0, frequency=5.0, **options):
         frequency=frequency,
         **options,
     )
-
-
-@pytest.fixture(scope="module")
-def clean():
-    """Six runs of the virtual test."""
-    return virtual_campaign(
-        frequencies=[3, 4.5], levels=[0.9, 0.6, 0.4], duration=6, noise=0.01, random_state=3
-    )
-
-
-@pytest.fixture(scope="module")
-def reference(clean):
-    return discover(clean)
 
 
 def test_a_run_knows_which_of_its_samples_are_valid():
@@ -155,50 +142,109 @@ def test_broadband_states_leave_out_what_the_kernel_reaches():
     np.testing.assert_array_equal(states.moving[: 2900 - first], before.moving[: 2900 - first])
 
 
-def spiked(campaign):
-    rng = np.random.default_rng(1)
-    runs = []
-    for run in campaign.runs:
-        channels = {}
-        for name in ("moment", "angle"):
-            signal = getattr(run, name).copy()
-            at = rng.choice(run.n_samples, 5, replace=False)
-            signal[at] += 50 * np.std(signal) * rng.choice([-1, 1], 5)
-            channels[name] = signal
-        runs.append(replace(run, **channels))
-    return campaign.with_runs(tuple(runs))
+@pytest.mark.parametrize(("periods", "most"), [(9, 3), (12, 3), (24, 0)])
+def test_noise_has_no_steps(periods, most):
+    """What the policy says of the rate: one in 5 000 series of few periods, none of more."""
+    rng = np.random.default_rng(2)
+    assert sum(step_of(rng.standard_normal(periods), 0.0) is not None for _ in range(5000)) <= most
 
 
-def clipped(campaign):
-    limits = [np.quantile(np.abs(run.moment), 0.97) for run in campaign.runs]
-    return campaign.with_runs(
-        tuple(replace(r, moment=np.clip(r.moment, -c, c)) for r, c in zip(campaign.runs, limits, strict=True))
-    )
+@pytest.mark.parametrize("periods", [9, 24])
+def test_a_step_is_found_where_it_is(periods):
+    at = periods // 2
+    series = np.where(np.arange(periods) < at, 0.0, np.where(np.arange(periods) == at, 0.04, 0.1))
+    noisy = series + 1e-4 * np.random.default_rng(3).standard_normal(periods)
+    step = step_of(noisy)
+    assert step.period == at and step.size == pytest.approx(0.1, abs=1e-3)
 
 
-@pytest.mark.parametrize(("fault", "id"), [(spiked, "spikes"), (clipped, "saturation")])
-def test_coefficients_keep_within_their_intervals(clean, reference, fault, id):
-    """5 spikes of 50 RMS in each channel of each run, or 3 % of each run's moment at its limit."""
-    found = discover(fault(clean))
-    assert found.found and found.soundness.verdict != "unsound"
-    assert {f.id for f in found.soundness.findings} == {id}
-    assert found.warnings[0].endswith(f"left out: {id}")
-    for term in PAPER:
-        before, after = reference.model[term], found.model[term]
-        low, high = before.interval95
-        assert low < after.coefficient < high, term
-        assert after.standard_error < 2 * before.standard_error, term
+def test_a_start_up_is_no_step():
+    assert step_of(1 - np.exp(-np.arange(40) / 6)) is None
 
 
-def test_without_the_mask_the_same_spikes_ruin_the_model(clean, reference, monkeypatch):
-    """The negative control: it is the mask that saves the coefficients."""
-    monkeypatch.setattr("sindyjoint.soundness.check.find_faults", lambda campaign: ())
-    try:
-        found = discover(spiked(clean))
-    except InputError as error:
-        assert "moving samples" in str(error)
-        return
-    low, high = reference.model["coulomb_friction"].interval95
-    assert (
-        "coulomb_friction" not in found.model or not low < found.model["coulomb_friction"].coefficient < high
-    )
+PHASE = 2 * np.pi * np.arange(POINTS) / POINTS
+PLAN = [(f, level) for f in (3.0, 4.0, 6.0) for level in (1.0, 2.0, 3.0)]
+
+
+def runs_of(extra, plan):
+    """Return runs at frequencies and levels; ``extra`` adds to moments of 1 to 3 Nm."""
+    moments, angles = [], []
+    for frequency, level in plan:
+        angle, rate = level * np.sin(PHASE), level * frequency * np.cos(PHASE)
+        moment = angle - 0.02 * angle**3 + 0.03 * rate + 0.1 * np.sign(rate)
+        moments.append(np.fft.rfft(moment + extra(frequency, level, angle, rate)) / POINTS)
+        angles.append(np.fft.rfft(angle) / POINTS)
+    names = tuple(f"{f:g} Hz {level:g}" for f, level in plan)
+    harmonics = np.array([moments, angles])[:, :, : MOST_HARMONICS + 1]
+    return cycles_of(names, np.array([f for f, _ in plan]), harmonics, np.zeros((len(plan), POINTS, 0)))
+
+
+def told(extra, plan=PLAN):
+    found, _ = find_odd_runs(runs_of(extra, plan), 0.0, words_of("rotation"))
+    return [(f.id, f.run) for f in found]
+
+
+def only(frequency, level, law):
+    return lambda f, x, a, v: law(a, v) if (f, x) == (frequency, level) else 0.0
+
+
+def cusp(a, v):
+    return 0.3 * np.abs(a)
+
+
+@pytest.mark.parametrize("run", [(4.0, 2.0), (3.0, 1.0)])
+def test_a_run_that_departs_within_the_range_of_the_others_differs(run):
+    assert told(only(*run, cusp)) == [("run_differs", f"{run[0]:g} Hz {run[1]:g}")]
+
+
+def test_what_all_runs_of_a_frequency_show_is_the_joints():
+    plan = [(f, level) for f, level in PLAN if level < 3]
+    assert told(lambda f, x, a, v: 0.1 * x**1.6 * np.sin(3 * PHASE) if f == 4 else 0.0, plan) == []
+
+
+@pytest.mark.parametrize(
+    ("alike", "frequency", "level", "departs"),
+    [
+        (PLAN, 4.0, 2.0, True),
+        ([(f, x) for f, x in PLAN if x < 3], 6.0, 3.0, False),  # beyond the range of the others
+        (
+            [(f, x) for f, x in PLAN if x > 1],
+            3.0,
+            1.0,
+            False,
+        ),  # smaller than any other: a memory depends on it
+        ([(4.0, 3.0), (6.0, 1.0)], 4.0, 2.0, False),  # any of three may be the odd one
+        ([(f, x) for f, x in PLAN if x < 3], 4.0, 60.0, True),  # another unit, not the edge of a range
+    ],
+)
+def test_a_run_departs_where_the_others_can_say_what_is_expected(alike, frequency, level, departs):
+    plan = [*(a for a in alike if a != (frequency, level)), (frequency, level)]
+    runs = runs_of(only(frequency, level, cusp), plan)
+    held = Held(runs, tuple(range(len(plan) - 1)), 0.0, 0.001)
+    assert held.departs(len(plan) - 1) is departs
+
+
+def test_the_lag_of_one_run_is_told_even_where_it_swings_furthest():
+    late = 2 * np.pi * 6.0 * 6e-3
+
+    def shifted(f, level, a, v):
+        if (f, level) != (6.0, 3.0):
+            return 0.0
+        angle, rate = level * np.sin(PHASE - late), level * f * np.cos(PHASE - late)
+        return angle - a - 0.02 * (angle**3 - a**3) + 0.03 * (rate - v) + 0.1 * (np.sign(rate) - np.sign(v))
+
+    assert told(shifted) == [("channel_delay", "6 Hz 3")]
+
+
+@pytest.mark.parametrize("odd", [(2,), (0, 4, 7), (1, 3, 5, 8)])
+@pytest.mark.parametrize(
+    ("factor", "mistake"), [(180 / np.pi, "rad and deg"), (1e-3, "a unit and its thousandth")]
+)
+def test_runs_in_another_unit_are_named_with_the_mistake(odd, factor, mistake):
+    gains = np.where(np.isin(np.arange(len(PLAN)), odd), factor, 1.0)
+    runs = runs_of(lambda f, x, a, v: 0.0, PLAN).scaled("angle", gains)
+    found, rest = find_other_scales(runs, 0.0, words_of("rotation"))
+    assert [(f.id, f.run, f.channel) for f in found] == [
+        ("gain_differs", runs.names[i], "angle") for i in odd
+    ]
+    assert all(mistake in f.extent for f in found) and len(rest) == len(PLAN) - len(odd)

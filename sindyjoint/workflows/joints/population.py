@@ -20,10 +20,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.batch.policy import POLICY
 from sindyjoint.described import Maybe, same
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
+from sindyjoint.workflows.policy import POLICY
 
 EFFICIENCY = 0.37
 ROUNDING = 1e-12

@@ -11,9 +11,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sindyjoint.batch.policy import POLICY
-from sindyjoint.batch.population import CoefficientScatter, Population, population
-from sindyjoint.batch.record import FACTORS_FILE, CampaignRecord
 from sindyjoint.described import Maybe, same
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
@@ -21,6 +18,9 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
 from sindyjoint.shown import Shown
 from sindyjoint.text import spelled
+from sindyjoint.workflows.joints.population import CoefficientScatter, Population, population
+from sindyjoint.workflows.joints.record import FACTORS_FILE, CampaignRecord
+from sindyjoint.workflows.policy import POLICY
 
 TEMPERATURE, SERIAL = "temperature", "serial number"
 
