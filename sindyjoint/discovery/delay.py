@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -393,9 +392,11 @@ def _branches(states: ForceStates, frequency: float) -> Array:
     cycle = states.sample_rate / (2 * np.pi * frequency)
     found = [lagged(states.angle, share * cycle) for share in RELAXED]
     change, largest = np.diff(states.angle, prepend=states.angle[0]).tolist(), float(np.ptp(states.angle)) / 2
-    for most in (share * largest for share in YIELDING):
-        stretched = accumulate(change, lambda x, dx, most=most: min(max(x + dx, -most), most))
-        found.append(np.fromiter(stretched, float, len(change)))
+    for share in YIELDING:
+        held = [0.0]
+        for step in change:
+            held.append(min(max(held[-1] + step, -share * largest), share * largest))
+        found.append(np.array(held[1:]))
     return np.column_stack(found)
 
 

@@ -166,7 +166,8 @@ def _spectrum(run: Run, state: ForceStates) -> tuple[Array, Complex, Complex, Ar
     kept = state.series[0]
     moment, angle = a - 1j * b
     angle = np.where(np.isin(orders, kept.orders), angle, 0.0)
-    return orders, moment, angle, np.interp(orders, kept.orders, kept.standard_error), float(mean[0])
+    error = np.interp(orders, kept.orders, kept.standard_error)
+    return orders.astype(float), np.asarray(moment), angle, error, float(mean[0])
 
 
 def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float:
@@ -207,7 +208,7 @@ def _drive(run: Run, state: ForceStates, between: float) -> Array | None:
         return None
     spectrum = np.zeros(DRIVE_POINTS // 2 + 1, dtype=complex)
     spectrum[0] = mean * DRIVE_POINTS
-    spectrum[orders[driven]] = (moment - inertia * angle)[driven] * DRIVE_POINTS / 2
+    spectrum[orders[driven].astype(int)] = (moment - inertia * angle)[driven] * DRIVE_POINTS / 2
     return np.fft.irfft(spectrum, DRIVE_POINTS)
 
 

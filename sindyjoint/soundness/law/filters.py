@@ -9,7 +9,7 @@ import numpy as np
 
 from sindyjoint.discovery.delay import find_delay
 from sindyjoint.errors import SindyJointError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
@@ -223,9 +223,12 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
         return
     usual = float(np.median([np.std(s.rate) / max(float(np.std(s.angle)), 1e-300) for s in states]))
     size = abs(delay.time)
-    # Where the law leaves more than noise, states that lack weak harmonics or another effect may be taken for a delay.
-    floor = moment_floor(states, campaign.joint.inertia or 0.0).moment
-    if delay.residual_rms > POLICY.clearly * floor or size * usual < POLICY.bears:
+    # What the law leaves must be little beyond noise, or beside what the delay moves: it may be taken for a delay.
+    floor = np.nan_to_num(moment_floor(states, campaign.joint.inertia or 0.0).moment)
+    beyond = np.sqrt(max(delay.residual_rms**2 - floor**2, 0.0))
+    moved = size * usual * rms(np.concatenate([s.moment[s.moving] for s in states]))
+    unexplained = beyond > POLICY.nearly * moved and delay.residual_rms > (1 + POLICY.nearly) * floor
+    if size * usual < POLICY.bears or unexplained:
         return
     yield Finding(
         "channel_delay",
