@@ -224,10 +224,10 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     usual = float(np.median([np.std(s.rate) / max(float(np.std(s.angle)), 1e-300) for s in states]))
     size = abs(delay.time)
     # What the law leaves must be little beyond noise, or beside what the delay moves: it may be taken for a delay.
-    floor = np.nan_to_num(moment_floor(states, campaign.joint.inertia or 0.0).moment)
-    beyond = np.sqrt(max(delay.residual_rms**2 - floor**2, 0.0))
+    floor = moment_floor(states, campaign.joint.inertia or 0.0).moment
     moved = size * usual * rms(np.concatenate([s.moment[s.moving] for s in states]))
-    unexplained = beyond > POLICY.nearly * moved and delay.residual_rms > (1 + POLICY.nearly) * floor
+    more = delay.residual_rms**2 - floor**2  # unknown where the floor is
+    unexplained = more > (POLICY.nearly * moved) ** 2 and delay.residual_rms > (1 + POLICY.nearly) * floor
     if size * usual < POLICY.bears or unexplained:
         return
     yield Finding(
