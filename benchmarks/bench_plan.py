@@ -27,9 +27,9 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.laws import PaperLaw, softening_limit
 from sindyjoint.planning.information import Sensors, chosen_terms, run_information, stacked
-from sindyjoint.planning.joints import JointRange
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import play
+from sindyjoint.planning.prior import JointRange
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Joint
 from sindyjoint.response.model_law import model_law

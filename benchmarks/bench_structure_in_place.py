@@ -84,7 +84,7 @@ def campaign(name, seed):
 
 def one(name, seed, given):
     """Return what is found of one campaign."""
-    from sindyjoint.diagnosis.structure.hidden import model_of_law
+    from sindyjoint.diagnosis.structure.start import model_of_law
     from sindyjoint.workflows.diagnose import diagnose_rig
 
     record = dict(name=name, seed=seed, given=given)

@@ -106,7 +106,7 @@ def slide(name: str, force, displacement, rate: float):
     from sindyjoint import Campaign
 
     signals = {"force": np.ravel(force), "displacement": np.ravel(displacement)}
-    return Campaign.from_arrays(**signals, rate=rate, name=name)
+    return Campaign.from_arrays(**signals, rate=rate, frequency=None, name=name)
 
 
 def matrices(*files: Path) -> dict:
@@ -193,7 +193,7 @@ SETS = (
         dict.fromkeys(("multisine", "sinesweep"), f"0.0187 (best), tests without noise: {COLLECTION}"), 1e3, "mm",
     ),
     Benchmark(
-        "pendulum", "diagnose", (1000,), described, {}, last(1 / 2),
+        "pendulum", "discover", (1000,), described, {}, last(1 / 2),
         {"": "1.9 % over 18 s ahead, viscous damping alone 20 %: notes on the data of Kaheman et al. 2022"},
         1e3, "mrad",
     ),

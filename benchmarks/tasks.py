@@ -315,7 +315,7 @@ def workflows() -> dict[str, Any]:
 
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.virtual import virtual_campaign
-    from sindyjoint.reporting import write_discovery
+    from sindyjoint.reporting import write_results
     from sindyjoint.workflows.diagnose import diagnose
     from sindyjoint.workflows.discover import discover
 
@@ -345,7 +345,7 @@ def workflows() -> dict[str, Any]:
         }
         found = discover(campaign)
         found, warm = timed(lambda: discover(campaign), 3)
-        _, report = timed(lambda: write_discovery(found, Path(folder) / "out"), 2)
+        _, report = timed(lambda: write_results(found, Path(folder) / "out"), 2)
         _, named = timed(lambda: diagnose(campaign))
         profile = cProfile.Profile()
         profile.runcall(discover, Path(folder) / "campaign")

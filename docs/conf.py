@@ -7,7 +7,9 @@ from pathlib import Path
 from docutils import nodes
 from latex2mathml.converter import convert
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
+
+from write_notebooks import write_notebooks  # noqa: E402
 
 project = "sindyjoint"
 author = "The sindyjoint authors"
@@ -21,7 +23,7 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_ivar = True
-exclude_patterns = ["_build", "_templates"]
+exclude_patterns = ["_build", "_templates", "notebooks"]
 html_theme = "furo"
 html_static_path = ["_static"]
 html_css_files = ["guide.css"]
@@ -45,6 +47,7 @@ def display_math(translator, node):
 
 
 def setup(app):
-    """Tell Sphinx how formulas are written."""
+    """Tell Sphinx how formulas are written, and write the examples as notebooks."""
+    write_notebooks()
     app.add_html_math_renderer("mathml", (inline_math, None), (display_math, None))
     return {"parallel_read_safe": True}

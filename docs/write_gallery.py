@@ -89,6 +89,8 @@ def section(program: Path) -> str:
 ```
 
 </details>
+
+{{download}}`As a notebook <notebooks/{program.stem}.ipynb>`
 """
 
 

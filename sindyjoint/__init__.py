@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from sindyjoint.shown import supply
+from sindyjoint.hooks import supply
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor

@@ -142,6 +142,17 @@ def delayed(signal: Array, samples: float) -> Array:
     return np.asarray(sum(terms))
 
 
+def root_of(covariance: Array) -> Array:
+    """Return L with L·Lᵀ a covariance of numbers of any sizes, worked out in units of their standard errors.
+
+    Coefficients of 1e0 and 1e9 in one matrix would lose its small part.
+    """
+    errors = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
+    correlation = covariance / np.outer(errors, errors)
+    values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
+    return np.asarray(errors[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
+
+
 def solve_factored(factors: tuple[Array, NDArray[np.int32]], right: Array) -> Array:
     """Return A⁻¹·b of the factors of A that :func:`scipy.linalg.lu_factor` gives, shape as b.
 

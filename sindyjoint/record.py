@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError, refuse
+from sindyjoint.hooks import supplied
 from sindyjoint.inputs import FileUnit, Input, LongRecord, Source, check_inputs, signals_of
 from sindyjoint.rig import Fusion, SensorNoise, unknown_means
-from sindyjoint.shown import Shown, supplied
+from sindyjoint.shown import Shown
 from sindyjoint.text import control_character, printable, quantities
 
 Motion = Literal["rotation", "translation"]
@@ -359,8 +360,8 @@ class Campaign(Shown):
         return campaign
 
     @classmethod
-    def from_frames(cls, frames: Mapping[str, Any], **options: Any) -> Campaign:
-        """Return a campaign of data frames by name; see :func:`sindyjoint.files.arrays.campaign_from_frames`."""
+    def from_frames(cls, frames: Any, **options: Any) -> Campaign:
+        """Return a campaign of one data frame or several; see :func:`sindyjoint.files.arrays.campaign_from_frames`."""
         campaign: Campaign = supplied("arrays").campaign_from_frames(frames, **options)
         return campaign
 

@@ -1,8 +1,4 @@
-"""What every result offers a person in Python: text, a table, pictures, a page.
-
-A record shows itself without importing what shows it: the root of the package, which every import of a part of it
-runs first, says what stands behind each hook. Nothing here or below knows a module above.
-"""
+"""What every result offers a person in Python: text, a table, pictures, a page."""
 
 from __future__ import annotations
 
@@ -11,22 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.described import Described
+from sindyjoint.hooks import supplied
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-from collections.abc import Callable
-
-_SUPPLIERS: dict[str, Callable[[], Any]] = {}
-
-
-def supply(hook: str, load: Callable[[], Any]) -> None:
-    """Say what stands behind a hook; it is loaded where it is used."""
-    _SUPPLIERS[hook] = load
-
-
-def supplied(hook: str) -> Any:
-    """Return what stands behind a hook."""
-    return _SUPPLIERS[hook]()
 
 
 class Shown(Described):

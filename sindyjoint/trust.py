@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import re
+import shlex
+from collections.abc import Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar, Literal
 
 from sindyjoint.described import Described, same
@@ -55,6 +60,52 @@ class NextStep:
 
     do: str
     to: str
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where the data and the results of a command stand, as its user wrote them: next steps are written with these.
+
+    Parameters
+    ----------
+    typed : tuple of str
+        The command itself.
+    subject, model, results : str
+        Campaign or rig, empty for the built-in one; model that was given; folder of what was found, to be made by the
+        command where there is none.
+    kept : bool
+        Whether that folder is written.
+    """
+
+    typed: tuple[str, ...] = ("sindyjoint",)
+    subject: str = ""
+    model: str = ""
+    results: str = "results"
+    kept: bool = False
+
+    def fill(self, steps: Sequence[tuple[str, str]]) -> tuple[NextStep, ...]:
+        """Return steps with these places in them, before them what makes the folder that they need."""
+        first = []
+        if not self.kept and any("RESULTS" in do for do, _ in steps):
+            again = [word for word in self.typed if word != "--json"]
+            first = [
+                NextStep(shlex.join([*again, "--out", Path(self.results).parts[0]]), "keep what was found")
+            ]
+        return (*first, *(NextStep(self._filled(do), self._filled(to)) for do, to in steps))
+
+    def _filled(self, text: str) -> str:
+        # A model of the built-in virtual test is verified in the shipped rig.
+        subject = self.subject or ("pulse-rig" if "verify" in text else "")
+        known = {"CAMPAIGN": subject, "RIG": subject, "MODEL": self.model, "RESULTS": self.results}
+        return re.sub(
+            r" (CAMPAIGN|RIG|MODEL|RESULTS)\b",
+            lambda found: f" {shlex.quote(known[found[1]])}" if known[found[1]] else "",
+            text,
+        )
+
+
+PLACES: ContextVar[Places | None] = ContextVar("places", default=None)
+"""Of the command that is running; none in Python, where next steps name the kinds of place."""
 
 
 @dataclass(frozen=True)
@@ -127,4 +178,9 @@ class Trust(Described):
     @property
     def advised(self) -> tuple[NextStep, ...]:
         """What to do next."""
-        return tuple(NextStep(*step) for step in self.next_steps)
+        places = PLACES.get()
+        return (
+            tuple(NextStep(*step) for step in self.next_steps)
+            if places is None
+            else places.fill(self.next_steps)
+        )

@@ -21,11 +21,12 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from hypothesis import settings
+
+from tests.doors.asked import Answer, without_stages
 
 # The same examples every time, however long each takes and whatever an earlier run has kept.
 settings.register_profile("repeatable", derandomize=True, deadline=None, database=None)
@@ -76,14 +77,6 @@ def shared_home(file: str) -> str:
     return file if re.search(r'scope="(module|session)"', path.read_text(encoding="utf-8")) else ""
 
 
-class Answer(NamedTuple):
-    """What a command left behind."""
-
-    status: int
-    stdout: str
-    stderr: str
-
-
 @pytest.fixture
 def sindyjoint(capsys) -> Callable[..., Answer]:
     """Run the command line as a person would, in this process; a traceback would fail the test."""
@@ -94,7 +87,8 @@ def sindyjoint(capsys) -> Callable[..., Answer]:
         with pytest.raises(SystemExit) as leave:
             main([str(argument) for argument in arguments])
         captured = capsys.readouterr()
-        return Answer(int(leave.value.code or 0), captured.out, captured.err)
+        messages = without_stages(captured.err, arguments)
+        return Answer(int(leave.value.code or 0), captured.out, messages)
 
     return run
 

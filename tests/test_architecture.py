@@ -17,6 +17,7 @@ BASE = {
     "policy",
     "numeric",
     "documents",
+    "hooks",
     "described",
     "shown",
     "trust",
@@ -31,13 +32,14 @@ DIAGNOSES = RESPONDS | {"soundness", "evidence", "diagnosis"}
 ALLOWED = {
     "errors": set(),
     "text": set(),
+    "hooks": set(),
     "described": set(),
-    "shown": {"described"},  # what shows results is supplied at the root
+    "shown": {"described", "hooks"},  # what shows results is supplied at the root
     "policy": set(),
     "numeric": set(),
     "inputs": {"errors"},
     "rig": {"errors", "text"},
-    "record": {"errors", "text", "inputs", "shown", "rig"},
+    "record": {"errors", "hooks", "text", "inputs", "shown", "rig"},
     "measurement": {
         "errors",
         "numeric",
@@ -219,9 +221,8 @@ ROOMS = {
     "effects": set(),
     "diagnosis": {"effects"},
     "rows": {"effects", "diagnosis"},
-    "unnamed": {"effects", "diagnosis", "rows", "campaign"},
     "numbers": {"effects", "diagnosis", "rows", "campaign"},
-    "campaign": {"effects", "diagnosis", "rows", "unnamed", "numbers"},
+    "campaign": {"effects", "diagnosis", "rows", "numbers"},
     "structure": {"effects", "diagnosis"},
 }
 

@@ -220,15 +220,61 @@ def test_arrays_that_do_not_do(arrays, message):
         Campaign.from_arrays(**arrays)
 
 
-def test_an_estimator_refuses_columns_in_the_wrong_order_by_name():
+def test_an_estimator_takes_columns_by_their_names():
     pandas = pytest.importorskip("pandas")
     rng = np.random.default_rng(0)
     angle, rate = rng.normal(size=(2, 400))
-    X = pandas.DataFrame({"omega": rate, "theta": angle})
+    moment = 3 * angle + 0.2 * rate + 0.01 * rng.normal(size=400)
+    by_name = pandas.DataFrame({"omega": rate, "theta": angle})
+    fitted = sindyjoint.JointRegressor(library="paper").fit(by_name, moment)
+    plain = sindyjoint.JointRegressor(library="paper").fit(np.column_stack([angle, rate]), moment)
+    assert np.array_equal(fitted.coef_, plain.coef_)
+    assert np.array_equal(fitted.predict(by_name), plain.predict(np.column_stack([angle, rate])))
+    # Two angles have no order by name.
     with pytest.raises(
-        InputError, match=r"X has the columns omega, theta; expected angle, rate in this order: give X\["
+        InputError, match="X has the columns omega, theta, phi; expected angle, rate, acceleration"
     ):
-        sindyjoint.JointRegressor(library="paper").fit(X, angle)
+        sindyjoint.JointRegressor(library="paper").fit(by_name.assign(phi=angle), moment)
+
+
+def recorded(frequency):
+    """Columns of a run of a spring with friction, unordered and in the units of its names; seed 4, 1 % noise."""
+    rng, time = np.random.default_rng(4), np.arange(0, 4, 2e-3)
+    phase = 2 * np.pi * frequency * time
+    angle = 2e-3 * (np.sin(phase) + 0.01 * rng.standard_normal(time.size))
+    moment = 4 * np.sin(phase) + np.sign(np.cos(phase)) + 0.02 * rng.standard_normal(time.size)
+    return {"angle [mrad]": 1e3 * angle, "t [s]": time, "torque [N*m]": moment}
+
+
+def test_data_frames_are_a_campaign():
+    pandas = pytest.importorskip("pandas")
+    made = sindyjoint.simulate(frequencies=[3, 6], levels=[0.9, 0.5], duration=3, random_state=2)
+    frames = {
+        run.name: pandas.DataFrame(
+            {"angle [mrad]": 1e3 * run.angle, "t [s]": run.time, "torque [N*m]": run.moment}
+        )
+        for run in made.runs
+    }
+    found = sindyjoint.discover(frames)
+    assert [run.frequency for run in found.campaign.runs] == [3.0, 3.0, 6.0, 6.0]
+    assert found.model["linear_stiffness"].coefficient == pytest.approx(6061, rel=0.02)
+    assert sindyjoint.verify(found.model, frames).passed
+    assert len(sindyjoint.check(frames["3Hz-0.9"]).measured.runs) == 1
+
+
+def test_a_data_set_of_xarray_is_a_campaign():
+    xarray = pytest.importorskip("xarray")
+    runs = [recorded(f) for f in (2.0, 3.0)]
+    data = xarray.Dataset(
+        {
+            "torque": (("run", "time"), [run["torque [N*m]"] for run in runs], {"units": "N*m"}),
+            "angle": (("run", "time"), [run["angle [mrad]"] for run in runs], {"units": "mrad"}),
+        },
+        coords={"time": ("time", runs[0]["t [s]"], {"units": "s"}), "run": ["slow", "fast"]},
+    )
+    campaign = Campaign.from_frames(data)
+    assert [(run.name, run.frequency) for run in campaign.runs] == [("slow", 2.0), ("fast", 3.0)]
+    assert campaign.runs[0].angle.max() == pytest.approx(2e-3, rel=0.05)
 
 
 def test_import_stays_quick():

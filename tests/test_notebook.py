@@ -1,6 +1,8 @@
-"""The notebooks run, and show what they hold: a plain script beside the joint model; own data to a diagnosis."""
+"""The notebooks run, and show what they hold; every example is one as well, with the same code."""
 
+import ast
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -66,3 +68,39 @@ def test_own_data_to_a_diagnosis_with_pictures():
     kept = nbformat.read(OWN_DATA, as_version=4)
     held = [kind for cell in kept.cells for out in cell.get("outputs", []) for kind in out.get("data", {})]
     assert sorted(held) == sorted(shown)
+
+
+sys.path.insert(0, str(NOTEBOOK.parents[1] / "docs"))
+EXAMPLES = sorted(NOTEBOOK.parent.glob("[0-9][0-9]_*.py"))
+
+
+@pytest.mark.parametrize("program", EXAMPLES, ids=lambda program: program.stem)
+def test_an_example_is_a_notebook_with_the_same_code(program):
+    import nbformat
+    from write_notebooks import ARGUMENT, notebook_of
+
+    text = program.read_text(encoding="utf-8")
+    made = nbformat.from_dict(notebook_of(text))
+    nbformat.validate(made)
+    first, *others = made.cells
+    assert (
+        first.cell_type == "markdown" and {cell.cell_type for cell in others} == {"code"} and len(others) > 3
+    )
+    code = ast.parse("\n".join(cell.source for cell in others))
+    _, *statements = ast.parse(ARGUMENT.sub(r"\1", text)).body  # without the docstring
+    assert [*map(ast.dump, code.body)] == [*map(ast.dump, statements)]
+    assert "argv" not in "".join(cell.source for cell in others)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # of the machinery between the kernel and this process
+def test_a_notebook_of_an_example_runs(tmp_path):
+    nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed: the notebook is not run")
+    pytest.importorskip("ipykernel", reason="ipykernel is not installed: the notebook is not run")
+    import nbformat
+    from write_notebooks import notebook_of
+
+    made = nbformat.from_dict(notebook_of(EXAMPLES[1].read_text(encoding="utf-8")))
+    resources = {"metadata": {"path": str(tmp_path)}}
+    run = nbclient.NotebookClient(made, timeout=240, resources=resources).execute()
+    assert "k1" in printed(run) and (tmp_path / "results" / "02_own_data.png").is_file()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections import namedtuple
 from contextlib import nullcontext, suppress
 from typing import TextIO
 
@@ -23,21 +24,21 @@ def main(arguments: list[str] | None = None) -> None:
         status = _run(sys.argv[1:] if arguments is None else arguments)
         _flush()
     except KeyboardInterrupt as error:
-        _complain("; ".join(["interrupted", *map(str, error.args)]))
-        status = INTERRUPTED
+        # Where the signal came while Python ran code of a string, as in making a record, it would end the process by
+        # that signal although it was handled, until other such code has run: one more record is made.
+        namedtuple("Ended", ())
+        status = _complain("; ".join(["interrupted", *map(str, error.args)]), INTERRUPTED)
     except BrokenPipeError:
         # The reader of our output has gone (head, less): nothing to say, and no one to say it to.
         _discard(sys.stdout, sys.stderr)
         status = 0
     except MemoryError:
-        _complain("not enough memory for this; give it less data at once, or a larger machine")
-        status = 2
+        status = _complain("not enough memory for this; give it less data at once, or a larger machine")
     except OSError as error:
         # What the system refuses at large: a full disk below stdout, a handle that was closed.
         _discard(sys.stdout)
         where = f" {error.filename!r}" if error.filename else ""
-        _complain(f"the system refuses to read or write{where}: {error.strerror or error}")
-        status = 2
+        status = _complain(f"the system refuses to read or write{where}: {error.strerror or error}")
     raise SystemExit(status)
 
 
@@ -53,19 +54,20 @@ def _run(arguments: list[str]) -> int:
     from sindyjoint.cli.encoding import spell_output
     from sindyjoint.errors import SindyJointError
     from sindyjoint.threads import all_cores
+    from sindyjoint.trust import PLACES, Places
 
     spell_output()
     for number, argument in enumerate(arguments):
         if not argument or (argument.startswith("--") and argument.endswith("=")):
             option = argument or (arguments[number - 1] if number else "argument 1")
-            _complain(
+            return _complain(
                 f"nothing is given where something is expected ({option}); give a value, or leave it out"
             )
-            return 2
     # typer may bundle click: its public names lead to the classes that it raises.
     usage_error: type[Exception]
     click_error: type[Exception]
     _, usage_error, click_error = typer.BadParameter.__mro__[:3]
+    here = PLACES.set(Places(("sindyjoint", *arguments)))
     try:
         with nullcontext() if limited else all_cores():
             status = command()(args=arguments, prog_name="sindyjoint", standalone_mode=False)
@@ -80,16 +82,15 @@ def _run(arguments: list[str]) -> int:
             raise SystemExit(2) from None
         # Typer hands on what a validation library says.
         said = error.format_message().replace("Value error, ", "")  # type: ignore[attr-defined]
-        _complain(f"{said} (see 'sindyjoint{_command(error)} --help')")
-        status = 2
+        status = _complain(f"{said} (see 'sindyjoint{_command(error)} --help')")
     except click_error as error:
-        _complain(error.format_message())  # type: ignore[attr-defined]
-        status = 2
+        status = _complain(error.format_message())  # type: ignore[attr-defined]
     except SindyJointError as error:
-        _complain(str(error))
-        status = error.status
+        status = _complain(str(error), error.status)
     except typer.Abort:
         raise KeyboardInterrupt from None
+    finally:
+        PLACES.reset(here)
     if status == INTERRUPTED:
         # What typer makes of Ctrl-C, without a word.
         raise KeyboardInterrupt
@@ -120,12 +121,13 @@ def _discard(*streams: TextIO) -> None:
             os.close(nowhere)
 
 
-def _complain(message: str) -> None:
-    """Print one line on stderr, whatever the message holds."""
+def _complain(message: str, status: int = 2) -> int:
+    """Print one line on stderr, whatever the message holds; return the exit status that goes with it."""
     from sindyjoint.text import printable
 
     with suppress(OSError, ValueError):
         print("sindyjoint: " + printable(" ".join(message.split())), file=sys.stderr)
+    return status
 
 
 def _command(error: object) -> str:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,6 +14,7 @@ import typer
 from sindyjoint.cli.options import Output
 from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import UnsoundError
+from sindyjoint.trust import PLACES, Places
 
 R = TypeVar("R")
 # What all kinds of result write.
@@ -30,23 +32,30 @@ def answer(
     progress: Progress,
     seed: object = None,
     files: Sequence[Path | str] = (),
+    subject: Path | str | None = None,
+    model: Path | None = None,
 ) -> R:
     """Find a result, write it into a folder if one is given, print it, and say where its page lies.
 
-    Where the data are too much at fault to go on, that is done with their check, and the exit status is 1.
+    Next steps name the campaign or rig that it is of, and the model that was given. Where the data are too much at
+    fault to go on, that is done with their check, and the exit status is 1.
     """
+    if (places := PLACES.get()) is not None:
+        PLACES.set(replace(places, subject=str(subject or ""), model=str(model or "")))
+    used = [each for each in (model, subject, *files) if each and Path(each).exists()]
     if out is not None:
         check_place(out, output.force)
-    stopped, place = False, None
-    with progress:
-        # Not before the output is known to be writable: the imports take two seconds.
-        result: Any
-        try:
-            result = find()
-        except UnsoundError as error:
-            result, stopped = error.check, True
-        place = write(result, out, progress, seed, files, output.force)
-        progress.show_details(result)
+    stopped = False
+    # Not before the output is known to be writable: the imports take two seconds.
+    result: Any
+    try:
+        result = find()
+    except UnsoundError as error:
+        result, stopped = error.check, True
+    place_results(result, out or Places.results, kept=out is not None)
+    place = write(result, out, progress, seed, used, output.force)
+    progress.show_details(result)
+    progress.end()
     if output.as_json:
         typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
     else:
@@ -59,6 +68,16 @@ def answer(
         raise typer.Exit(1)
     found: R = result
     return found
+
+
+def call(function: str, *arguments: Any, **options: Any) -> Callable[[], Any]:
+    """Return a call of a function of the package, such as ``"workflows.check:check"``, imported when it is made."""
+
+    def made() -> Any:
+        module, _, name = function.partition(":")
+        return getattr(import_module(f"sindyjoint.{module}"), name)(*arguments, **options)
+
+    return made
 
 
 def write(
@@ -75,7 +94,19 @@ def write(
     from sindyjoint.reporting.output import write_results
 
     progress.say("writing the report")
-    return write_results(result, out, ["sindyjoint", *sys.argv[1:]], seed, files, force)
+    typed = place_results(result, out, kept=True)
+    return write_results(result, out, typed, seed, files, force)
+
+
+def place_results(result: Any, out: Path | str, kept: bool) -> tuple[str, ...]:
+    """Say where a result is written, or would be, for the steps that it advises; return the command as it was typed."""
+    from sindyjoint.reporting.output import place_of
+    from sindyjoint.reporting.registry import view_of_type
+
+    if (places := PLACES.get()) is None:
+        return ()
+    PLACES.set(replace(places, results=str(place_of(view_of_type(result).folder, out)), kept=kept))
+    return places.typed
 
 
 def check_place(out: Path, force: bool) -> None:

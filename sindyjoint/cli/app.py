@@ -69,24 +69,16 @@ def options(
         os.environ[VARIABLE] = str(parse_size(largest))
 
 
-app.command("init", no_args_is_help=True)(init)
-app.command("check")(check)
-app.command("discover")(discover)
-app.command("compare")(compare)
-app.command("batch", no_args_is_help=True)(batch)
-app.command("plan")(plan)
-app.command("simulate", no_args_is_help=True)(simulate)
-app.command("verify", no_args_is_help=True)(verify)
-app.command("rig", no_args_is_help=True)(rig)
-app.command("curves", no_args_is_help=True)(curves)
+# In the order of the help; those that can do nothing without an argument show theirs.
+COMMANDS = (
+    init, check, discover, compare, batch, plan, simulate, verify, rig, curves, diagnose, changed, export, plot,
+    schema, limits,
+)  # fmt: skip
+NEED_ARGUMENTS = {init, batch, simulate, verify, rig, curves, changed, export, plot}
+for each in COMMANDS:
+    app.command(each.__name__, no_args_is_help=each in NEED_ARGUMENTS)(each)
 app.add_typer(reproduce, name="reproduce")
-app.command("diagnose")(diagnose)
-app.command("changed", no_args_is_help=True)(changed)
-app.command("export", no_args_is_help=True)(export)
-app.command("plot", no_args_is_help=True)(plot)
 app.add_typer(libraries, name="libraries")
-app.command("schema")(schema)
-app.command("limits")(limits)
 
 
 @cache

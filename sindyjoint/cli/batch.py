@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import Interrupted, check_place
+from sindyjoint.cli.answer import Interrupted, answer
 from sindyjoint.cli.defaults import given
 from sindyjoint.cli.options import AcceptOption, CandidatesOption, Finding, Output, Work, with_blocks
 from sindyjoint.cli.progress import Progress
@@ -80,21 +79,12 @@ def batch(
         faults = verify_batch(campaigns, out, write=_files(reports, diagnose), **options)
         _print_faults(faults, out, output.as_json)
         raise typer.Exit(1 if faults else 0)
-    check_place(out, output.force)
-    with progress:
-        from sindyjoint.reporting.output import write_results
-        from sindyjoint.reporting.registry import show
 
+    def find() -> Batch:
         options["write"] = _files(reports, diagnose)
-        result = _run(campaigns, out, progress, {**options, **work.arguments()})
-        progress.say("writing the page")
-        write_results(result, out, ["sindyjoint", *sys.argv[1:]], random_state, force=output.force)
-        progress.show_details(result)
-    if output.as_json:
-        typer.echo(json.dumps(result.to_dict(), indent=2, allow_nan=False))
-    else:
-        show(result)
-        typer.echo(f"\nreport: {out / 'report.html'}")
+        return _run(campaigns, out, progress, {**options, **work.arguments()})
+
+    result = answer(find, out, output, progress, random_state)
     raise typer.Exit(0 if result.complete else 1)
 
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.options import AcceptOption, Output, with_blocks
 from sindyjoint.cli.progress import Progress
-
-if TYPE_CHECKING:
-    from sindyjoint.judgement.changed import Change
 
 CHANGED = "workflows.changed:changed"
 
@@ -54,19 +51,9 @@ def changed(
 
     Example: sindyjoint changed before after --margin 0.05
     """
-
-    def find() -> Change:
-        from sindyjoint.workflows.changed import changed as run
-
-        return run(
-            before,
-            after,
-            margin=margin,
-            same_sensors=same_sensors,
-            accept=tuple(accept or ()),
-            random_state=random_state,
-            progress=progress.say,
-        )
-
+    find = call(
+        CHANGED, before, after, margin=margin, same_sensors=same_sensors, accept=tuple(accept or ()),
+        random_state=random_state, progress=progress.say,
+    )  # fmt: skip
     result = answer(find, out, output, progress, random_state, (before, after))
     raise typer.Exit(1 if result.changed else 0)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.options import AcceptOption, Output, with_blocks
 from sindyjoint.cli.progress import Progress
-from sindyjoint.cli.structure import is_rig
-
-if TYPE_CHECKING:
-    from sindyjoint.soundness.check import Checked
 
 
 @with_blocks
@@ -46,12 +42,6 @@ def check(
 
     Example: sindyjoint check virtual --out soundness
     """
-
-    def find() -> Checked:
-        from sindyjoint.workflows.check import check as run
-
-        return run(campaign, tuple(accept or ()), progress=progress.say)
-
-    files = [campaign] if campaign is not None and is_rig(campaign) else []
-    result = answer(find, out, output, progress, None, files)
+    find = call("workflows.check:check", campaign, tuple(accept or ()), progress=progress.say)
+    result = answer(find, out, output, progress, subject=campaign)
     raise typer.Exit(1 if result.stopping else 0)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import AcceptOption, AlignOption, CampaignPath, Output, Work, with_blocks
 from sindyjoint.cli.progress import Progress
-
-if TYPE_CHECKING:
-    from sindyjoint.judgement.comparison import Comparison
 
 COMPARE = "workflows.compare:compare"
 
@@ -67,23 +64,10 @@ def compare(
 
     Example: sindyjoint compare virtual --out comparison
     """
-
-    def find() -> Comparison:
-        from sindyjoint.workflows.compare import compare as run
-
-        return run(
-            campaign,
-            **given(library=library, methods=method),
-            model=model,
-            accept=tuple(accept or ()),
-            align=align,
-            replicates=replicates,
-            margin=margin,
-            random_state=random_state,
-            progress=progress.say,
-            **work.arguments(),
-        )
-
-    files = [] if model is None else [model]
-    result = answer(find, out, output, progress, random_state, files)
+    find = call(
+        COMPARE, campaign, **given(library=library, methods=method), model=model, accept=tuple(accept or ()),
+        align=align, replicates=replicates, margin=margin, random_state=random_state, progress=progress.say,
+        **work.arguments(),
+    )  # fmt: skip
+    result = answer(find, out, output, progress, random_state, (), campaign, model)
     raise typer.Exit(0 if result.model.terms else 1)

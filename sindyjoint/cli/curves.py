@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import Output, with_blocks
 from sindyjoint.cli.plan import span
 from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import UnitError
-
-if TYPE_CHECKING:
-    from sindyjoint.substructure.forced import StructureCurves
-    from sindyjoint.substructure.joint_curves import JointCurves
 
 CURVES = "workflows.curves:curves"
 
@@ -73,31 +69,25 @@ def curves(
 
     Example: sindyjoint curves pulse-rig --model results --level "0.4 N" --level "1.2 N" --out curves
     """
+    from sindyjoint.files.units import parse_quantity
 
-    def find() -> JointCurves | StructureCurves:
-        from sindyjoint.files.units import parse_quantity
-        from sindyjoint.workflows.curves import curves as run
-
-        return run(
-            subject,
-            model=model or (),
-            frequencies=[parse_quantity(text, "Hz", "--frequency") for text in frequencies or []],
-            levels=[parse_quantity(text, "N", "--level") for text in levels or []],
-            modes=modes,
-            at=at,
-            point=point,
-            progress=progress.say,
-            **given(
-                harmonics=harmonics,
-                amplitudes=None if amplitudes is None else _sizes(amplitudes),
-                band=None if band is None else span(band, "Hz", "--band"),
-            ),
-        )
-
-    from sindyjoint.mechanics.rigs import rig_path
-
-    files = [*(model or []), rig_path(subject)]
-    answer(find, out, output, progress, files=files)
+    find = call(
+        CURVES,
+        subject,
+        model=model or (),
+        frequencies=[parse_quantity(text, "Hz", "--frequency") for text in frequencies or []],
+        levels=[parse_quantity(text, "N", "--level") for text in levels or []],
+        modes=modes,
+        at=at,
+        point=point,
+        progress=progress.say,
+        **given(
+            harmonics=harmonics,
+            amplitudes=None if amplitudes is None else _sizes(amplitudes),
+            band=None if band is None else span(band, "Hz", "--band"),
+        ),
+    )
+    answer(find, out, output, progress, files=model or (), subject=subject)
 
 
 def _sizes(text: str) -> tuple[float, float]:

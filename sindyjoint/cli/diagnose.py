@@ -11,7 +11,7 @@ from sindyjoint.cli.answer import answer, write
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import AcceptOption, AlignOption, Output, Work, with_blocks
 from sindyjoint.cli.progress import Progress
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 
 MOST = default_of("workflows.diagnose:diagnose", "max_effects")
 MOST_OF_RIG = default_of("workflows.diagnose:diagnose_structure", "max_effects")
@@ -102,7 +102,14 @@ def diagnose(
             library=tuple(library or ()),
             hold_out=tuple(hold_out or ()),
             advise=advise,
-            before_advice=lambda result: write(result, out, progress, random_state, files, output.force),
+            before_advice=lambda result: write(
+                result,
+                out,
+                progress,
+                random_state,
+                [p for p in (model, campaign) if p and p.exists()],
+                output.force,
+            ),
             refine=refine,
             random_state=random_state,
             progress=progress.say,
@@ -110,8 +117,7 @@ def diagnose(
             **given(max_effects=max_effects),
         )
 
-    files = [path for path in (model, campaign) if path is not None and path.exists()]
-    result = answer(find, out, output, progress, random_state, files)
+    result = answer(find, out, output, progress, random_state, (), campaign, model)
     raise typer.Exit(0 if result.settled else 1)
 
 
@@ -120,12 +126,11 @@ def _diagnosed(
 ) -> Diagnosis:
     """Return the diagnosis of a campaign, or of a structure."""
     from sindyjoint.equation.model_file import read_model
-    from sindyjoint.mechanics.rig_test_file import has_measured_runs
-    from sindyjoint.workflows.verify import is_structure
+    from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test
 
     recorded = campaign is not None and has_measured_runs(campaign)
     start = None if model is None or recorded else read_model(model)
-    if campaign is None or not (recorded or is_structure(campaign)):
+    if campaign is None or not (recorded or is_rig_test(campaign)):
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
         return of_campaign(campaign, start, **given(base=base), **options)
@@ -135,23 +140,20 @@ def _diagnosed(
             f"--{elsewhere[0]} is for campaigns; {campaign} is a rig, whose candidates are tried on threads"
         )
     accept = options.pop("accept")
-    if accept and not recorded:
-        raise InputError(f"--accept is for data that are checked; {campaign} is a rig without [[run]]s")
-    if options.pop("align"):
-        raise InputError(f"--align is for campaigns, which have two channels; {campaign} is a rig")
-    if options.pop("refine"):
-        raise InputError(
-            f"--refine is for campaigns; {campaign} is a rig, whose numbers are fitted to its response already"
-        )
-    if base:
-        raise InputError(
-            f"--base is for campaigns; {campaign} is a rig, whose joint has a law already, or --model"
-        )
+    held_out, of_rig = recorded and options.pop("hold_out"), f"is for campaigns; {campaign} is a rig"
+    refuse(
+        [
+            (
+                accept and not recorded,
+                f"--accept is for data that are checked; {campaign} is a rig without [[run]]s",
+            ),
+            (options.pop("align"), f"--align {of_rig}, which has no two channels"),
+            (options.pop("refine"), f"--refine {of_rig}, whose numbers are fitted to its response already"),
+            (base, f"--base {of_rig}, whose joint has a law already, or --model"),
+            (held_out, f"--hold-out: mark runs of {campaign} use = 'validate' to keep them out of the fit"),
+        ]
+    )
     if recorded:
-        if options.pop("hold_out"):
-            raise InputError(
-                f"--hold-out: mark runs of {campaign} use = 'validate' to keep them out of the fit"
-            )
         from sindyjoint.cli.structure import models_of
         from sindyjoint.workflows.diagnose import diagnose_rig
 

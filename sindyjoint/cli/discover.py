@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import (
     DISCOVER,
@@ -23,11 +23,10 @@ from sindyjoint.cli.options import (
     with_blocks,
 )
 from sindyjoint.cli.progress import Progress
-from sindyjoint.cli.structure import discover_structure, is_rig
+from sindyjoint.cli.structure import discover_structure
 
 if TYPE_CHECKING:
     from sindyjoint.judgement.discovery import Discovery
-    from sindyjoint.workflows.refine import RefinedModel
 
 
 # What a search for the laws of the joints of a rig takes.
@@ -103,7 +102,9 @@ def discover(
     if nuisance:
         _require_refine(refine, "--nuisance")
     search = {**given(library=library), **finding.arguments(), "random_state": random_state}
-    if campaign is not None and is_rig(campaign):
+    from sindyjoint.mechanics.rig_file import is_rig_test
+
+    if campaign is not None and is_rig_test(campaign):
         refuse_other_options(context, OF_A_RIG, "is not for the joints of a rig; leave it out")
         found = discover_structure(
             campaign,
@@ -126,14 +127,19 @@ def discover(
             "nuisance": kinds, "accept": accepted, "align": finding.align, "random_state": random_state,
         }  # fmt: skip
         refined = answer(
-            partial(_refine_model, model, campaign, progress, options), out, output, progress, random_state,
-            [path for path in (model, campaign) if path is not None and path.exists()],
+            call("workflows.refine:refine", model, campaign, progress=progress.say, **options),
+            out, output, progress, random_state,
+            (), campaign, model,
         )  # fmt: skip
         raise typer.Exit(0 if refined.refined else 1)
 
     options = {**search, **work.arguments(), "accept": accepted, "correct": correct, "paper": paper}
     result = answer(
-        partial(_find_terms, campaign, progress, options, kinds if refine else None), out, output, progress
+        partial(_find_terms, campaign, progress, options, kinds if refine else None),
+        out,
+        output,
+        progress,
+        subject=campaign,
     )
     raise typer.Exit(0 if result.found else 1)
 
@@ -141,14 +147,6 @@ def discover(
 def _require_refine(refine: bool | None, option: str) -> None:
     if not refine:
         raise typer.BadParameter("belongs to --refine; add --refine, or leave it out", param_hint=option)
-
-
-def _refine_model(
-    model: Path, campaign: Path | None, progress: Progress, options: dict[str, Any]
-) -> RefinedModel:
-    from sindyjoint.workflows.refine import refine
-
-    return refine(model, campaign, progress=progress.say, **options)
 
 
 def _find_terms(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sindyjoint.cli.defaults import constant_of, given
-from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, split_inputs
+from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, split_pairs
 
 if TYPE_CHECKING:
     from sindyjoint.export import Export
@@ -37,7 +37,10 @@ def export(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="File, or folder where a target has several. Without it: text to stdout."),
+        typer.Option(
+            "--out",
+            help="File, with the target's suffix if it has none; folder where a target has several. [text to stdout]",
+        ),
     ] = None,
     rig: Annotated[
         str | None,
@@ -61,22 +64,22 @@ def export(
 
     Example: sindyjoint export results/model.json --to abaqus --out joint.inp
     """
-    from sindyjoint.errors import InputError
+    from sindyjoint.errors import refuse
     from sindyjoint.export import export_model, read_model, write_export
     from sindyjoint.export.samples import BATCH_FILE, batch_samples
 
     options: dict[str, Any] = {} if rig is None else {"rig": rig}
-    if options and to != "ansys":
-        raise InputError(f"--rig is given with --to {to}; only ansys writes a rig")
-    if as_json and out is None:
-        raise InputError("--json is given without --out; say with --out where the files go")
     drawing = given(count=count, random_state=random_state)
-    if drawing and to != "samples":
-        raise InputError(
-            f"--{next(iter(drawing)).replace('_', '-')} is given with --to {to}; only samples draws"
-        )
+    drawn = next(iter(drawing), "").replace("_", "-")
+    refuse(
+        [
+            (options and to != "ansys", f"--rig is given with --to {to}; only ansys writes a rig"),
+            (as_json and out is None, "--json is given without --out; say with --out where the files go"),
+            (drawing and to != "samples", f"--{drawn} is given with --to {to}; only samples draws"),
+        ]
+    )
     if to == "samples" and (model / BATCH_FILE).is_file():
-        result = batch_samples(model, **drawing, at=split_inputs(at))
+        result = batch_samples(model, **drawing, at=split_pairs(at))
     else:
         known = read_model(model)
         result = export_model(known, to, at=given_inputs(known, at), **options, **drawing)

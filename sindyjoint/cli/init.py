@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sindyjoint.cli.options import AsJson
+from sindyjoint.cli.options import AsJson, split_pairs, with_blocks
+from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.files.drafting.assignment import Question
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 SHOWN = 8  # findings
 
 
+@with_blocks
 def init(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder with the data files of the runs.")],
     answers: Annotated[
@@ -25,7 +28,8 @@ def init(
         typer.Option(
             "--set",
             metavar="KEY=VALUE",
-            help="What the files do not tell: angle.unit=mrad, rate='1 kHz', force=ch2, motion=rotation. Repeatable.",
+            help="What the files do not tell: angle.unit=mrad, rate='1 kHz', force=ch2, inertia='0.02 kg*m^2'; "
+            "validate=RUN for runs that no fit shall use. Repeatable.",
         ),
     ] = None,
     yes: Annotated[
@@ -34,6 +38,8 @@ def init(
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace the campaign.toml that is there.")] = False,
     as_json: AsJson = False,
+    *,
+    progress: Progress,
 ) -> None:
     """Write a campaign.toml for a folder of data files: channels, units, rates, frequencies, levels.
 
@@ -42,20 +48,21 @@ def init(
     Example: sindyjoint init virtual --force
     """
     from sindyjoint.described import to_plain
-    from sindyjoint.errors import InputError
     from sindyjoint.files.drafting.init import init as run
 
-    given = {}
-    for answer in answers or []:
-        key, separator, value = answer.partition("=")
-        if not separator or not value.strip():
-            raise InputError(f"--set {answer!r}: expected KEY=VALUE, such as angle.unit=mrad")
-        given[key.strip()] = value.strip()
+    given = split_pairs(answers, "--set", "KEY=VALUE, such as angle.unit=mrad")
     asks = not yes and sys.stdin.isatty() and sys.stderr.isatty()
+    progress.say("reading the files")
+    if asks:
+        # No spinner runs through what a person is typing.
+        progress.end()
     made = run(folder, given, ask=_ask if asks else None, guess=yes, force=force)
+    progress.end()
     if not as_json:
         typer.echo(str(made))
-    checked, picture = _check(made.manifest, force)
+    progress.begin()
+    checked, picture = _check(made.manifest, force, progress)
+    progress.end()
     if as_json:
         record = made.to_dict() | {"check": to_plain(checked.soundness), "picture": str(picture)}
         typer.echo(json.dumps(record, indent=2, ensure_ascii=False))
@@ -67,21 +74,22 @@ def init(
         typer.echo(f"  {finding.severity}: {finding.run or 'all runs'}: {finding.extent}")
     if len(telling) > SHOWN:
         typer.echo(f"  and {len(telling) - SHOWN} more")
-    typer.echo(f"\nnext: sindyjoint check {folder}, then sindyjoint discover {folder} --out RESULTS")
+    typer.echo(f"\nnext: {shlex.join(['sindyjoint', 'discover', str(folder), '--out', 'results'])}")
 
 
-def _check(manifest: Path, force: bool) -> tuple[Checked, Path]:
+def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Checked, Path]:
     """Check what was written, and draw all runs beside it."""
     from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes
     from sindyjoint.reporting.registry import draw
-    from sindyjoint.reporting.results.check import TOGETHER
+    from sindyjoint.reporting.results.check_pictures import TOGETHER
     from sindyjoint.reporting.style import figure_bytes
     from sindyjoint.workflows.check import check
 
     target = manifest.with_name("runs.svg")
     refuse_foreign_file(target, force)
-    checked = check(manifest)
+    checked = check(manifest, progress=progress.say)
+    progress.say("drawing all runs")
     return checked, write_bytes(target, figure_bytes(draw(TOGETHER, checked), "svg"))
 
 

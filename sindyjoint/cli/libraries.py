@@ -22,15 +22,13 @@ app = typer.Typer(
 )
 
 
-class _Motion(StrEnum):
-    rotation = "rotation"
-    translation = "translation"
-
-
+_Motion = StrEnum("_Motion", ["rotation", "translation"])
 Library = Annotated[
     str, typer.Argument(metavar="NAME", help="A shipped library, or the path of a .toml file.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print a JSON record instead of a table.")]
+# The titles of a table, and its rows.
+Rows = tuple[Sequence[str], Sequence[Sequence[str]]]
 
 
 @app.command("list")
@@ -41,15 +39,11 @@ def list_(as_json: AsJson = False) -> None:
     """
     from sindyjoint.equation.catalogue import list_catalogues
 
-    summaries = list_catalogues()
-    if as_json:
-        _print_json([{"name": s.name, "terms": s.terms, "description": s.description} for s in summaries])
-        return
-    if sys.stdout.isatty():
-        _print_pretty(("library", "terms"), [(f"{s.name}\n{s.description}", str(s.terms)) for s in summaries])
-    else:
-        rows = [(s.name, str(s.terms), s.description) for s in summaries]
-        _print_plain(("library", "terms", "description"), rows)
+    known = [vars(summary) for summary in list_catalogues()]
+    record = [{name: one[name] for name in ("name", "terms", "description")} for one in known]
+    rows = [(one["name"], str(one["terms"]), one["description"]) for one in record]
+    pretty = [(f"{name}\n{description}", terms) for name, terms, description in rows]
+    _print(as_json, record, (("library", "terms"), pretty), (("library", "terms", "description"), rows))
 
 
 @app.command()
@@ -67,39 +61,20 @@ def show(
     from sindyjoint.equation.catalogue import load_catalogue
 
     catalogue = load_catalogue(name)
-    if as_json:
-        _print_json(_record(catalogue, motion.value))
-        return
+    kind: Any = motion.value
     # A terminal shows θ̇; what is piped into a file or another program stays in the ASCII of the catalogues.
-    if sys.stdout.isatty():
-        _print_pretty(
-            ("term", "symbol", "formula", "unit"),
-            [
-                (
-                    f"{term.id}\n{in_words_of(motion.value, term.meaning)}",
-                    term.symbol,
-                    "\n".join(
-                        (term.pretty(motion.value), *(_parameter(p, motion.value) for p in term.parameters))
-                    ),
-                    term.unit_for(motion.value),
-                )
-                for term in catalogue
-            ],
-        )
-        return
-    _print_plain(
-        ("id", "symbol", "formula", "unit", "parameters", "meaning"),
-        [
-            (
-                term.id,
-                term.symbol,
-                term.text(motion.value),
-                term.unit_for(motion.value),
-                ", ".join(_parameter(p, motion.value) for p in term.parameters) or "-",
-                in_words_of(motion.value, term.meaning),
-            )
-            for term in catalogue
-        ],
+    pretty, plain = [], []
+    for term in catalogue:
+        parameters = [_parameter(parameter, kind) for parameter in term.parameters]
+        meaning, unit = in_words_of(kind, term.meaning), term.unit_for(kind)
+        formula = "\n".join((term.pretty(kind), *parameters))
+        pretty.append((f"{term.id}\n{meaning}", term.symbol, formula, unit))
+        plain.append((term.id, term.symbol, term.text(kind), unit, ", ".join(parameters) or "-", meaning))
+    _print(
+        as_json,
+        _record(catalogue, kind),
+        (("term", "symbol", "formula", "unit"), pretty),
+        (("id", "symbol", "formula", "unit", "parameters", "meaning"), plain),
     )
 
 
@@ -112,13 +87,16 @@ def copy(
 ) -> None:
     """Copy a library's file, byte for byte, as a start for another one; never over an existing file.
 
+    Effects are copied by family: effects/friction, effects/stiffness, effects/damping, effects/memory and others.
+
     Example: sindyjoint libraries copy extended mine.toml
     """
-    from sindyjoint.equation.catalogue_file import find_catalogue
+    from sindyjoint.equation.catalogue_file import find_catalogue, library_folder
     from sindyjoint.errors import OutputError
     from sindyjoint.files.atomic import write_bytes
 
-    source = find_catalogue(name)
+    effects = library_folder() / f"{name}.toml"
+    source = effects if name.startswith("effects/") and effects.is_file() else find_catalogue(name)
     target = destination / source.name if destination.is_dir() else destination
     if target.exists():
         raise OutputError(f"{target} exists already; give another name or remove it first")
@@ -165,18 +143,13 @@ def effects(as_json: AsJson = False) -> None:
     from sindyjoint.diagnosis.effects.catalogue import load_effects
 
     known = load_effects()
-    if as_json:
-        _print_json(
-            [
-                {"id": e.id, "family": e.family, "meaning": e.meaning, "confused_with": list(e.confused_with)}
-                for e in known
-            ]
-        )
-        return
-    if sys.stdout.isatty():
-        _print_pretty(("effect", "family"), [(f"{e.id}\n{e.meaning}", e.family) for e in known])
-    else:
-        _print_plain(("effect", "family", "meaning"), [(e.id, e.family, e.meaning) for e in known])
+    record = [
+        {"id": e.id, "family": e.family, "meaning": e.meaning, "confused_with": list(e.confused_with)}
+        for e in known
+    ]
+    pretty = [(f"{e.id}\n{e.meaning}", e.family) for e in known]
+    plain = [(e.id, e.family, e.meaning) for e in known]
+    _print(as_json, record, (("effect", "family"), pretty), (("effect", "family", "meaning"), plain))
 
 
 def _parameter(parameter: Parameter, motion: Any) -> str:
@@ -224,8 +197,12 @@ def _term_record(term: Term, motion: Any) -> dict[str, Any]:
     }
 
 
-def _print_json(record: Any) -> None:
-    typer.echo(json.dumps(record, indent=2))
+def _print(as_json: bool, record: Any, pretty: Rows, plain: Rows) -> None:
+    """Print a record, or a table as a terminal or another program takes it."""
+    if as_json:
+        typer.echo(json.dumps(record, indent=2))
+    else:
+        _print_pretty(*pretty) if sys.stdout.isatty() else _print_plain(*plain)
 
 
 def _print_pretty(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -24,27 +24,10 @@ METHODS = (
 """Ways to make the path of models, as discovery has them."""
 
 
-class Selection(StrEnum):
-    """How one model of the path is chosen."""
-
-    evidence = "evidence"
-    one_standard_error = "one_standard_error"
-
-
-class Nuisance(StrEnum):
-    """What may be estimated together with the coefficients."""
-
-    delay = "delay"
-    gain = "gain"
-    offset = "offset"
-
-
-class States(StrEnum):
-    """How rates are made of angles."""
-
-    auto = "auto"
-    periodic = "periodic"
-    broadband = "broadband"
+# How one model of the path is chosen, what may be estimated with the coefficients, how rates are made of angles.
+Selection = StrEnum("Selection", ["evidence", "one_standard_error"])
+Nuisance = StrEnum("Nuisance", ["delay", "gain", "offset"])
+States = StrEnum("States", ["auto", "periodic", "broadband"])
 
 
 REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
@@ -199,7 +182,10 @@ BLOCKS = (Finding, Output, Progress, Work)
 
 
 def with_blocks(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the fields of the :data:`BLOCKS` among its parameters as options, where those parameters stand."""
+    """Give a command the fields of the :data:`BLOCKS` among its parameters as options, where those parameters stand.
+
+    What shows its stages does so from before its first import to its end.
+    """
     blocks: dict[str, tuple[Callable[..., Any], list[str]]] = {}
     parameters: list[inspect.Parameter] = []
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
@@ -215,7 +201,14 @@ def with_blocks(command: Callable[..., None]) -> Callable[..., None]:
             name: block(**{option: given.pop(option) for option in options})
             for name, (block, options) in blocks.items()
         }
-        command(**made, **given)
+        shown = next((block for block in made.values() if isinstance(block, Progress)), None)
+        if shown is None:
+            return command(**made, **given)
+        try:
+            shown.begin()
+            command(**made, **given)
+        finally:
+            shown.end()
 
     with_options.__name__, with_options.__doc__ = command.__name__, command.__doc__
     with_options.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
@@ -246,14 +239,16 @@ def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, fl
 
     known = {each.name: each for each in model.inputs}
     values: dict[str, float] = {}
-    for name, value in split_inputs(given).items():
+    for name, value in split_pairs(given).items():
         input_values(model, {name: 0.0})
         values[name] = value_in(known[name], value, f"--at {name}")
     return values
 
 
-def split_inputs(given: Sequence[str] | None) -> dict[str, str]:
-    """Return the text of each value that options give, by the input's name.
+def split_pairs(
+    given: Sequence[str] | None, option: str = "--at", expected: str = "INPUT=VALUE, such as temperature=-40"
+) -> dict[str, str]:
+    """Return the text of each value that options give, by its name.
 
     Raises
     ------
@@ -264,8 +259,8 @@ def split_inputs(given: Sequence[str] | None) -> dict[str, str]:
 
     values = {}
     for text in given or ():
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise InputError(f"--at {text!r}: expected INPUT=VALUE, such as temperature=-40")
+        name, _, value = text.partition("=")
+        if not value.strip():
+            raise InputError(f"{option} {text!r}: expected {expected}")
         values[name.strip()] = value.strip()
     return values

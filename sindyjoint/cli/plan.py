@@ -4,33 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.defaults import default_of, given
 from sindyjoint.cli.options import Output, with_blocks
 from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import InputError, UnitError
+from sindyjoint.trust import PLACES
 
-if TYPE_CHECKING:
-    from sindyjoint.planning.plan import Plan
-
-
-class _Like(StrEnum):
-    inter_panel = "inter-panel"
-    panel_root = "panel-root"
-
-
-class _Drive(StrEnum):
-    moment = "moment"
-    angle = "angle"
+_Like = StrEnum("_Like", {"inter_panel": "inter-panel", "panel_root": "panel-root"})
+_Drive = StrEnum("_Drive", ["moment", "angle"])
 
 
 PLAN = "workflows.plan:plan"
+NEXT = (
+    (
+        "sindyjoint simulate --plan RESULTS --out virtual",
+        "try these runs on a simulated joint before the bench",
+    ),
+)
 SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
 # Of a joint that turns, and of one that slides.
@@ -125,39 +123,41 @@ def plan(
 
     Example: sindyjoint plan --range "linear_stiffness=5..8 kN*m/rad" --limit "moment=6 N*m" --time "2 min" --out plan
     """
+    from sindyjoint.files.units import parse_quantity
 
-    def find() -> Plan:
-        from sindyjoint.files.units import parse_quantity
-        from sindyjoint.workflows.plan import plan as run
+    find = call(
+        PLAN,
+        None if like is None else like.value,
+        model=model,
+        campaign=campaign,
+        ranges=_ranges(ranges or []),
+        drive=drive.value,
+        limits=_quantities(limits or [], CHANNELS, "--limit"),
+        goal=None if goal is None else _goal(goal),
+        resolution=_quantities(resolution or [], READ, "--resolution"),
+        effects=tuple(name.strip() for name in effects.split(",")) if effects else (),
+        diagnosis=diagnosis,
+        terms=tuple(terms or ()),
+        until=None if until is None else _share(until, "--until"),
+        random_state=random_state,
+        progress=progress.say,
+        **given(
+            waveforms=tuple(waveforms) if waveforms else None,
+            share=None if share is None else _share(share, "--share"),
+            band=None if band is None else span(band, "Hz", "--band"),
+            sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
+            time=None if time is None else parse_quantity(time, "s", "--time"),
+            run_time=None if run_time is None else parse_quantity(run_time, "s", "--run-time"),
+        ),
+        **_noise(noise or []),
+    )
 
-        return run(
-            None if like is None else like.value,
-            model=model,
-            campaign=campaign,
-            ranges=_ranges(ranges or []),
-            drive=drive.value,
-            limits=_quantities(limits or [], CHANNELS, "--limit"),
-            goal=None if goal is None else _goal(goal),
-            resolution=_quantities(resolution or [], READ, "--resolution"),
-            effects=tuple(name.strip() for name in effects.split(",")) if effects else (),
-            diagnosis=diagnosis,
-            terms=tuple(terms or ()),
-            until=None if until is None else _share(until, "--until"),
-            random_state=random_state,
-            progress=progress.say,
-            **given(
-                waveforms=tuple(waveforms) if waveforms else None,
-                share=None if share is None else _share(share, "--share"),
-                band=None if band is None else span(band, "Hz", "--band"),
-                sample_rate=None if rate is None else parse_quantity(rate, "Hz", "--rate"),
-                time=None if time is None else parse_quantity(time, "s", "--time"),
-                run_time=None if run_time is None else parse_quantity(run_time, "s", "--run-time"),
-            ),
-            **_noise(noise or []),
-        )
-
-    files = [path for path in (model, campaign, diagnosis) if path is not None]
-    answer(find, out, output, progress, random_state, files)
+    result = answer(find, out, output, progress, random_state, [diagnosis or ""], campaign, model)
+    places = PLACES.get()
+    if result.runs and places is not None and not output.as_json:
+        # No results of another kind go into the folder of a plan.
+        for step in replace(places, results=places.results if out else "plan").fill(NEXT):
+            typer.echo(f"next: {step.do}  to {step.to}")
 
 
 def _share(text: str, where: str) -> float:

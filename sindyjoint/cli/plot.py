@@ -9,12 +9,15 @@ from typing import Annotated, Any
 import typer
 
 from sindyjoint.cli.defaults import default_of
+from sindyjoint.cli.options import with_blocks
+from sindyjoint.cli.progress import Progress
 
 WIDTH: float = default_of("reporting.registry:draw", "width")
 DPI: int = default_of("reporting.style:figure_bytes", "dpi")
 FORMATS = ("svg", "pdf", "png")
 
 
+@with_blocks
 def plot(
     results: Annotated[
         Path,
@@ -38,6 +41,8 @@ def plot(
     ] = WIDTH,
     dpi: Annotated[int, typer.Option(min=50, max=1200, help="Dots per inch of a .png.")] = DPI,
     force: Annotated[bool, typer.Option("--force", help="Replace a file that is no figure of ours.")] = False,
+    *,
+    progress: Progress,
 ) -> None:
     """Draw one figure of a saved result, for a paper.
 
@@ -58,6 +63,7 @@ def plot(
         known = ", ".join(filter(None, places)) or "none"
         raise InputError(f"{str(results)!r} holds no results of a {where!r}; expected one of: {known}")
     if kind is None:
+        progress.end()
         for label, place in places.items():
             _list_figures(place, f"{label}/" if len(places) > 1 else "")
         return
@@ -68,7 +74,9 @@ def plot(
     refuse_foreign_file(target, force)
     place, data = _find_figure(name, {where: places[where]} if where else places)
     with drawing(place):
+        progress.say("drawing")
         figure = figure_bytes(draw(name, data, width), suffix, dpi)
+    progress.end()
     typer.echo(f"wrote {write_bytes(target, figure)}", err=True)
 
 

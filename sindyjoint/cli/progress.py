@@ -1,31 +1,35 @@
-"""What a command says on stderr while it works: on a terminal a spinner with the time that remains, else nothing."""
+"""What a command says on stderr while it works: the stage, how far it is, how long it will take."""
 
 from __future__ import annotations
 
 import re
 import sys
+import threading
 import time
-from types import TracebackType
 from typing import Annotated, Any
 
 import typer
 
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No messages on stderr.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Nothing on stderr but warnings and errors.")]
 Verbose = Annotated[
     bool,
     typer.Option(
-        "--verbose", "-v", help="Steps with their times, and the numbers behind the result, on stderr."
+        "--verbose", "-v", help="All steps with their times, and the numbers behind the result, on stderr."
     ),
 ]
 
 
 COUNT = re.compile(r": (\d+) of (\d+)$")
+# Seconds after which a command that is no terminal's says what it does; what ends before says nothing.
+PATIENCE = 0.5
+FIRST = "loading"
+BAR = 12
 
 
 class Progress:
     """Show the stages: by a spinner where stderr is a terminal, or by a line for each with the time since the start.
 
-    Lines are for ``--verbose`` alone: what is no terminal gets warnings and errors, and what fails fails in one line.
+    Lines begin half a second after the command: of what is done by then there are none.
 
     Parameters
     ----------
@@ -44,23 +48,29 @@ class Progress:
         if quiet and verbose:
             raise typer.BadParameter("contradicts --quiet; choose one of them", param_hint="--verbose")
         self.quiet = quiet
-        self._verbose, self._stage = verbose, ""
+        self._verbose, self._stage = verbose, FIRST
+        # Whether stages have lines by now, and the last one that has.
+        self._speaks, self._said = verbose, ""
         self._spins = not quiet and not verbose and sys.stderr.isatty()
         self._status: Any = None
         self._start = time.perf_counter()
         self._first: tuple[str, int, float] = ("", 0, 0.0)
+        self._timer: threading.Timer | None = None
 
-    def __enter__(self) -> Progress:
+    def begin(self) -> Progress:
+        """Begin to show what happens."""
         if self._spins:
             from rich.console import Console
 
             console = Console(stderr=True)
-            self._status = console.status(
-                "starting", spinner="line" if console.options.ascii_only else "dots"
-            )
+            self._status = console.status(FIRST, spinner="line" if console.options.ascii_only else "dots")
             self._status.start()
-        if self._status is None and self._verbose:
-            self.say("starting")
+        elif self._verbose:
+            self.say(FIRST)
+        elif not self.quiet:
+            self._timer = threading.Timer(PATIENCE, self._speak)
+            self._timer.daemon = True
+            self._timer.start()
         return self
 
     def say(self, stage: str) -> None:
@@ -68,27 +78,35 @@ class Progress:
 
         Of a stage that counts ("simulating: 3 of 12") a terminal shows how long it will take, by the time so far.
         """
+        self._stage = stage
         if self._status is not None:
-            self._status.update(stage + self._remaining(stage))
-            return
-        before, self._stage = self._stage, stage.partition(":")[0]
-        if self._verbose and self._stage != before:
-            seconds = time.perf_counter() - self._start
-            print(f"{seconds:7.2f} s  {stage}", file=sys.stderr, flush=True)
+            self._status.update(self._counted(stage).replace("[", r"\["))
+        elif self._speaks:
+            self._speak()
 
-    def _remaining(self, stage: str) -> str:
-        """Return how long a stage that counts will take; nothing while that is not known."""
+    def _speak(self) -> None:
+        """Print the stage on a line, unless it has one; from now on each has."""
+        self._speaks, stage = True, self._stage
+        name = stage.partition(":")[0]
+        if name != self._said:
+            self._said = name
+            print(f"{time.perf_counter() - self._start:7.2f} s  {stage}", file=sys.stderr, flush=True)
+
+    def _counted(self, stage: str) -> str:
+        """Return a stage that counts with a bar, and how long it will take as soon as that is known."""
         count, now = COUNT.search(stage), time.perf_counter()
         name = stage.partition(":")[0]
         if count is None:
-            return ""
+            return stage
         done, planned = int(count[1]), int(count[2])
+        filled = BAR * done // max(planned, 1)
+        told = f"[{'#' * filled}{'.' * (BAR - filled)}] {stage}"
         known, first, since = self._first
         if known != name or done <= first:
             self._first = (name, done, now)
-            return ""
+            return told
         seconds = (now - since) / (done - first) * (planned - done)
-        return f", about {max(seconds, 1):.0f} s more"
+        return f"{told}, about {max(seconds, 1):.0f} s more"
 
     def show_details(self, result: Any) -> None:
         """Show the numbers behind a result, where that was asked for."""
@@ -99,8 +117,10 @@ class Progress:
             for line in details(result):
                 print(f"           {line}".rstrip(), file=sys.stderr)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def end(self) -> None:
+        """Show nothing more: what is printed from now on stands alone."""
+        if self._timer is not None:
+            self._timer.cancel()
         if self._status is not None:
             self._status.stop()
+            self._status = None

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.options import AsJson, Output, with_blocks
 from sindyjoint.cli.progress import Progress
 
-if TYPE_CHECKING:
-    from sindyjoint.workflows.reproduce import Reproduction
-
 app = typer.Typer(rich_markup_mode=None)
+REPRODUCE = "workflows.reproduce:reproduce"
 
 
 @app.callback(invoke_without_command=True)
@@ -30,7 +28,7 @@ def reproduce(
     *,
     output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = default_of(
-        "workflows.reproduce:reproduce", "random_state"
+        REPRODUCE, "random_state"
     ),
     progress: Progress,
 ) -> None:
@@ -43,11 +41,7 @@ def reproduce(
     if context.invoked_subcommand is not None:
         return
 
-    def find() -> Reproduction:
-        from sindyjoint.workflows.reproduce import reproduce as run
-
-        return run(random_state, progress.say)
-
+    find = call(REPRODUCE, random_state, progress.say)
     answer(find, out, output, progress, random_state)
 
 

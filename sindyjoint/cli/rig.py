@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.options import Output, with_blocks
 from sindyjoint.cli.progress import Progress
-
-if TYPE_CHECKING:
-    from sindyjoint.workflows.rig import RigMotion
 
 
 @with_blocks
@@ -37,11 +34,5 @@ def rig(
 
     Example: sindyjoint rig four-panel-wing --out wing
     """
-
-    def find() -> RigMotion:
-        from sindyjoint.workflows.rig import rig_motion
-
-        return rig_motion(rig, model, progress=progress.say)
-
-    files = [path for path in (model, Path(rig)) if path is not None]
-    answer(find, out, output, progress, files=files)
+    find = call("workflows.rig:rig_motion", rig, model, progress=progress.say)
+    answer(find, out, output, progress, subject=rig, model=model)

@@ -21,29 +21,10 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.simulate import WrittenTest
 
 
-class _Joint(StrEnum):
-    inter_panel = "inter-panel"
-    panel_root = "panel-root"
-
-
-class _Drive(StrEnum):
-    moment = "moment"
-    rig = "rig"
-    displacement = "displacement"
-
-
-class _Accelerometer(StrEnum):
-    instead = "instead"
-    beside = "beside"
-
-
-class _Format(StrEnum):
-    csv = "csv"
-    tsv = "tsv"
-    npz = "npz"
-    parquet = "parquet"
-    h5 = "h5"
-    mat = "mat"
+_Joint = StrEnum("_Joint", {"inter_panel": "inter-panel", "panel_root": "panel-root"})
+_Drive = StrEnum("_Drive", ["moment", "rig", "displacement"])
+_Accelerometer = StrEnum("_Accelerometer", ["instead", "beside"])
+_Format = StrEnum("_Format", ["csv", "tsv", "npz", "parquet", "h5", "mat"])
 
 
 def _numbers(text: str, option: str) -> tuple[float, ...]:
@@ -190,12 +171,12 @@ def simulate(
         accelerometer="" if accelerometer is None else accelerometer.value,
         angle_drift=drift,
     )
-    with progress:
-        campaign, channels = _make_campaign(test, held, plan, random_state, progress)
-        progress.say("writing the files")
-        sensors = SENSOR_RIG if channels else None
-        manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
-        progress.show_details(campaign)
+    campaign, channels = _make_campaign(test, held, plan, random_state, progress)
+    progress.say("writing the files")
+    sensors = SENSOR_RIG if channels else None
+    manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
+    progress.show_details(campaign)
+    progress.end()
     if known is not None:
         _warn_of_range(known, campaign)
     runs = (WrittenRun(run.name, run.frequency, run.level, run.n_samples) for run in campaign.runs)

@@ -2,30 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call, write
 from sindyjoint.cli.options import Output
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
-    from sindyjoint.judgement.rig_discovery import RigDiscovery
     from sindyjoint.mechanics.transient import Response
     from sindyjoint.workflows.simulate import WrittenTest
 
 # Of the options of a search those that belong to the channels of a joint's own test.
 OF_CHANNELS = ("states", "bandwidth", "align")
-
-
-def is_rig(path: Path) -> bool:
-    """Return whether a path is a rig, and no campaign."""
-    from sindyjoint.mechanics.rig_test_file import is_rig_test
-
-    return is_rig_test(path)
 
 
 def discover_structure(
@@ -37,22 +28,15 @@ def discover_structure(
     options: Mapping[str, Any],
 ) -> bool:
     """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
-
-    def find() -> RigDiscovery:
-        from sindyjoint.workflows.discover import discover_rig
-
-        chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
-        return discover_rig(rig, progress=progress.say, **chosen)
-
-    result = answer(find, out, output, progress, seed, [rig])
+    chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
+    find = call("workflows.discover:discover_rig", rig, progress=progress.say, **chosen)
+    result = answer(find, out, output, progress, seed, subject=rig)
     if out is not None:
-        from sindyjoint.reporting.output import write_results
         from sindyjoint.reporting.results.structure_joints import place_of_law
 
         for law in result.laws:
             if law.discovery is not None:
-                command = ["sindyjoint", *sys.argv[1:]]
-                write_results(law.discovery, out / place_of_law(law), command, seed, force=output.force)
+                write(law.discovery, out / place_of_law(law), progress, seed, force=output.force)
     return result.found
 
 
@@ -89,24 +73,24 @@ def simulate_structure(
 
     known = None if model is None else read_model(model)
     warnings: list[str] = []
-    with progress:
-        laws = {} if known is None else {"model": model_law(known)}
-        plan = load_rig_plan(rig, laws)
-        modelled = [h.name for h in plan.test.structure.hinges if h.law is laws.get("model")]
-        if known is not None and not modelled:
-            raise InputError(
-                f'{rig}: --model is given, and no joint is a place for it; write law = "model" for the joints that '
-                "it stands for, or leave it out"
-            )
+    laws = {} if known is None else {"model": model_law(known)}
+    plan = load_rig_plan(rig, laws)
+    modelled = [h.name for h in plan.test.structure.hinges if h.law is laws.get("model")]
+    if known is not None and not modelled:
+        raise InputError(
+            f'{rig}: --model is given, and no joint is a place for it; write law = "model" for the joints that '
+            "it stands for, or leave it out"
+        )
 
-        def seen(run: str, response: Response) -> None:
-            if known is not None:
-                warnings.extend(f"{run}: {line}" for line in joint_range_warnings(known, response, modelled))
+    def seen(run: str, response: Response) -> None:
+        if known is not None:
+            warnings.extend(f"{run}: {line}" for line in joint_range_warnings(known, response, modelled))
 
-        progress.say(f"simulating {len(plan.drives)} runs")
-        test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed, seen)
-        progress.say("writing the files")
-        manifest = write_rig_test(rig, test, out, format, force)
+    progress.say(f"simulating {len(plan.drives)} runs")
+    test = virtual_rig_test(plan.test, plan.drives, plan.recorder, seed, seen)
+    progress.say("writing the files")
+    manifest = write_rig_test(rig, test, out, format, force)
+    progress.end()
     for line in warnings:
         typer.echo(line, err=True)
     runs = tuple(WrittenRun(run.name, run.frequency, run.level, run.drive.size) for run in test.runs)

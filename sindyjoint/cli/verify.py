@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from sindyjoint.cli.answer import answer
+from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.defaults import default_of
 from sindyjoint.cli.options import AcceptOption, AlignOption, Output, with_blocks
 from sindyjoint.cli.progress import Progress
-
-if TYPE_CHECKING:
-    from sindyjoint.response.verification import Verification
 
 VERIFY = "workflows.verify:verify"
 
@@ -79,25 +76,10 @@ def verify(
 
     Example: sindyjoint verify results/model.json pulse-rig
     """
-
-    def find() -> Verification:
-        from sindyjoint.workflows.verify import verify as run
-
-        return run(
-            model,
-            against,
-            accept=tuple(accept or ()),
-            align=align,
-            tolerance=tolerance,
-            draws=draws,
-            window=window,
-            free_run=free_run,
-            noise=noise,
-            presliding=presliding,
-            loss_factor=loss_factor,
-            random_state=random_state,
-            progress=progress.say,
-        )
-
-    result = answer(find, out, output, progress, random_state, (model, against))
+    find = call(
+        VERIFY, model, against, accept=tuple(accept or ()), align=align, tolerance=tolerance, draws=draws,
+        window=window, free_run=free_run, noise=noise, presliding=presliding, loss_factor=loss_factor,
+        random_state=random_state, progress=progress.say,
+    )  # fmt: skip
+    result = answer(find, out, output, progress, random_state, (), against, model)
     raise typer.Exit(0 if result.passed else 1)

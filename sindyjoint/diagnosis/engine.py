@@ -1,23 +1,97 @@
-"""A diagnosis from the first gap to the verdict, alike for a campaign and for a structure."""
+"""A diagnosis from the first gap to the verdict and to further runs, alike for a campaign and for a structure."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Generic
+from typing import Any, Generic
 
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.advice import advise
-from sindyjoint.diagnosis.budget import NOT_DIVIDED
 from sindyjoint.diagnosis.falling import grows, with_falling_gaps
 from sindyjoint.diagnosis.loop import Progress
-from sindyjoint.diagnosis.problem import P, Say, Start
-from sindyjoint.diagnosis.result import Diagnosis, Gap, Step
-from sindyjoint.diagnosis.stages import Stages
+from sindyjoint.diagnosis.parts import NOT_DIVIDED
+from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.problem import P, Problem, Say, Start
+from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.result import (
+    COMPLETE,
+    NOT_NEEDED,
+    STOPPED,
+    Advice,
+    AdviceSearch,
+    Diagnosis,
+    Gap,
+    Step,
+)
 from sindyjoint.diagnosis.verdict import UNDECIDED, UNKNOWN, Gaps, Residual, discount, judge
 from sindyjoint.text import percent, spelled
+
+
+@dataclass(frozen=True, eq=False)
+class Stages:
+    """The portions of the stages of one diagnosis, and who hears which of them is running.
+
+    Advice keeps account of itself: see :class:`~sindyjoint.diagnosis.effort.Effort`.
+
+    Parameters
+    ----------
+    search, verdict, numbers, parts : Portion
+        From every start together: the rounds of the loop and the starts themselves; what a verdict needs to know; the
+        numbers refined on the simulated response; the parts of the first gap and where it lies.
+    say : callable
+    """
+
+    search: Portion
+    verdict: Portion
+    numbers: Portion
+    parts: Portion
+    say: Callable[[str], None]
+
+    @classmethod
+    def of(cls, policy: DiagnosisPolicy, say: Callable[[str], None]) -> Stages:
+        """Return the portions that a policy gives."""
+        return cls(
+            Portion(policy.search_work, policy.search_seconds),
+            Portion(policy.verdict_work, policy.verdict_seconds),
+            Portion(policy.numbers_work, policy.numbers_seconds),
+            Portion(policy.parts_work, policy.parts_seconds),
+            say,
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Return what each stage whose portion was used up left out."""
+        named = {
+            "the search": self.search,
+            "the verdict": self.verdict,
+            "the refinement on the simulated response": self.numbers,
+            "the division of the gap": self.parts,
+        }
+        return tuple(
+            f"{name} ended {portion.stopped}; left out: {', '.join(portion.left_out)}"
+            for name, portion in named.items()
+            if portion.stopped
+        )
+
+
+def advise(
+    problem: Problem,
+    steps: Sequence[Step],
+    rankings: Mapping[str, Ranking[Any]],
+    say: Say = lambda stage: None,
+) -> tuple[tuple[Advice, ...], AdviceSearch]:
+    """Return the runs that separate the class of each step that has rivals in it, and how far the search went."""
+    classes = [step for step in steps if len(step.members) > 1 and step.effect in rankings]
+    if not classes:
+        return (), AdviceSearch(NOT_NEEDED)
+    search = Portion(problem.policy.advice_work, problem.policy.advice_seconds)
+    found, tried, planned = list[Advice](), 0, 0
+    for step in classes:
+        advice, some, of = problem.separating_runs(step, rankings[step.effect], search, say)
+        found, tried, planned = [*found, *advice], tried + some, planned + of
+    return tuple(found), AdviceSearch(STOPPED if search.stopped else COMPLETE, tried, planned, search.stopped)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +135,7 @@ def explain_gap(
     say: Say,
     advised: bool = True,
     without_advice: Callable[[Diagnosis], None] = lambda d: None,
-    refined: Callable[[P], tuple[P, tuple[str, ...]]] = lambda p: (p, ()),
+    refined: Callable[[P, bool], tuple[P, tuple[str, ...]]] = lambda p, explained: (p, ()),
 ) -> Diagnosis:
     """Add up to ``most`` effects that a model lacks, and return what that comes to; ``say`` hears each stage.
 
@@ -69,7 +143,8 @@ def explain_gap(
     where something is left unexplained, from the best other start that the problem knows, or else from the channels
     aligned, should they have a delay that explains as much; the best end is used. Unless
     ``advised``, no runs are sought that would tell rivals apart; if so, ``without_advice`` is given the diagnosis
-    before that begins. ``refined`` may give the last problem other numbers, and notes on that.
+    before that begins. ``refined``, which is told whether nothing
+    remains to be explained, may give the last problem other numbers, and notes on that.
     """
     stages = Stages.of(first.policy, say)
     say("the gap")
@@ -111,13 +186,13 @@ def explain_gap(
 
 
 def _with_last_numbers(
-    best: Explained[P], refined: Callable[[P], tuple[P, tuple[str, ...]]], stages: Stages
+    best: Explained[P], refined: Callable[[P, bool], tuple[P, tuple[str, ...]]], stages: Stages
 ) -> tuple[P, Gap, tuple[str, ...]]:
     """Return the last problem with the numbers that are handed on, its gap, and notes on them."""
     found, known = best.progress.problem, best.gaps.final
 
     def fitted() -> tuple[P, Gap, tuple[str, ...]]:
-        later, notes = refined(found.finished())
+        later, notes = refined(found.finished(), best.whole)
         if later is found or grows(best.gaps.initial, later.gap):
             return found, known, notes if later is found else ()
         return later, later.gap, notes

@@ -46,12 +46,15 @@ def with_falling_gaps(steps: Sequence[Step], initial: Gap) -> tuple[Step, ...]:
 
 
 def _joined(groups: Sequence[Sequence[Step]], initial: Gap) -> Iterator[Step]:
-    before = initial
+    before, needless = initial, frozenset[str]()
     for group in groups:
         after = group[-1].gap_after
         names = tuple(step.effect for step in group) if len(group) > 1 else ()
         for step in group:
-            yield replace(step, gap_before=before, gap_after=after, together=names)
+            # Effects that are fitted together all have the terms that no longer count: the first one states them.
+            first = tuple(term for term in step.terms_dropped if term not in needless)
+            needless |= set(first)
+            yield replace(step, gap_before=before, gap_after=after, together=names, terms_dropped=first)
         before = after
 
 
@@ -64,3 +67,16 @@ def reported_together(steps: Sequence[Step]) -> list[tuple[Step, ...]]:
         else:
             groups.append((step,))
     return groups
+
+
+def without_help(steps: Sequence[Step], least: float) -> tuple[Step, ...]:
+    """Return the steps that take away less than a share of either gap: they may stand in for something else."""
+    groups = reported_together(steps)
+    return tuple(
+        s for group in groups if not _helps(group[0].gap_before, group[-1].gap_after, least) for s in group
+    )
+
+
+def _helps(before: Gap, after: Gap, least: float) -> bool:
+    pairs = (before.moment, after.moment), (before.response, after.response)
+    return any(not last > (1 - least) * first for first, last in pairs if first == first)

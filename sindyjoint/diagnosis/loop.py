@@ -1,16 +1,17 @@
-"""How far a search has come; and the greedy search of a structure, where each candidate costs simulations."""
+"""Steps of a search, and the greedy search where each candidate costs simulations."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic
 
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.falling import grows
-from sindyjoint.diagnosis.problem import Added, P, Say
+from sindyjoint.diagnosis.problem import P, Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint.evidence.policy import POLICY
 
 # Of the rivals of a step so many are reported, with more than this probability.
 RIVALS, LEAST_RIVAL = 6, 1e-4
@@ -40,56 +41,55 @@ class Progress(Generic[P]):
 def add_effects(start: Progress[P], most: int, say: Say, search: Portion) -> Progress[P]:
     """Add the likeliest effect until the gap is noise, nothing explains it, the count is reached, or time is up.
 
-    A round that does not end adds nothing: its best candidate may be one of those that it has not tried. What is
-    returned has a gap no larger than that of the model as it was given.
+    A round that does not end adds nothing: its best candidate may be one of those that it has not tried. What cannot be
+    fitted, or a later effect has made needless, is not proposed again. What is returned has a gap no larger than that
+    of the model as it was given.
     """
-    been, refused = [start], frozenset[str]()
+    been, out = [start], set[str]()
     while len(been[-1].steps) < most and not (been[-1].steps and been[-1].problem.is_noise):
 
-        def one_round(here: Progress[P] = been[-1], refused: frozenset[str] = refused) -> Progress[P] | str:
-            return _try_effect(here, refused, say)
+        def one_round(
+            here: Progress[P] = been[-1], out: frozenset[str] = frozenset(out)
+        ) -> Progress[P] | str | None:
+            return _try_effect(here, out, say)
 
         tried = search.do(one_round, None, "further effects")
         if isinstance(tried, Progress):
+            out |= {step.effect for step in been[-1].steps} - {step.effect for step in tried.steps}
             been.append(tried)
-        elif tried and len(refused) < start.problem.policy.most_refusals:
-            refused |= {tried}
+        elif tried is not None:
+            out.add(tried)
         else:
             say(
-                "stopping: what the search may cost is used up"
-                if tried is None
-                else "stopping: nothing is likely"
+                f"stopping: {'what the search may cost is used up' if search.stopped else 'nothing is likely'}"
             )
             break
     given = start.steps[0].gap_before if start.steps else start.gap
     return next(here for here in reversed(been) if here is start or not grows(given, here.gap))
 
 
-def _try_effect(here: Progress[P], refused: frozenset[str], say: Say) -> Progress[P] | str:
-    """Return the progress with the likeliest effect, or the id of one whose fit fails; empty where none is likely."""
-    ranking = here.problem.propose(refused, say)
-    if ranking is None or 1 - ranking.nothing < here.problem.policy.belief:
-        return ""
+def _try_effect(here: Progress[P], out: Collection[str], say: Say) -> Progress[P] | str | None:
+    """Return the progress with the likeliest effect, or the id of one whose fit fails; None where none is likely."""
+    ranking = here.problem.propose(out, say)
+    if ranking is None or ranking.nothing > POLICY.chance:
+        return None
     best = ranking.fitted[0]
     say(f"adding {best.name.replace('_', ' ')}")
     added = here.problem.add(best)
     return best.name if added is None else _accepted(here, ranking, added)
 
 
-def _accepted(here: Progress[P], ranking: Ranking[Any], added: Added[P]) -> Progress[P]:
+def _accepted(here: Progress[P], ranking: Ranking[Any], added: P) -> Progress[P]:
     """Return the progress with a step more, without those that it makes needless."""
-    problem, after = added.problem, added.problem.gap
-    kept = [step for step in here.steps if step.effect not in added.needless]
-    steps = [*kept, step_of(problem, ranking, here.gap, after)]
-    rankings = {step.effect: here.rankings[step.effect] for step in kept}
-    rankings[steps[-1].effect] = ranking
-    now = problem.parameters
-    ends = [here.steps[0].gap_before if here.steps else here.gap, *(s.gap_after for s in steps)]
-    renewed = tuple(
-        replace(s, parameters=now.get(s.effect, s.parameters), gap_before=before)
-        for s, before in zip(steps, ends, strict=False)
-    )
-    return Progress(problem, after, renewed, rankings)
+    kept = [step for step in here.steps if step.effect in added.parameters]
+    before = here.steps[0].gap_before if here.steps else here.gap
+    rankings = {name: here.rankings[name] for name in (step.effect for step in kept)}
+    step = step_of(added, ranking, here.gap, added.gap)
+    now, later = added.parameters, list[Step]()
+    for each in (*kept, step):
+        later.append(replace(each, parameters=now.get(each.effect, each.parameters), gap_before=before))
+        before = each.gap_after
+    return Progress(added, added.gap, tuple(later), {**rankings, step.effect: ranking})
 
 
 def with_gaps_renewed(steps: Sequence[Step], before: Gap, problem: P) -> list[Step]:

@@ -18,32 +18,16 @@ class DiagnosisPolicy:
 
     # Evidence: from the fall of χ² to probabilities.
     temper: float = calibrated(2.0, "divides log-likelihoods: linearised noise models are overconfident")
-    column_error: float = calibrated(0.01, "relative error of an effect's columns where the motion repeats")
-    column_error_once: float = calibrated(0.03, "the same along a motion that does not repeat")
-    state_error: float = calibrated(
-        0.03, "the same of internal states where the motion repeats: harmonics round off corners"
-    )
-    state_error_once: float = calibrated(
-        0.08, "the same of internal states where it does not: smoothing rounds off reversals"
-    )
-    found_error: float = calibrated(
-        0.06, "share of what effects found before explained that is their own error"
-    )
-    price_inflated: bool = calibrated(
-        True,
-        "whether the price of a candidate's numbers is divided, as its gain is, by a scale that model error inflates; "
-        "if not, they keep their full price however wrong the model is, as numbers always do by which a law exceeds "
-        "its own special case",
+    lost_share: float = calibrated(
+        0.002, "share of χ² within which candidates of a structure still race, too"
     )
     cancelled: float = convention(
         2.0, "a column so many times the moment is cancelled by others, and no effect"
     )
     rival_nats: float = convention(3.0, "effects so close to the best one are of its class", unit="nat")
-    belief: float = convention(0.9, "least probability that something is missing for an effect to be added")
 
     # The loop: what is accepted, refused, taken back.
     most_effects: int = convention(4, "most effects that are added")
-    most_refusals: int = convention(2, "most effects that are refused before the loop stops")
     little_help: float = calibrated(
         0.7,
         "... unless the moment gap falls to this share; where it grows with a step, the response gap must fall to it",
@@ -56,9 +40,6 @@ class DiagnosisPolicy:
     realign: float = convention(4.0, "fall of χ² at which a delay is corrected beside a later effect")
     needless_ratio: float = convention(3.0, "coefficient over standard error below which a term may go ...")
     needless_share: float = convention(0.02, "... if it carries less than this share of the moment's RMS")
-    needless_gain: float = calibrated(
-        12.0, "rise of χ² per number, without it, below which an effect of a structure found earlier goes"
-    )
     explained_sure: float = convention(
         3.0, "standard deviations of χ² within which the residual of a structure is noise and the loop stops"
     )
@@ -69,10 +50,6 @@ class DiagnosisPolicy:
     )
 
     # Admissible effects.
-    admissible_share: float = convention(0.01, "share of the moment's RMS within which a sign is rounding")
-    pushing_share: float = convention(
-        0.05, "share of the time in which dry friction may push before that is refused"
-    )
 
     sticking_share: float = limit(
         0.75,
@@ -122,7 +99,6 @@ class DiagnosisPolicy:
 
     # Rows, gaps and simulations.
     fewest_half_cycles: int = judgement(8, "half-cycles below which a free run is regressed sample by sample")
-    least_correlation: float = judgement(0.1, "correlation from which half-cycles say the same thing in part")
     rate_share: float = calibrated(0.02, "rates below this share of the RMS have no sign")
     rest_misfit: float = limit(
         0.3, "share of the moment that a law may leave for the angle at which it rests to be believed"
@@ -146,7 +122,7 @@ class DiagnosisPolicy:
         "segments in all of a structure's runs that do not repeat, those in which its joints move most, that are "
         "simulated for every candidate",
     )
-    behind: float = calibrated(40.0, "distance at which candidates of a structure are given up", unit="nat")
+    behind: float = calibrated(80.0, "distance at which candidates of a structure are given up", unit="nat")
     linear: float = calibrated(4.0, "mean square, in units of noise, below which a response is linear")
     fallback: float = calibrated(
         1.1, "mean square, in units of noise, above which fallback variants are tried"
@@ -189,7 +165,6 @@ class DiagnosisPolicy:
     advice_seconds: float = convention(
         20.0, "processor time after which that search ends in any case", unit="s"
     )
-    most_rivals: int = judgement(4, "members of a class that are held against each other in that search")
 
     # Advice.
     most_runs: int = convention(2, "most runs advised for one class")
@@ -202,13 +177,10 @@ class DiagnosisPolicy:
 
 
 CAMPAIGN = DiagnosisPolicy()
-#: A structure is simulated and not regressed: columns are nearly exact, and the response is nearly proportional to what
-#: is missing. Numbers keep their full price on purpose: with enough of them any effect fits a long simulation.
+#: A structure is simulated and not regressed: each candidate costs simulations, and the response is nearly proportional
+#: to what is missing.
 STRUCTURE = replace(
     CAMPAIGN,
-    column_error=0.001,
-    found_error=0.01,
-    price_inflated=False,
     most_effects=3,
     search_work=5e9,
     search_seconds=300.0,

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.localisation import Place
+from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.ranking import Candidate, Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
@@ -19,14 +17,6 @@ Say = Callable[[str], None]
 
 
 P = TypeVar("P", bound="Problem")
-
-
-@dataclass(frozen=True)
-class Added(Generic[P]):
-    """A problem with one effect more, and the ids of effects found before that it makes needless."""
-
-    problem: P
-    needless: Collection[str] = ()
 
 
 @dataclass(frozen=True)
@@ -127,12 +117,8 @@ class Problem(Protocol):
         """Return the candidates in order of probability; None where there are none."""
         return None
 
-    def complaint(self) -> str:
-        """Return what physics has against the law with the effects; empty if nothing."""
-        return ""
-
-    def add(self, best: Any) -> Added[Self] | None:
-        """Return the problem with an effect more, everything fitted together; None where the fit fails."""
+    def add(self, best: Any) -> Self | None:
+        """Return the problem with an effect more, less those that it makes needless; None where the fit fails."""
         return None
 
     def units(self, fitted: Any) -> dict[str, str]:
@@ -159,8 +145,11 @@ class Problem(Protocol):
     def places(self) -> tuple[Place, ...]:
         """Return where the gap of the model as it was given lies."""
 
-    def separating_runs(self, step: Step, ranking: Ranking[Any], effort: Effort) -> tuple[Advice, ...]:
-        """Return the runs that would tell the members of a class apart, as far as the effort goes."""
+    def separating_runs(
+        self, step: Step, ranking: Ranking[Any], search: Portion, say: Say
+    ) -> tuple[tuple[Advice, ...], int, int]:
+        """Return the runs that would tell the members of a class apart, how many were tried, and of how many."""
+        return (), 0, 0
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result: what was found, completed by model, effects, pictures and warnings."""

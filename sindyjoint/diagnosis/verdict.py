@@ -8,6 +8,7 @@ from itertools import takewhile
 
 import numpy as np
 
+from sindyjoint.diagnosis.falling import with_falling_gaps, without_help
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.text import spelled
@@ -163,7 +164,7 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
     excess = residual.share > residual.most
     if not steps:
         if beyond:
-            return "unknown", f"no known effect explains the gap: {size}"
+            return "unknown", f"no known effect explains the gap; {size} remains"
         if excess:
             return "unknown", f"no known effect explains the gap; {share} of it is more than noise"
         if complaint and np.isfinite(gaps.final.response):
@@ -175,16 +176,16 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
             )
         return "nothing_missing", "the residual is no more than noise and the model's own uncertainty"
     if (beyond or excess) and not gaps.helped(policy):
-        return "unknown", f"the effects found hardly help on data left out of the fit: {size} remains"
-    names = ", then ".join(" or ".join(map(spelled, s.members)) for s in steps)
+        return "unknown", f"the effects found hardly help on data left out of the fit; {size} remains"
     if beyond or excess:
         left = size if beyond else f"{share} of the gap beyond noise"
-        return "partly_named", f"{names} explains a part; {left} remains unexplained"
-    if complaint:
         return (
             "partly_named",
-            f"{names} explains the {'motion' if gaps.of_response else 'moment'}, yet {complaint}",
+            f"{_explaining('a part', steps, gaps.initial, policy)}; {left} remains unexplained",
         )
+    if complaint:
+        what = f"the {'motion' if gaps.of_response else 'moment'}"
+        return "partly_named", f"{_explaining(what, steps, gaps.initial, policy)}; yet {complaint}"
     reservation = gaps.response_reservation(policy)
     apart = [
         " or ".join(map(spelled, s.members))
@@ -194,6 +195,21 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
     if apart:
         return "ambiguous", f"{residual.data} cannot tell apart: {'; '.join(apart)}{reservation}"
     return "named", "found: " + ", then ".join(spelled(s.effect) for s in steps) + reservation
+
+
+def _one_after_another(steps: Sequence[Step]) -> str:
+    return ", then ".join(" or ".join(map(spelled, s.members)) for s in steps)
+
+
+def _explaining(what: str, steps: Sequence[Step], initial: Gap, policy: DiagnosisPolicy) -> str:
+    """Return which effects explain what, and which take next to nothing away beside a remainder."""
+    reported = with_falling_gaps(steps, initial)
+    no_gain = without_help(reported, policy.least_help)
+    helping = [step for step in reported if step not in no_gain]
+    if not helping or not no_gain:
+        return f"{_one_after_another(steps)} explains {what}"
+    words = f"{_one_after_another(no_gain)} takes away less than {_percent(policy.least_help)} of the gap"
+    return f"{_one_after_another(helping)} explains {what}, {words}"
 
 
 def _without_zero_errors(steps: Sequence[Step], initial: Gap) -> Gap:

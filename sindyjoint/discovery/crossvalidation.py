@@ -83,12 +83,21 @@ class CrossValidation:
     @property
     def moment_error(self) -> float:
         """Root-mean-square of the folds' errors."""
-        return float(np.sqrt(np.mean([fold.moment_error**2 for fold in self.folds])))
+        return pooled_error([fold.moment_error for fold in self.folds])[0]
 
     @property
     def unanimous(self) -> bool:
         """Whether every fold keeps the same terms."""
         return len({fold.kept for fold in self.folds}) == 1
+
+
+def pooled_error(errors: Sequence[float]) -> tuple[float, float]:
+    """Return the root-mean-square of errors on what was held out, and its standard error by their scatter."""
+    squares = np.square(errors)
+    whole = float(np.sqrt(np.mean(squares))) if squares.size else float("nan")
+    if squares.size < 2:
+        return whole, float("nan")
+    return whole, float(np.std(squares, ddof=1) / np.sqrt(squares.size) / (2 * max(whole, 1e-300)))
 
 
 def cross_validate(

@@ -273,8 +273,8 @@ def write_export(export: Export, out: str | os.PathLike[str], force: bool = Fals
     ----------
     export : Export
     out : path
-        A file for an export of one file; a folder for one of several, or for one file under its name when the
-        folder exists.
+        A file for an export of one file, with the target's suffix where it has none; a folder for one of several, or
+        for one file under its name when the folder exists.
     force : bool
         Replace files of a folder that were not written so, or were changed since, and a file that is no export.
 
@@ -294,6 +294,7 @@ def write_export(export: Export, out: str | os.PathLike[str], force: bool = Fals
         for name, content in export.files.items()
     }
     if len(data) == 1 and not path.is_dir():
+        path = path if path.suffix else path.with_suffix(Path(next(iter(data))).suffix)
         refuse_foreign_file(path, force)
         return [write_bytes(path, *data.values())]
     with output_folder(path, force=force) as stage:

@@ -18,7 +18,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.export import Export
 from sindyjoint.export.text import Fidelity
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, root_of
 from sindyjoint.workflows.joints.population import next_joint, population
 from sindyjoint.workflows.joints.record import CampaignRecord
 from sindyjoint.workflows.joints.summary import covariates_of, units_of_covariates
@@ -138,14 +138,9 @@ def _shared_moves(record: Any, terms: Sequence[str], means: Array) -> Array:
 
 def _student(means: Array, covariance: Array, degrees: float, count: int, seed: int) -> Array:
     generator = np.random.default_rng(seed)
-    # Of coefficients in units of their own: they differ by orders of magnitude.
-    scales = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
-    correlation = covariance / np.outer(scales, scales)
-    values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    normal = generator.standard_normal((count, means.size)) @ root.T
+    normal = generator.standard_normal((count, means.size)) @ root_of(covariance).T
     wide = np.sqrt(generator.chisquare(degrees, count) / degrees)
-    return means + scales * normal / wide[:, None]
+    return np.asarray(means + normal / wide[:, None])
 
 
 def _check(count: int) -> None:

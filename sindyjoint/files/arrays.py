@@ -13,6 +13,7 @@ from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.assignment import Dialogue, assign_columns, find_motion
 from sindyjoint.files.drafting.run import find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, role_of
+from sindyjoint.files.readers.table import UNIT_KEYS
 from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
 from sindyjoint.measurement.runs import measured_run, travelled_run
@@ -138,7 +139,7 @@ def _named_runs(
 
 
 def campaign_from_frames(
-    frames: Mapping[str, Any],
+    frames: Any,
     *,
     units: Mapping[str, str] | None = None,
     columns: Mapping[str, str] | None = None,
@@ -158,11 +159,13 @@ def campaign_from_frames(
 
     Parameters
     ----------
-    frames : mapping of str to data frame
-        By the name of the run: of pandas or polars, or any mapping from names of columns to arrays. The order of the
-        columns does not matter: their names and units say what they are.
+    frames : data frame, or mapping of str to data frame
+        Of one run, or by the name of the run: of pandas or polars, a data set of xarray, or any mapping from names of
+        columns to arrays. The order of the columns does not matter: their names and units say what they are. A
+        dimension ``"run"`` of a data set is that of several runs.
     units : mapping of str to str, optional
-        Unit of each column by its name; where the name states it (``"angle [mrad]"``) it may be left out.
+        Unit of each column by its name; where the name states it (``"angle [mrad]"``), or the attributes of a column
+        do, it may be left out.
     columns : mapping of str to str, optional
         Which column is which channel, where names do not say: ``{"moment": "ch1", "angle": "ch2"}``. An acceleration
         beside an angle is used where it is named here.
@@ -177,10 +180,7 @@ def campaign_from_frames(
     InputError, UnitError
         For frames, units or options that cannot be used.
     """
-    if not isinstance(frames, Mapping):
-        raise InputError(
-            f"frames is of type {type(frames).__name__}; expected a mapping from names of runs to frames"
-        )
+    frames = _by_run(frames)
     answers = dict(columns or {}) | ({} if motion is None else {"motion": motion})
     dialogue = Dialogue(answers)
     bundles = [_bundle(title, frame, dict(units or {})) for title, frame in frames.items()]
@@ -219,6 +219,24 @@ def campaign_from_frames(
     return Campaign(joint, tuple(made), simulated=simulated, inputs=tuple(declared))
 
 
+def _by_run(frames: Any) -> Mapping[str, Any]:
+    """Return the frame of each run by its name."""
+    if "run" in getattr(frames, "sizes", ()):
+        labels = [str(label) for label in frames["run"].values]
+        return {
+            label: frames.isel(run=at).drop_vars("run", errors="ignore") for at, label in enumerate(labels)
+        }
+    of_columns = isinstance(frames, Mapping) and all(np.ndim(values) == 1 for values in frames.values())
+    if hasattr(frames, "columns") or hasattr(frames, "data_vars") or of_columns:
+        return {"run 1": frames}
+    if not isinstance(frames, Mapping):
+        raise InputError(
+            f"data of type {type(frames).__name__} were given; expected a data frame, or a mapping from names of runs "
+            "to frames"
+        )
+    return frames
+
+
 def _as_runs(values: Any) -> list[Array]:
     """Return one array for each run."""
     if isinstance(values, np.ndarray):
@@ -241,14 +259,17 @@ def _of(values: Any, index: int, count: int) -> Any:
 
 def _bundle(title: str, frame: Any, units: dict[str, str]) -> Bundle:
     """Return the columns of a frame with the units that are given, or stand in their names."""
-    names = [str(column) for column in getattr(frame, "columns", frame)]
+    # Of a data set of xarray its coordinates are columns, too.
+    titles = list(getattr(frame, "columns", getattr(frame, "variables", frame)))
+    names = [str(title) for title in titles]
     columns = []
-    for given, name in zip(getattr(frame, "columns", frame), names, strict=True):
+    for given, name in zip(titles, names, strict=True):
         values = np.asarray(frame[given])
         if values.dtype.kind not in "fiub" or values.ndim != 1:
             continue  # words and dates are no channel
-        stated = unit_in_name(name)
-        unit = units.get(name) or (stated[0] if stated else "")
+        stated, attributes = unit_in_name(name), getattr(frame[given], "attrs", {})
+        noted = next((str(attributes[key]) for key in UNIT_KEYS if key in attributes), "")
+        unit = units.get(name) or (stated[0] if stated else noted)
         columns.append(Column(name, name, unit, values.astype(np.float64), role_of(name, unit)))
     if not columns:
         raise InputError(

@@ -319,7 +319,8 @@ def unit_in_name(name: str) -> tuple[str, bool] | None:
     if ending is None:
         return None
     base, unit = ending["base"], ending["unit"]
-    if unit in KNOWN or (unit in LETTERS and len(base) > 3 and base.isalpha()):
+    last = re.split(r"[./]", base)[-1]
+    if unit in KNOWN or (unit in LETTERS and len(last) > 3 and last.isalpha()):
         return _spelled(unit), True
     return None
 
@@ -329,12 +330,12 @@ def is_unit(text: str) -> bool:
 
     Examples
     --------
-    >>> is_unit("[s]"), is_unit("kN"), is_unit("m/s^2"), is_unit("force"), is_unit("-")
-    (True, True, True, False, True)
+    >>> is_unit("[s]"), is_unit("kN"), is_unit("m/s^2"), is_unit("force"), is_unit("-"), is_unit("force [N]")
+    (True, True, True, False, True, False)
     """
     text = text.strip()
     bare = text.strip("[](){}").strip()
-    if text != bare or bare in ("-", "1", "%"):
+    if text[:1] in ("[", "(", "{") or bare in ("-", "1", "%"):
         return True
     parts = re.split(r"[*·/^ ]+\d*", bare)
     return all(part in KNOWN | LETTERS | OTHERS or part.isdigit() or not part for part in parts)

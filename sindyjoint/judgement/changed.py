@@ -129,8 +129,8 @@ class Change(Shown):
             return f"the same: every change beyond {100 * self.margin:.3g} % is ruled out"
         unsure = ", ".join(s.symbol for s in compared if s.answer == "cannot tell")
         return (
-            f"no change is seen; beyond {100 * self.margin:.3g} % it is not ruled out of {unsure}: record longer, or "
-            "allow a wider margin"
+            f"no change is seen, yet one of more than {100 * self.margin:.3g} % is not ruled out for {unsure}: "
+            "record longer, or allow a wider margin"
         )
 
 

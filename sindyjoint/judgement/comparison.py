@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
@@ -9,6 +10,7 @@ from sindyjoint.described import Maybe, same
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.shown import Shown
 from sindyjoint.soundness.finding import Soundness
@@ -67,7 +69,10 @@ class Choice:
     seconds : float
         Time that making the path took; NaN where not measured.
     held_out : float
-        RMS error of the moment of held-out frequencies, terms chosen anew each time, relative to its RMS.
+        RMS error of the moment of held-out frequencies, terms chosen anew each time, relative to its RMS; of what a
+        single frequency or level leads to, of the others.
+    held_out_error : float
+        Its standard error, by how the held-out frequencies scatter.
     response : float
         RMS error of the simulated angle of held-out frequencies relative to its RMS; NaN where not simulated.
     not_simulated : str
@@ -97,23 +102,32 @@ class Choice:
     residual: Maybe = float("nan")
     wanted: tuple[str, ...] = PAPER_TERMS
     dependences: tuple[tuple[str, str], ...] = ()
+    held_out_error: Maybe = float("nan")
 
     @property
     def ids(self) -> tuple[str, ...]:
         """Ids of the terms."""
         return tuple(term.id for term in self.terms)
 
+    def beside(self, terms: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return the chosen terms that are not among others, and which of those are missing; the inertia aside.
+
+        A term by which another one depends on an input is that one, at each level of the input.
+        """
+        there = {*self.ids, *(term for _, term in self.dependences)}
+        changing = {name for name, _ in self.dependences if name not in terms}
+        extra = tuple(term for term in self.ids if term not in {*terms, "inertia", *changing})
+        return extra, tuple(term for term in terms if term not in {*there, "inertia"})
+
     @property
     def missing(self) -> tuple[str, ...]:
         """The paper's terms that were not chosen, at any level of the inputs."""
-        there = {*self.ids, *(term for _, term in self.dependences)}
-        return tuple(term for term in self.wanted if term not in there)
+        return self.beside(self.wanted)[1]
 
     @property
     def extra(self) -> tuple[str, ...]:
         """Chosen terms that are not the paper's, at any level of the inputs, the inertia aside."""
-        known = {*self.wanted, "inertia", *(name for name, _ in self.dependences)}
-        return tuple(term for term in self.ids if term not in known)
+        return self.beside(self.wanted)[0]
 
     @property
     def agrees(self) -> bool:
@@ -161,7 +175,8 @@ class Comparison(Shown):
         All candidates of the main library.
     units : dict of str
         Id to unit, of every term that any of the choices holds.
-    methods, frequencies, libraries : tuple of Choice
+    methods, frequencies, levels, libraries : tuple of Choice
+        Of each frequency the terms that its runs alone lead to, of each level too.
     inclusion : tuple of float
         Probability of each candidate when blocks and runs are resampled.
     sets : tuple of (tuple of str, float)
@@ -201,6 +216,7 @@ class Comparison(Shown):
             "units",
             "methods",
             "frequencies",
+            "levels",
         ),
         **same("libraries", "inclusion", "sets", "left_out", "tests", "model", "undetermined", "warnings"),
         **same("seconds", "noise_floor", "given", "parts", "soundness"),
@@ -227,6 +243,13 @@ class Comparison(Shown):
     given: GivenModel | None = None
     parts: Literal["frequency", "level", "run"] = "frequency"
     trust: Trust | None = None
+    levels: tuple[Choice, ...] = ()
+
+    @property
+    def groups(self) -> dict[str, tuple[Choice, ...]]:
+        """What was compared, by what: method, frequency, level, library."""
+        groups = {"method": self.methods, self.parts: self.frequencies}
+        return {**groups, **({"level": self.levels} if self.levels else {}), "library": self.libraries}
 
     @property
     def several(self) -> str:
@@ -235,11 +258,11 @@ class Comparison(Shown):
 
     @property
     def shown_ids(self) -> tuple[str, ...]:
-        """Terms worth a column: the paper's, and every one that a choice holds or that a replicate chose."""
-        held = {term for choice in (*self.methods, *self.frequencies, *self.libraries) for term in choice.ids}
+        """Terms worth a column: those held against, and every one that a choice holds or that a replicate chose."""
+        held = {term for choices in self.groups.values() for choice in choices for term in choice.ids}
         held |= {term for term, share in zip(self.ids, self.inclusion, strict=True) if share > 0}
-        others = [term for term in (*self.ids, *sorted(held)) if term in held and term not in self.wanted]
-        return (*self.wanted, *dict.fromkeys(others))
+        others = [term for term in (*self.ids, *sorted(held)) if term in held and term not in self.reference]
+        return (*self.reference, *dict.fromkeys(others))
 
     @property
     def wanted(self) -> tuple[str, ...]:
@@ -252,18 +275,33 @@ class Comparison(Shown):
         return "the paper's five terms" if self.wanted == PAPER_TERMS else "the paper's terms without rate"
 
     @property
+    def of_paper(self) -> bool:
+        """Whether choices are held against the paper's terms: of its joints, and where that was asked for."""
+        return is_of_the_paper(self.joint) or getattr(self.discovery, "paper", False)
+
+    @property
+    def reference(self) -> tuple[str, ...]:
+        """The terms that every choice is held against: the paper's, or of a joint that is not its the model's."""
+        return self.wanted if self.of_paper else self.model.ids
+
+    @property
     def agreement(self) -> str:
-        """One sentence on how many of the methods, frequencies and libraries lead to the paper's set."""
-        parts = []
-        for name, choices in (
-            ("methods", self.methods),
-            (f"single {self.several}", self.frequencies),
-            ("libraries that offer them", tuple(c for c in self.libraries if c.offers_paper_terms)),
-        ):
-            if choices:
-                parts.append(f"{sum(c.agrees for c in choices)} of {len(choices)} {name}")
-        levels = any(choice.dependences for choice in (*self.methods, *self.frequencies, *self.libraries))
-        return f"{'at each level ' * levels}exactly {self.paper_set}: " + ", ".join(parts)
+        """One sentence on how many of the methods, frequencies and libraries lead to the terms held against."""
+        offering = tuple(c for c in self.libraries if c.offers_paper_terms or not self.of_paper)
+        groups = {
+            "methods": self.methods,
+            f"single {self.several}": self.frequencies,
+            "single levels": self.levels,
+            f"libraries{' that offer them' * self.of_paper}": offering,
+        }
+        parts = [
+            f"{sum(not any(c.beside(self.reference)) for c in choices)} of {len(choices)} {name}"
+            for name, choices in groups.items()
+            if choices
+        ]
+        levels = any(choice.dependences for choices in self.groups.values() for choice in choices)
+        whose = self.paper_set if self.of_paper else "the model's terms"
+        return f"{'at each level ' * levels}exactly {whose}: " + ", ".join(parts)
 
     @property
     def kind(self) -> Literal["Comparison"]:

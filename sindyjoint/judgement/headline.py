@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,10 @@ from sindyjoint.trust import Light, Trust
 # Commands that several headlines advise, and what they are for.
 SEE_FAULTS = ("sindyjoint check CAMPAIGN --out soundness", "see the faults of the data in every channel")
 VERIFY = ("sindyjoint verify RESULTS CAMPAIGN", "simulate the model and hold it against the runs")
-EXPORT = ("sindyjoint export RESULTS --to FORMAT", "use the model in another program")
+EXPORT = (
+    "sindyjoint export RESULTS --to python --out joint",
+    "use the model in other programs; sindyjoint export --help lists them",
+)
 
 
 @dataclass(frozen=True)
@@ -73,13 +77,26 @@ def _next_steps(lights: Sequence[Light], tested: Excitations, found: bool) -> tu
 
 
 def advise_runs(tested: Excitations) -> str:
-    """Return which runs to record next."""
+    """Return which runs to record next: frequencies between and beside those tested, and further levels."""
+    frequencies = sorted(set(tested.frequencies))
+    if not frequencies:
+        return "record the same motion again, and once at half its amplitude"
     missing = []
-    for have, what in ((len(set(tested.frequencies)), "frequenc"), (len(set(tested.levels)), "level")):
-        need = POLICY.enough - have
-        if need > 0:
-            plural = {"frequenc": ("y", "ies"), "level": ("", "s")}[what][need > 1]
-            missing.append(f"{need} more {what}{plural}")
+    need = POLICY.enough - len(frequencies)
+    if need > 0:
+        # One lies in the widest gap; of a single frequency there is none.
+        lowest, highest = frequencies[0], frequencies[-1]
+        beside = (
+            [lowest / 1.5, highest * 1.5]
+            if lowest == highest
+            else [math.sqrt(lowest * highest), highest * 1.5]
+        )
+        missing.append(" and ".join(f"{frequency:.2g} Hz" for frequency in beside[:need]))
+    levels = POLICY.enough - len(set(tested.levels))
+    if levels > 0:
+        missing.append(f"{levels} more level{'s' * (levels > 1)}")
     return (
-        f"record runs at {' and '.join(missing)}" if tested.frequencies and missing else "record further runs"
+        f"record runs at {' and at '.join(missing)}"
+        if missing
+        else f"record {len(frequencies)} runs more, one at each frequency"
     )

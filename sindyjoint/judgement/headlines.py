@@ -24,8 +24,11 @@ from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import ORDER, Colour, Light, Trust
 
 Step = tuple[str, str]
-DISCOVER = ("sindyjoint discover CAMPAIGN --out RESULTS", "find the terms of the joint’s equation")
-OWN_EFFECTS = ("sindyjoint diagnose CAMPAIGN --library EFFECTS.toml", "try effects of your own catalogue")
+DISCOVER = ("sindyjoint discover CAMPAIGN --out results", "find the terms of the joint’s equation")
+OWN_EFFECTS = (
+    "sindyjoint libraries copy effects/friction effects.toml",
+    "write effects of your own into the copy, and try them: sindyjoint diagnose CAMPAIGN --library effects.toml",
+)
 LACKING = ("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks")
 # A step more than these is a list, not an advice.
 MOST_STEPS = 2
@@ -58,7 +61,7 @@ def judge_check(check: Checked) -> Trust:
         for first in soundness.stopping[:1]
     ]
     accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))
-    discover = f"sindyjoint discover {subject}{accept or ' --out RESULTS'}"
+    discover = f"sindyjoint discover {subject}{accept or ' --out results'}"
     steps.append((discover, "go on all the same" if accept else DISCOVER[1]))
     if lights[-1].colour != "good":
         steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
@@ -110,8 +113,15 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
             )
         )
     if result.beyond_range:
-        steps.append(("record runs at these levels", "fit the model where it is used"))
-    return Trust(lights, tuple((steps or [EXPORT])[:MOST_STEPS]), question)
+        steps.append(
+            (
+                f"record runs that go as far as {list_some(result.beyond_range)}",
+                "fit the model where it is used",
+            )
+        )
+    return Trust(
+        lights, tuple((steps or [(EXPORT[0].replace("RESULTS", "MODEL"), EXPORT[1])])[:MOST_STEPS]), question
+    )
 
 
 def judge_diagnosis(result: Diagnosis, simulated: bool) -> Trust:
@@ -124,21 +134,26 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Trust:
             for gap in (result.initial, result.final, result.noise_floor, result.uncertainty)
         )
         if math.isfinite(before) or math.isfinite(after):
-            own.append(_gap(name, before, after, floor, unsure, bool(result.steps)))
-    own.append(Light("effects", NAMED.get(result.verdict, "fair"), result.reason))
+            first = f"{percent(before)} → " if result.steps and math.isfinite(before) else ""
+            # Of a campaign without validation runs the response is simulated over all runs.
+            left_out = " on data left out of the fit" * (field == "moment" or result.source == "structure")
+            what = f"gap {first}{percent(after)}{left_out}"
+            own.append(_gap(name, what, after, floor, unsure))
+    # The figures of the reason, behind its first clause, stand in the lights of the gaps.
+    words = result.reason if result.verdict == "undecided" else result.reason.partition(";")[0]
+    own.append(Light("effects", NAMED.get(result.verdict, "fair"), words))
     if result.trust is not None:
         lights, question = result.trust.lights, tuple(own)
     else:
         data = [] if result.soundness is None else [judge_soundness(result.soundness, simulated)]
-        *gaps, effects = own
-        worst = sorted(gaps, key=lambda light: ORDER.index(light.colour))[-1:]
-        lights, question = (*data, *(replace(light, name="explained") for light in worst)), (*gaps, effects)
-    return Trust(lights or question, tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]), question)
+        worst = max(own[:-1] or own, key=lambda light: ORDER.index(light.colour))
+        explained = Light("explained", worst.colour, f"judged by the gap of the {worst.name}")
+        lights, question = (*data, explained), tuple(own)
+    return Trust(lights, tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]), question)
 
 
-def _gap(name: str, before: float, after: float, floor: float, unsure: float, changed: bool) -> Light:
+def _gap(name: str, what: str, after: float, floor: float, unsure: float) -> Light:
     """Return what a gap came to, as a light; where only the uncertainty of the law explains it, it says so."""
-    what = f"gap {percent(before)} → {percent(after)}" if changed else f"gap {percent(after)}"
     if not math.isfinite(after):
         return Light(name, "poor", f"{what}: could not be simulated")
     if not math.isfinite(floor):
@@ -161,7 +176,9 @@ def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step
         if advice.frequency:
             level = f"{advice.level:.3g} {result.level_unit}"
             run = f"record a {advice.waveform} at {advice.frequency:.4g} Hz with a peak of {level}"
-            steps.append((run, f"tell {' and '.join(spelled(n, motion) for n in advice.separates)} apart"))
+            named = " and ".join(spelled(n, motion) for n in advice.separates)
+            certainty = f"the true one should then have a probability of {advice.expected_confidence:.2f}"
+            steps.append((run, f"tell {named} apart: {certainty}"))
     if result.verdict in ("unknown", "partly_named"):
         steps.append(OWN_EFFECTS)
     if result.verdict == "undecided" and not math.isfinite(result.noise_floor.moment):
@@ -169,7 +186,10 @@ def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step
             ('write noise = "0.02 N*m" to a channel in campaign.toml', "have a noise floor to judge by")
         )
     if not steps and result.verdict == "ambiguous":
-        steps.append(("record runs at other frequencies and levels", "tell the effects apart"))
+        fitted = result.model.fitted
+        steps.append(
+            (advise_runs(Excitations(fitted.frequencies, (), fitted.runs)), "tell the effects apart")
+        )
     target = "CAMPAIGN" if result.source == "campaign" else "RIG"
     if result.settled:
         steps.append((VERIFY[0].replace("CAMPAIGN", target), "simulate the repaired model and compare"))
@@ -211,10 +231,14 @@ def judge_comparison(result: Comparison) -> Trust:
     if "frequency" in weak:
         steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what makes coefficients change"))
     if weak & {"methods", "single", "resampled"}:
-        steps.append(
-            ("record runs at other frequencies and levels", "tell terms apart that are alike on these runs")
-        )
-    return Trust(lights, tuple((steps or [DISCOVER, VERIFY])[:MOST_STEPS]), tuple(own))
+        found = result.discovery
+        tested = Excitations((), (), 0) if found is None else Excitations.of(found.campaign)
+        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
+    return Trust(
+        lights,
+        tuple((steps or [DISCOVER, (VERIFY[0].replace("RESULTS", "results"), VERIFY[1])])[:MOST_STEPS]),
+        tuple(own),
+    )
 
 
 def _constancy(result: Comparison) -> Light:

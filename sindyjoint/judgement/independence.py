@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sindyjoint.discovery.frequency import FrequencyTest, frequency_test, group_estimates
+from sindyjoint.discovery.frequency import FrequencyTest, GroupEstimates, frequency_test, group_estimates
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.states import ForceStates
@@ -26,15 +26,20 @@ def frequency_tests(
     frequency = frequency_of_groups(discovery.states)
     if len(set(frequency.values())) < 3 or not discovery.model.terms:
         return ()
-    evidence = discovery.regressor.evidence_
-    columns = [evidence.ids.index(term) for term in discovery.model.ids if term in evidence.ids]
-    found = group_estimates(evidence, columns)
+    found = estimates_by_group(discovery)
     values, errors = found.coefficients, found.standard_errors
     hertz = [frequency[group] for group in found.groups]
     return tuple(
         frequency_test(term, hertz, values[:, i], errors[:, i], found.degrees, margin)
         for i, term in enumerate(found.ids)
     )
+
+
+def estimates_by_group(discovery: Discovery) -> GroupEstimates:
+    """Return fits of the model's terms to each single group."""
+    evidence = discovery.regressor.evidence_
+    columns = [evidence.ids.index(term) for term in discovery.model.ids if term in evidence.ids]
+    return group_estimates(evidence, columns)
 
 
 def frequency_of_groups(states: Sequence[ForceStates]) -> dict[str, float]:

@@ -153,7 +153,7 @@ def find_laws(
 
 def _recovered(test: RigTest, recovery: Recovery, joint: int) -> Recovered | None:
     """Return the states of a joint in a run, None where it does not move; the mean moment is that of equilibrium."""
-    if not all(kept.any() for kept in kept_of(recovery, joint)):
+    if not kept_of(recovery, joint).any():
         return None
     mean = static_moments(test.structure, test.at, float(recovery.spectra.mean[0]))
     name = f"{recovery.run.name} · {test.structure.hinges[joint].name}"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 
-from sindyjoint.discovery.crossvalidation import CrossValidation, Fold, Found, cross_validate, find
+from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find, pooled_error
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.methods import NOT_GIVEN
 from sindyjoint.discovery.selection import Selection
@@ -103,34 +103,46 @@ def _weak(question: Question) -> Choice:
     fixed, spent = found.regressor.fixed, time.perf_counter() - start
     evidence = evidence.fixing(fixed) if fixed else evidence
     choice = question.choice(evidence, question.names[0])
-    held_out = choice.held_out
-    if np.isfinite(held_out):
-        held_out = _sample_error(question.left_out(evidence).folds, question.evidence)
+    held_out = choice.held_out, choice.held_out_error
+    if np.isfinite(choice.held_out):
+        # Of held-out samples of the moment, as of the other methods, not of its integrals.
+        folds = question.left_out(evidence).folds
+        held_out = pooled_error(
+            [_error(question.evidence, f.runs, dict(zip(f.kept, f.coefficients, strict=True))) for f in folds]
+        )
     # Its residual is one of integrals, which compares with no other.
-    return replace(
-        choice, name=WEAK, seconds=choice.seconds + spent, held_out=held_out, residual=float("nan")
+    return _scored(
+        replace(choice, name=WEAK, seconds=choice.seconds + spent, residual=float("nan")), held_out
     )
 
 
-def _sample_error(folds: Sequence[Fold], samples: Evidence) -> float:
-    """Return the error of held-out samples of the moment, as of the other methods, not of its integrals."""
-    errors = []
-    for fold in folds:
-        coefficients = np.zeros(len(samples.ids))
-        coefficients[[samples.ids.index(name) for name in fold.kept]] = fold.coefficients
-        held_out = [run.pooled for run in samples.runs if run.name in fold.runs]
-        total = sum(factor.squared_target for factor in held_out)
-        errors.append(sum(factor.squared_error(coefficients) for factor in held_out) / total)
-    return float(np.sqrt(np.mean(errors)))
+def _error(evidence: Evidence, runs: Collection[str], law: Mapping[str, float]) -> float:
+    """Return the error of the moment of some runs under a law, relative to its RMS."""
+    coefficients = np.zeros(len(evidence.ids))
+    coefficients[[evidence.ids.index(name) for name in law]] = list(law.values())
+    factors = [run.pooled for run in evidence.runs if run.name in runs]
+    total = sum(factor.squared_target for factor in factors)
+    return float(np.sqrt(sum(factor.squared_error(coefficients) for factor in factors) / total))
+
+
+def _scored(choice: Choice, held_out: tuple[float, float]) -> Choice:
+    return replace(choice, held_out=held_out[0], held_out_error=held_out[1])
+
+
+def _held_out(
+    evidence: Evidence, name: str, random_state: Any, rule: Mapping[str, Any]
+) -> tuple[float, float]:
+    """Return the error of what is held out group by group, and its standard error; NaN of a single group."""
+    if len(evidence.groups) < 2:
+        return float("nan"), float("nan")
+    folds = cross_validate(evidence, method=name, random_state=random_state, **rule).folds
+    return pooled_error([fold.moment_error for fold in folds])
 
 
 def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: str) -> Choice:
     start = time.perf_counter()
     found = find(evidence, name, random_state, **rule)
     seconds = time.perf_counter() - start
-    held_out = float("nan")
-    if len(evidence.groups) > 1:
-        held_out = cross_validate(evidence, method=name, random_state=random_state, **rule).moment_error
     target = evidence.target_rms
     path = tuple(
         SizeScore(
@@ -141,10 +153,11 @@ def _method(evidence: Evidence, random_state: Any, rule: dict[str, Any], name: s
         )
         for step in found.selection.path
     )
-    return Choice(
-        name, _terms(found), found.selection.reason, len(found.candidates), seconds, held_out, path=path,
+    choice = Choice(
+        name, _terms(found), found.selection.reason, len(found.candidates), seconds, path=path,
         not_given=NOT_GIVEN[name], residual=_residual(found.selection, target),
     )  # fmt: skip
+    return _scored(choice, _held_out(evidence, name, random_state, rule))
 
 
 def _residual(selection: Selection, target: float) -> float:
@@ -165,19 +178,41 @@ def _terms(found: Found) -> tuple[ChosenTerm, ...]:
     )
 
 
-def by_group(question: Question) -> tuple[Choice, ...]:
-    """Select terms from the runs of each single group; the parts of a single run are no frequencies."""
+def by_group(question: Question, labels: Sequence[str] | None = None) -> tuple[Choice, ...]:
+    """Select terms from the runs of each single group, or label; score them on the runs of the others.
+
+    The parts of a single run are no frequencies.
+    """
     if len(question.found.states) < 2:
         return ()
+    runs = question.evidence.runs
+    members: dict[str, list[int]] = {}
+    for index, label in enumerate(labels or [run.group for run in runs]):
+        members.setdefault(label, []).append(index)
     choices = []
-    for group in question.evidence.groups:
-        evidence = question.evidence.only([group])
+    for group, rows in members.items():
+        evidence = replace(question.evidence, runs=tuple(runs[i] for i in rows))
         single = find(evidence, question.names[0], question.random_state, **question.rule)
         left = _residual(single.selection, evidence.target_rms)
-        choices.append(
-            Choice(group, _terms(single), single.selection.reason, len(single.candidates), residual=left)
-        )
+        choice = Choice(group, _terms(single), single.selection.reason, len(single.candidates), residual=left)
+        law = {term.id: term.coefficient for term in choice.terms}
+        others = [{runs[i].name for i in each} for name, each in members.items() if name != group]
+        errors = [_error(question.evidence, each, law) for each in others if law]
+        choices.append(_scored(choice, pooled_error(errors)))
     return tuple(choices)
+
+
+def by_level(question: Question) -> tuple[Choice, ...]:
+    """Select terms from the runs of each single level, where groups are not levels and runs share them."""
+    levels = _levels(question)
+    return by_group(question, levels) if levels and parts_of(question.found) != "level" else ()
+
+
+def _levels(question: Question) -> list[str]:
+    """Return the level of each run; empty where there are not several that runs share."""
+    levels = [state.level or state.run for state in question.found.states]
+    shared = len(levels) == len(question.evidence.runs) and 1 < len(set(levels)) < len(levels)
+    return levels if shared else []
 
 
 def by_library(
@@ -208,6 +243,9 @@ def by_library(
         reason = regressor.selection_result_.reason
         left = _residual(regressor.selection_result_, regressor.evidence_.target_rms)
         choice = Choice(name, terms, reason, len(regressor.terms_), offers_paper_terms=offered, residual=left)
+        rule = {"significance": regressor.significance, "least_share": regressor.least_share_}
+        held_out = _held_out(regressor.evidence_, question.names[0], question.random_state, rule)
+        choice = _scored(choice, held_out)
         result.append((choice, {t.id: t.unit for t in regressor.model_.terms}))
     return tuple(result)
 
@@ -219,8 +257,7 @@ def hold_out_groups(question: Question) -> dict[str, CrossValidation]:
     if len(evidence.groups) > 1:
         kind = parts_of(found) if len(found.states) > 1 else "time"
         result[kind] = question.left_out(evidence)
-    levels = [state.level or state.run for state in found.states]
-    if "level" not in result and len(levels) == len(evidence.runs) and 1 < len(set(levels)) < len(levels):
+    if "level" not in result and (levels := _levels(question)):
         result["level"] = question.left_out(evidence, levels)
     for each in found.campaign.inputs:
         at = run_levels({s.run: s.inputs[each.name] for s in found.states}, each.tested)

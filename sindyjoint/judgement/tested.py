@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sindyjoint.diagnosis.budget import NOT_DIVIDED
+from sindyjoint.diagnosis.parts import NOT_DIVIDED
 from sindyjoint.diagnosis.result import Diagnosis, Gap
 from sindyjoint.diagnosis.verdict import UNDECIDED
 from sindyjoint.discovery.delay import ChannelDelay
@@ -88,7 +88,8 @@ class Tested:
             return result
         put_right = corrected(result.test, self.checked.usable)
         seen = seen_runs(result.whole, self.campaign)
-        lights = assess(result.whole, put_right, result.soundness, seen, result.test)
+        measured = None if put_right is self.checked.usable else self.checked.usable
+        lights = assess(result.whole, put_right, result.soundness, seen, result.test, as_measured=measured)
         result = replace(result, trust=Trust(lights))
         return replace(result, trust=judge_diagnosis(result, self.campaign.simulated))
 

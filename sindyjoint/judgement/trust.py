@@ -83,6 +83,7 @@ def assess(
     seen: Mapping[str, bool | None],
     test: TestNuisances | None = None,
     states: Sequence[ForceStates] | None = None,
+    as_measured: Campaign | None = None,
 ) -> tuple[Light, ...]:
     """Return the four lights of a model and a campaign.
 
@@ -98,6 +99,9 @@ def assess(
         Moments of the test that belong to no joint.
     states : sequence of ForceStates, optional
         Of the runs for identification, where they are at hand.
+    as_measured : Campaign, optional
+        With its channels as they are, where some were put right: what does not repeat is the measurement's, and a
+        channel that was moved in time is interpolated.
     """
     data = judge_soundness(soundness, campaign.simulated)
     if not (model.terms or model.elements):
@@ -113,7 +117,7 @@ def assess(
     try:
         if states is None:
             states = one_after_another(campaign, states_of(campaign, runs))
-        floor = moment_floor(states, model.inertia, model.without_elements())
+        floor = _floor(as_measured, states, campaign)
         fitted = [
             _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
         ]
@@ -216,6 +220,14 @@ def _determined(model: JointModel, campaign: Campaign) -> Light:
     return Light("determined", colour, sentence, widest=widths[worst])
 
 
+def _floor(as_measured: Campaign | None, states: Sequence[ForceStates], campaign: Campaign) -> Floor:
+    """Return the floor of the runs for identification, as they were measured where that is known."""
+    if as_measured is not None:
+        runs = as_measured.identification_runs or as_measured.validation_runs
+        states = one_after_another(as_measured, states_of(as_measured, runs))
+    return moment_floor(states, campaign.joint.inertia)
+
+
 def _groups(states: Sequence[ForceStates]) -> list[str]:
     return group_labels(states)
 
@@ -230,7 +242,7 @@ def _residual(model: JointModel, test: TestNuisances, states: ForceStates) -> tu
 def _explained(model: JointModel, test: TestNuisances, states: ForceStates, group: str) -> Explained:
     """Return what a model leaves of one run, block by block, over moving samples."""
     kept, residual = _residual(model, test, states)
-    moment = larger_moment(kept, model.inertia)
+    moment = larger_moment(kept, model.joint.inertia or 0.0)
     rows = np.array_split(np.flatnonzero(kept.moving), BLOCKS)
     squares = [np.array([np.sum(signal[part] ** 2) for part in rows]) for signal in (residual, moment)]
     return Explained(group, squares[0], squares[1])
@@ -254,11 +266,11 @@ def _predicts(
     if kept:
         others = one_after_another(campaign, states_of(campaign, kept))
         error = Gap.of([_explained(model, test, each, each.run) for each in others]).value
-        floor = moment_floor(others, model.inertia, model.without_elements()).relative
+        floor = moment_floor(others, campaign.joint.inertia).relative
         what = f"on {len(kept)} run{'s' * (len(kept) != 1)} kept for validation"
         return _of_unseen(error, gap.value, floor, what)
     if all(seen[each.run] is False for each in states):
-        floor = moment_floor(states, model.inertia, model.without_elements()).relative
+        floor = moment_floor(states, campaign.joint.inertia).relative
         return _of_unseen(gap.value, gap.value, floor, "on these runs, which no fit has seen")
     error, inside = left_out_error(model, test, states)
     ratio = error / max(inside, 1e-300)
@@ -288,9 +300,10 @@ def left_out_error(
     """Return the relative RMS error of groups of runs left out, and that of the fit to all.
 
     Groups are frequencies, else runs, else consecutive parts of the only run. Columns are the terms, and the moments
-    of the elements as they are; what the test adds is not fitted again.
+    of the elements as they are; what the test adds is not fitted again. Both are relative to the moment that a gap is.
     """
     rows = [_columns(model, test, each) for each in states]
+    size = sum(float(_explained(model, test, each, "").moment.sum()) for each in states)
     if len(states) == 1:
         rows = list(zip(*(np.array_split(part, PARTS) for part in rows[0]), strict=True))
     groups = group_labels(states) if len(states) > 1 else [str(part) for part in range(PARTS)]
@@ -307,10 +320,9 @@ def left_out_error(
         coefficients = np.linalg.lstsq(matrix, vector, rcond=1e-14)[0]
         return sum(float(np.sum((rows[i][1] - rows[i][0] @ coefficients) ** 2)) for i in chosen[name])
 
-    total = sum(float(y @ y) for _, y in rows)
     outside = sum(error(name, whole - grams[name], right - rights[name]) for name in names)
     inside = sum(error(name, whole, right) for name in names)
-    return math.sqrt(outside / total), math.sqrt(inside / total)
+    return math.sqrt(outside / size), math.sqrt(inside / size)
 
 
 def _columns(model: JointModel, test: TestNuisances, states: ForceStates) -> tuple[Array, Array]:

@@ -1,15 +1,56 @@
-"""The tables of ``rig.toml``."""
+"""Where a ``rig.toml`` is found, and its tables."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from sindyjoint.documents import read_toml
+from sindyjoint.errors import InputError
 from sindyjoint.files.manifest import StrictTable
+
+RIG_FOLDER = Path(__file__).parent / "rig_files"
 
 # Matrices of a chain are full: a thousand elements are gigabytes and minutes, and a beam is exact with a few.
 MOST_ELEMENTS, MOST_PARTS = 200, 100
+
+
+def shipped_rigs() -> list[str]:
+    """Names of the rigs that ship with the package."""
+    return sorted(path.stem for path in RIG_FOLDER.glob("*.toml"))
+
+
+def rig_path(rig: str | Path) -> Path:
+    """Return the file of a rig: of one that ships with the package, in a folder, or itself."""
+    if str(rig) in shipped_rigs():
+        return RIG_FOLDER / f"{rig}.toml"
+    path = Path(rig)
+    return path / "rig.toml" if (path / "rig.toml").is_file() else path
+
+
+def is_rig_test(path: str | Path) -> bool:
+    """Return whether a file, or that of a folder without a campaign, is a rig."""
+    if (Path(path) / "campaign.toml").is_file():
+        return False
+    path = rig_path(path)
+    if not path.is_file() or path.suffix != ".toml":
+        return False
+    try:
+        read = read_toml(path)
+    except InputError:
+        return False
+    return "chain" in read or "matrices" in read
+
+
+def has_measured_runs(path: str | Path) -> bool:
+    """Return whether a file is a rig with runs that were recorded."""
+    path = rig_path(path)
+    if not is_rig_test(path):
+        return False
+    runs = read_toml(path).get("run", [])
+    return any(isinstance(run, dict) and "file" in run for run in runs)
 
 
 class SectionTable(StrictTable):

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import parse_quantity
@@ -39,7 +38,6 @@ from sindyjoint.mechanics.rigs import (
     read_measured,
     read_rig_file,
     read_run,
-    rig_path,
     solvable_structure,
 )
 from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
@@ -64,29 +62,6 @@ class RigPlan(NamedTuple):
     test: RigTest
     drives: tuple[Drive, ...]
     recorder: Recorder
-
-
-def is_rig_test(path: str | Path) -> bool:
-    """Return whether a file, or that of a folder without a campaign, is a rig."""
-    if (Path(path) / "campaign.toml").is_file():
-        return False
-    path = rig_path(path)
-    if not path.is_file() or path.suffix != ".toml":
-        return False
-    try:
-        read = read_toml(path)
-    except InputError:
-        return False
-    return "chain" in read or "matrices" in read
-
-
-def has_measured_runs(path: str | Path) -> bool:
-    """Return whether a file is a rig with runs that were recorded."""
-    path = rig_path(path)
-    if not is_rig_test(path):
-        return False
-    runs = read_toml(path).get("run", [])
-    return any(isinstance(run, dict) and "file" in run for run in runs)
 
 
 def load_rig_test(rig: str | Path) -> RigTest:

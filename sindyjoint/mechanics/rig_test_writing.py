@@ -13,10 +13,10 @@ from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.writers import ENCODERS, REMARK
-from sindyjoint.mechanics.rig_file import RigFile
+from sindyjoint.mechanics.rig_file import RigFile, rig_path
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import SIMULATED_KEY
-from sindyjoint.mechanics.rigs import UNITS, rig_path
+from sindyjoint.mechanics.rigs import UNITS
 
 
 def write_rig_test(

@@ -32,6 +32,8 @@ from sindyjoint.mechanics.rig_file import (
     RigFile,
     RunTable,
     SensorTable,
+    rig_path,
+    shipped_rigs,
 )
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun
 from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
@@ -44,7 +46,6 @@ if TYPE_CHECKING:
 
     from sindyjoint.files.readers.table import Table
 
-RIG_FOLDER = Path(__file__).parent / "rig_files"
 # Of a chain, and of a simulation, so that they take minutes.
 MOST_ELEMENTS_OF_ALL, MOST_STEPS = 600, 10_000_000
 # Beyond these, SI, nothing is a part of a structure, and matrices are no longer solved.
@@ -130,19 +131,6 @@ class Rig:
             "modes": self.modes,
         }  # fmt: skip
         return respond(self.structure(), self.excitation, self.at, **(chosen | options))
-
-
-def shipped_rigs() -> list[str]:
-    """Names of the rigs that ship with the package."""
-    return sorted(path.stem for path in RIG_FOLDER.glob("*.toml"))
-
-
-def rig_path(rig: str | Path) -> Path:
-    """Return the file of a rig: of one that ships with the package, in a folder, or itself."""
-    if str(rig) in shipped_rigs():
-        return RIG_FOLDER / f"{rig}.toml"
-    path = Path(rig)
-    return path / "rig.toml" if (path / "rig.toml").is_file() else path
 
 
 def read_rig_file(rig: str | Path) -> tuple[Path, RigFile]:

@@ -9,8 +9,8 @@ White (1982), Econometrica 50(1), for the covariance; Fisher information is B/σ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,26 +98,29 @@ class Information:
     meat: Array
     blocks: Array
 
+    @classmethod
+    def of(cls, combine: Callable[..., Array], *parts: Information) -> Information:
+        """Return what a function makes of each field of some pieces."""
+        return cls(*(combine(*(getattr(part, f.name) for part in parts)) for f in fields(cls)))
+
     def take(self, runs: Sequence[int]) -> Information:
         """Return that of some of the runs."""
-        at = [*runs]
-        return Information(self.bread[at], self.meat[at], self.blocks[at])
+        return Information.of(lambda each: each[[*runs]], self)
 
     def sum(self) -> Information:
         """Return that of all runs together."""
-        return Information(*(getattr(self, n).sum(axis=0) for n in PARTS))
+        return Information.of(lambda each: each.sum(axis=0), self)
 
     def with_runs(self, other: Information | None) -> Information:
         """Return that of these runs after those of another."""
         if other is None:
             return self
-        pairs = ((getattr(other, n), getattr(self, n)) for n in PARTS)
-        return Information(*(np.concatenate(pair) for pair in pairs))
+        return Information.of(lambda own, first: np.concatenate([first, own]), self, other)
 
 
 def stacked(parts: Sequence[Information]) -> Information:
     """Return several pieces along a new leading axis."""
-    return Information(*(np.stack([getattr(part, n) for part in parts]) for n in PARTS))
+    return Information.of(lambda *each: np.stack(each), *parts)
 
 
 def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Information:

@@ -1,4 +1,4 @@
-"""The plan of a test: its runs, the precision expected of them, and of the plain grid of the same duration."""
+"""A plan: its runs, what is expected of them, when to stop, and how surely they separate effects."""
 
 from __future__ import annotations
 
@@ -12,8 +12,35 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
-from sindyjoint.planning.separation import Separation
 from sindyjoint.shown import Shown
+
+TELL_APART = "tell-apart"
+
+
+@dataclass(frozen=True)
+class Separation:
+    """How surely effects are told apart.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        That are held against each other.
+    before : float
+        Probability that the true one of them has by the runs that were made, or by the plan's other runs; NaN where
+        these show none of them.
+    after : tuple of float
+        The same after each further run that separates them, expected.
+    words : str
+        What that means; where no run that can be made separates them, that.
+    """
+
+    effects: tuple[str, ...]
+    before: Maybe
+    after: tuple[float, ...]
+    words: str
+
+    enough: ClassVar[float] = 0.9  # at which effects are told apart
+
 
 BAND90 = (0.05, 0.5, 0.95)
 DRAWS = 40  # of what the scatter of a test makes of an interval, for each joint

@@ -208,7 +208,7 @@ class Planner:
     def _advice(self, curve: Sequence[Step], enough: int, now: Now | None) -> str:
         """Return when to stop, in words."""
         if self.until is None:
-            return "all of the time is used: it was not said what is enough"
+            return "the plan uses all of the time: no precision was given that is enough"
         what = WORDS[self._goal]
         goal = percent(self.until)
         text = "" if now is None else f"the {what} is {_shown(now.widest)}; "

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
-    PARTS,
     Information,
     changes_over_band,
     chosen_terms,
@@ -156,7 +155,7 @@ class Choice:
         """Return the logarithms of the errors that the grid promises in the time of so many runs."""
         assert self.grid is not None
         share = count / self.grid.blocks.shape[0]
-        total = Information(*(share * getattr(self.grid.sum(), name) for name in PARTS))
+        total = Information.of(lambda each: share * each, self.grid.sum())
         if self.known is not None:
             total = _added(total, self.known.sum())
         errors, _ = expected_errors(total, self.coefficients)
@@ -191,20 +190,20 @@ def _same(frequency: float) -> float:
 
 
 def _added(*parts: Information) -> Information:
-    return Information(*(sum(getattr(part, name) for part in parts) for name in PARTS))
+    return Information.of(lambda *each: sum(each), *parts)
 
 
 def _summed(
     information: Information, runs: Sequence[int], groups: NDArray[np.intp], count: int
 ) -> Information:
     """Return the sums over the runs of each group."""
-    summed = []
-    for name in PARTS:
-        each = getattr(information, name)
+
+    def summed(each: Array) -> Array:
         total = np.zeros((count, *each.shape[1:]))
         np.add.at(total, groups, each[[*runs]])
-        summed.append(total)
-    return Information(*summed)
+        return total
+
+    return Information.of(summed, information)
 
 
 def made_small(

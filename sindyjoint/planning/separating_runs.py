@@ -21,9 +21,9 @@ from sindyjoint.mechanics.excitation import SINE, Actuator
 from sindyjoint.mechanics.laws import Law, SumLaw
 from sindyjoint.mechanics.virtual import VirtualTest
 from sindyjoint.planning.information import Sensors
+from sindyjoint.planning.plan import Separation
 from sindyjoint.planning.plan_file import UNITS, play
 from sindyjoint.planning.runs import PlannedRun
-from sindyjoint.planning.separation import Separation
 from sindyjoint.record import Campaign
 from sindyjoint.response.model_law import model_law
 from sindyjoint.text import list_some, percent, spelled

@@ -6,19 +6,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from sindyjoint.reporting.equation import terms_csv, terms_table
-    from sindyjoint.reporting.output import write_discovery, write_results
+    from sindyjoint.reporting.equation import terms_csv
+    from sindyjoint.reporting.output import write_results
     from sindyjoint.reporting.registry import draw, drawable, load_results
 
-__all__ = ["draw", "drawable", "load_results", "terms_csv", "terms_table", "write_discovery", "write_results"]
+__all__ = ["draw", "drawable", "load_results", "terms_csv", "write_results"]
 
 _HOMES = {
     "draw": "registry",
     "drawable": "registry",
     "load_results": "registry",
     "terms_csv": "equation",
-    "terms_table": "equation",
-    "write_discovery": "output",
     "write_results": "output",
 }
 

@@ -15,12 +15,10 @@ from sindyjoint.equation.equation_text import numbered, renamed
 from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.tables import DASH, TextTable, csv_text, terminal_table
+from sindyjoint.reporting.tables import DASH, TextTable, csv_text
 from sindyjoint.text import in_words_of, quantities, rounded, superscript
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from sindyjoint.diagnosis.effects.fitted import FittedEffect
 
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
@@ -331,12 +329,6 @@ def terms_csv(model: JointModel) -> str:
         share = repr(row.share) if row.share == row.share else ""
         rows.append((row.id, row.symbol, row.name, row.written, *numbers, row.si, share))
     return csv_text(TERM_COLUMNS, rows)
-
-
-def terms_table(model: JointModel) -> Table:
-    """Return the terms as a rich table for a terminal."""
-    table = model_table(model).take("Term", "Symbol", "Of", "Value", "Unit", "Unique share")
-    return terminal_table(table.headed(), "lllrlr", ruled=True, wraps=True)
 
 
 def share_text(share: float) -> str:

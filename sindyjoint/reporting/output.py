@@ -225,9 +225,6 @@ def write_results(
     return target
 
 
-write_discovery = write_results
-
-
 def write_folder(
     folder: str | os.PathLike[str],
     pictures: Mapping[str, bytes],

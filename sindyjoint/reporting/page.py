@@ -77,12 +77,21 @@ def provenance(
         seed=_seed(seed),
         made=f"{str(np.datetime64('now', 's')).replace('T', ' ')} UTC",
         versions=versions(),
-        inputs=(
-            *(
-                (run.name, run.source.path if run.source else "", run.source.sha256 if run.source else "")
-                for run in (campaign.runs if campaign else ())
-            ),
-            *(entry for file in files for entry in _hashed(Path(file))),
+        # A run that a file names, too, stands once.
+        inputs=tuple(
+            dict.fromkeys(
+                [
+                    *(
+                        (
+                            run.name,
+                            run.source.path if run.source else "",
+                            run.source.sha256 if run.source else "",
+                        )
+                        for run in (campaign.runs if campaign else ())
+                    ),
+                    *(entry for file in files for entry in _hashed(Path(file))),
+                ]
+            )
         ),
         notes=campaign.notes if campaign else (),
     )
@@ -200,9 +209,9 @@ class Blocks:
         kind = self._kinds[name]
         return self.picture(markup(inline_svg(svg, id, kind.title)), id, caption or kind.caption)
 
-    def warnings(self, texts: Sequence[str]) -> str:
+    def warnings(self, texts: Sequence[str], heading: str = "To be aware of") -> str:
         """Return sentences to be aware of."""
-        return self.items(list(map(sentence, texts)), "To be aware of", "warnings")
+        return self.items(list(map(sentence, texts)), heading, "warnings")
 
 
 def sentence(text: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
+from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.reporting.packing import pack, unpack
 from sindyjoint.reporting.page import Blocks, markup, provenance, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
@@ -141,11 +142,15 @@ class View(Generic[R, D]):
         """Return the kinds of figure of this kind of result, in the words of its kind of motion and of its origin."""
         joint = getattr(getattr(data, "model", None), "joint", None)
         motion, virtual = getattr(joint, "motion", "rotation"), self.simulated(data)
+        of_paper = is_of_the_paper(str(getattr(joint, "name", getattr(data, "joint", ""))))
+        crosses = " Crosses: the paper's tables." if of_paper else ""
         return {
             name: replace(
                 kind,
                 title=in_words_of_origin(virtual, in_words_of(motion, kind.title)),
-                caption=in_words_of_origin(virtual, in_words_of(motion, kind.caption)),
+                caption=in_words_of_origin(
+                    virtual, in_words_of(motion, kind.caption.replace("{crosses}", crosses))
+                ),
             )
             for name, kind in self.kinds_of(data).items()
         }
@@ -252,9 +257,9 @@ class View(Generic[R, D]):
             console.print(f"- {escape(warning)}")
         if headline is not None:
             console.print(f"\n[bold]{NEXT}[/]")
-            for do, to in headline.next_steps:
+            for step in headline.advised:
                 # Commands in one line each, to be copied.
-                console.print(f"  {escape(do)}  [dim]to {escape(to)}[/]", soft_wrap=True)
+                console.print(f"  {escape(step.do)}  [dim]to {escape(step.to)}[/]", soft_wrap=True)
 
     def show_result(self, result: R, console: Console) -> None:
         """Print what the result is: its tables."""

@@ -13,7 +13,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, root_of
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.response.element_law import parts_of, sum_law
 from sindyjoint.text import in_words_of
@@ -66,18 +66,16 @@ def model_law(model: JointModel) -> Law:
     elements = sum_law(parts_of(model.elements))
     if any(term.inputs for term in model.terms):
         model = model.at()
-    law = _terms_law(model)
-    return law if elements is None else SumLaw(law, elements)
-
-
-def _terms_law(model: JointModel) -> Law:
-    """Return the law of a model's terms, without its elements."""
     terms = law_terms(model)
-    ids = {term.id for term in terms}
-    if ids <= PAPER_PARAMETERS.keys() and not _has_negative_friction(terms):
+    # PaperLaw refuses negative friction, which a prescribed motion can still use.
+    negative = any(term.id == "coulomb_friction" and term.coefficient < 0 for term in terms)
+    law: Law
+    if not negative and {term.id for term in terms} <= PAPER_PARAMETERS.keys():
         values = {PAPER_PARAMETERS[term.id]: term.coefficient for term in terms}
-        return PaperLaw(**{"k1": 0.0, **values}, inertia=model.inertia, name=model.joint.name)
-    return _build_formula_law(model, terms)
+        law = PaperLaw(**{"k1": 0.0, **values}, inertia=model.inertia, name=model.joint.name)
+    else:
+        law = _build_formula_law(model, terms)
+    return law if elements is None else SumLaw(law, elements)
 
 
 def simulated_states(model: JointModel, start: Array, time: Array, moment: Array) -> Array:
@@ -141,13 +139,8 @@ def with_coefficients(
 
 def draw_models(model: JointModel, count: int, generator: np.random.Generator) -> list[JointModel]:
     """Draw models from the normal distribution of their numbers; negative friction is set to zero."""
-    # Scaled by the standard errors: coefficients of 1e0 and 1e9 in one matrix would lose its small part.
-    errors = model.number_errors
-    scale = np.where(errors > 0, errors, 1.0)
-    correlation = model.covariance_matrix / np.outer(scale, scale)
-    values, vectors = np.linalg.eigh((correlation + correlation.T) / 2)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = model.numbers + generator.standard_normal((count, errors.size)) @ root.T * scale
+    root = root_of(model.covariance_matrix)
+    draws = model.numbers + generator.standard_normal((count, model.numbers.size)) @ root.T
     for index, term in enumerate(model.terms):
         if term.id == "coulomb_friction" and term.coefficient >= 0:
             draws[:, index] = np.maximum(draws[:, index], 0.0)
@@ -156,11 +149,6 @@ def draw_models(model: JointModel, count: int, generator: np.random.Generator) -
     least = np.where(model.numbers[inner] > 0, LEAST_DRAWN * model.numbers[inner], -np.inf)
     draws[:, inner] = np.maximum(draws[:, inner], least)
     return [model.with_numbers(draw) for draw in draws]
-
-
-def _has_negative_friction(terms: Sequence[ModelTerm]) -> bool:
-    """Whether the Coulomb friction is negative: PaperLaw refuses what a prescribed motion can still use."""
-    return any(term.id == "coulomb_friction" and term.coefficient < 0 for term in terms)
 
 
 def _build_formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> FormulaLaw:

@@ -24,7 +24,7 @@ from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive
 from sindyjoint.response.law_in_run import LawInRun
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.start import cycle_of, fitted_start, internal_size, start_on_line, steady_start
+from sindyjoint.response.start import cycle_of, fitted_start, internal_size, start_on_parabola, steady_start
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.mask import without_noise_travel
 
@@ -34,6 +34,8 @@ WINDOW = 1.0
 SUBSTEPS = 8
 # Of the largest rate: one that is smaller is no motion.
 AT_REST = 0.05
+# A rate has a sign where it is so many standard errors from zero, and this share of the largest.
+SURE, REVERSAL = 3.0, 1e-6
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -110,10 +112,19 @@ class SimulatedRun:
         simulated = self.simulated_response
         if simulated is None:
             return float("nan")
-        if self.drive == "motion":
-            # At a reversal friction jumps, and noise says when: there the moment of a motion is not determined.
+        if self.states.method == "path" or self._prescribed_once:
+            # At a reversal a mean over both branches is no moment of either; friction jumps there, and noise says when.
             return self.moment_nrmse
-        return rms(simulated - self.measured_response) / self.response_scale
+        error = simulated - self.measured_response
+        if self.drive == "motion":
+            # On a reversal friction has either sign.
+            rate = np.abs(self.states.rate)
+            error = error[rate > max(SURE * self.states.noise.rate, REVERSAL * float(rate.max()))]
+        return rms(error) / self.response_scale
+
+    @property
+    def _prescribed_once(self) -> bool:
+        return self.drive == "motion" and self.states.method == "broadband" and self.inertia > 0
 
     @property
     def moment_nrmse(self) -> float:
@@ -415,7 +426,7 @@ def simulate_motion(
         used = max(round(cycle_of(states) * rate), POLICY.fewest_initial)
         if drive == "free run":
             span, used, excitation = slice(0, run.n_samples), first, sampled(run.moment, rate)
-            start, size[2:] = start_on_line(run, states, first), internal_size(law, inner)
+            start, size[2:] = start_on_parabola(run, states, first), internal_size(law, inner)
             z = brought_from_rest(law, run.angle[:1], states.rate, rest_of(states))
         found = np.concatenate([start, np.broadcast_to(z, law.n_states)])
         noise = states.noise.angle / size[0]

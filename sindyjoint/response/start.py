@@ -30,11 +30,10 @@ def cycle_of(states: ForceStates) -> float:
     return 2 * np.pi * float(np.std(states.angle)) / max(rms(states.rate), 1e-300)
 
 
-def start_on_line(run: Run, states: ForceStates, samples: int) -> Array:
-    """Return the angle and rate of a straight line through the first of some samples, an eighth of a cycle at most."""
+def start_on_parabola(run: Run, states: ForceStates, samples: int) -> Array:
+    """Return angle and rate where a parabola through the first of some samples begins, an eighth of a cycle at most."""
     count = min(samples, max(POLICY.fewest_initial, round(cycle_of(states) / 8 * run.sample_rate)))
-    slope, angle = np.polyfit(np.arange(count) / run.sample_rate, run.angle[:count], 1)
-    return np.array([angle, slope])
+    return np.polyfit(np.arange(count) / run.sample_rate, run.angle[:count], 2)[:0:-1]
 
 
 def internal_size(law: Law, along: Array) -> Array:

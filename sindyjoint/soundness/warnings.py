@@ -44,10 +44,16 @@ def list_warnings(
         )
     yield from _warn_of_variety(campaign, states)
     if indistinct:
-        yield f"left out, because on these runs they are combinations of other candidates: {', '.join(indistinct)}"
+        yield (
+            "left out, because on these runs they are combinations of other candidates (other levels or frequencies "
+            f"tell them apart): {', '.join(indistinct)}"
+        )
     least = min(states, key=lambda s: s.moving_fraction)
     if least.moving_fraction < POLICY.large_part:
-        yield f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples"
+        yield (
+            f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples, the others tell "
+            "nothing: drive it harder"
+        )
     fitted = model.fitted
     if model.terms and fitted.misfit > EQUATION.tolerated_misfit:
         rest = "is not the model's (how much of it is noise could not be measured)"
@@ -107,7 +113,10 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
     backwards = main and rise < 0 and max(stiffness) < 0
     feeding = bool(model.terms) and max(power) < 0
     if backwards and feeding:
-        yield "stiffness and dissipation are both negative in every run: the sign of one channel seems reversed"
+        yield (
+            "stiffness and dissipation are both negative in every run: one channel seems reversed; give it a negative "
+            "gain in [channels]"
+        )
     elif backwards:
         line = "the elastic stiffness is negative in every run: a channel may be reversed, or the inertia too large"
         yield in_words_of(model.joint.motion, line)
@@ -168,9 +177,12 @@ def _warn_of_variety(campaign: Campaign, states: Sequence[ForceStates]) -> Itera
             "levels at three frequencies distinguish them"
         )
     elif len(states) == 1:
-        yield "one run only: terms were held out by segments of time, not by frequency"
+        yield (
+            "one run only: its terms were checked on parts of it, and not at another frequency or level: record "
+            "further runs"
+        )
     elif len(frequencies) == 1:
-        yield "one frequency only: whether the parameters depend on it cannot be determined"
+        yield "one frequency only: whether the coefficients depend on it is open: record two others"
     if campaign.joint.inertia is None and len(frequencies) == 1 and states[0].method == "periodic":
         line = "the inertia is not declared, and one frequency cannot separate it from stiffness: declare it"
         yield in_words_of(campaign.joint.motion, line)
@@ -190,21 +202,24 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         held = (
             "the runs kept for validation are all there is to check it"
             if campaign.validation_runs
-            else "nothing could be held out, the gaps are those of segments of that run"
+            else "the gaps are those of its parts, left out in turn; record a second run to check the model"
         )
         lines.append(f"one run only: {held}")
     frequencies = [s.frequency for s in states if s.frequency is not None]
     if len(frequencies) == len(states) and max(frequencies) < POLICY.same * min(frequencies):
-        line = "one frequency only: effects of frequency, rate and inertia cannot be distinguished"
+        line = "one frequency only: effects of frequency, rate and inertia cannot be distinguished; record another"
         lines.append(in_words_of(campaign.joint.motion, line))
     ranges = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
     if len(periodic) == len(states) and max(ranges) < POLICY.same_level * min(ranges):
-        lines.append("one level only: effects of amplitude cannot be distinguished")
+        lines.append("one level only: effects of amplitude cannot be distinguished; record another")
     if campaign.quasi_static:
         lines.append("the noise was estimated from neighbouring samples of the path, not from repetition")
-    elif not periodic:
-        lines.append("no run repeats: noise was estimated from the spectrum, not from repetition")
+    elif any(s.noise.source in ("spectrum", "coherent") for s in states):
+        lines.append(
+            "no run repeats: the noise is estimated from the end of the spectrum and holds whatever signal is there; "
+            "record one run twice to measure it"
+        )
     short = [
         s.run
         for s in periodic
@@ -212,7 +227,8 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
     ]
     if short:
         lines.append(
-            f"fewer than {POLICY.few_periods} periods in {list_some(short)}: what changes in time cannot be seen"
+            f"fewer than {POLICY.few_periods} periods in {list_some(short)}: what changes in time cannot be seen; "
+            "record longer"
         )
     ends = {run.name: run.duration for run in campaign.runs}
     late = [s.run for s in periodic if s.dropped > LARGE_DROP * ends[s.run]]

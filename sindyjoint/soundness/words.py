@@ -12,18 +12,18 @@ from sindyjoint.soundness.record import Spans
 
 OF_QUANTITY = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 MOMENT, OTHER, STRUCTURE = "moment", "", "structure"
-DRIVEN = "the drive is wrong by that: all that is recovered of the joints, k1, k3, c1 and M_F"
-SHOWN = "the recovered angles and moments are wrong by what this sensor adds to them: k1, k3, c1 and M_F"
+DRIVEN = "the drive is wrong by that, and with it k1, k3, c1 and M_F of every joint"
+SHOWN = "what this sensor adds to the recovered angles and moments is wrong, and with it k1, k3, c1 and M_F"
 TWICE = (
     "the same evidence counts twice: every interval (k1, c1, M_F ...) is too narrow, and nothing is held out"
 )
-STILL = "a mean over motion and standstill: k1, c1 and M_F are of an amplitude that never was"
-LEVELS = "periods of two levels are averaged: k3 is lost in k1, M_F and c1 exchange"
+STILL = "averages motion with standstill: k1, c1 and M_F belong to no amplitude that was tested"
+LEVELS = "averages periods of two levels: k3 is taken for k1, and M_F for c1"
 #: By fault: what it does as one of the moment, of any other channel of a joint, of a channel of a structure.
 EFFECTS: dict[str, dict[str, str]] = {
     "frozen_channel": {
-        OTHER: "no coefficient can come from such a run, and all are drawn towards zero",
-        STRUCTURE: "exact zeros outweigh every other sensor: all that is recovered is drawn towards zero",
+        OTHER: "the run says nothing of the joint and pulls every coefficient towards zero",
+        STRUCTURE: "exact zeros outweigh every other sensor and pull all that is recovered towards zero",
     },
     "no_signal": {STRUCTURE: "{shown}"},
     "saturation": {
@@ -50,8 +50,8 @@ EFFECTS: dict[str, dict[str, str]] = {
         STRUCTURE: "few harmonics remain: the corners of friction, and with them M_F and c1, are hardly seen",
     },
     "repeated_block": {
-        OTHER: "the time runs wrong from there on: k1, c1 and the noise floor are of a mean of two phases",
-        STRUCTURE: "the time runs wrong from there on: what is recovered is a mean of two phases, its noise too large",
+        OTHER: "shifts the time from there on: k1, c1 and the noise floor are averages of two phases",
+        STRUCTURE: "shifts the time from there on: what is recovered is an average of two phases, its noise too large",
     },
     "duplicate_run": {OTHER: TWICE},
     "scaled_copy": {
@@ -78,17 +78,17 @@ EFFECTS: dict[str, dict[str, str]] = {
     },
     "level_changes": {OTHER: LEVELS},
     "zero_jumps": {
-        MOMENT: "adds to the noise floor and, through the mean, to k2 and the unequal parts of M_F",
-        OTHER: "adds to the noise floor; through the mean k1, k2 and k3 are of another zero",
+        MOMENT: "raises the noise floor and shifts k2 and the unequal parts of M_F",
+        OTHER: "raises the noise floor and moves the zero from which k1, k2 and k3 are counted",
     },
-    "clock_drift": {OTHER: "a delay that grows shifts c1 by about k1 times its mean"},
+    "clock_drift": {OTHER: "the growing delay shifts c1 by about k1 times its mean"},
     "excess_noise": {
         MOMENT: "widens the intervals of all coefficients",
-        OTHER: "noise of the motion draws k1 and c1 towards zero",
+        OTHER: "noise of the motion pulls k1 and c1 towards zero",
     },
     "mains_hum": {
         MOMENT: "raises the noise floor; where the mains is a harmonic of the excitation, shifts k3 and M_F",
-        OTHER: "its derivatives are larger still: spoils c1 and the inertia",
+        OTHER: "grows with each derivative: spoils c1 and the inertia",
     },
     "unit_mismatch": {
         MOMENT: "k1, c1 and M_F are wrong by that factor",

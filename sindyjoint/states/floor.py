@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,51 +56,60 @@ class Floor:
     bound: bool = False
 
 
-class Law(Protocol):
-    """A moment over angle and rate."""
-
-    def slopes(self, angle: Array, rate: Array) -> tuple[Array, Array]:
-        """Return ∂M/∂θ and ∂M/∂θ̇ along a motion."""
-
-
-def moment_floor(states: Sequence[ForceStates], inertia: float, law: Law | None = None) -> Floor:
-    """Return the floor of some runs, pooled over their moving samples.
+def moment_floor(states: Sequence[ForceStates], inertia: float | None) -> Floor:
+    """Return the floor of some runs, pooled over their moving samples, whatever law explains them.
 
     The noise of a transfer moment is that of the moment, the inertia's times that of the acceleration, and what noise
-    of a motion that does not repeat adds through the slopes of the law. The noise of the motion must be known where it
-    would matter were it twice as large.
+    of a motion that does not repeat adds through the slopes of the moment over angle and rate. The noise of the motion
+    must be known where it would matter were it twice as large.
 
     Parameters
     ----------
     states : sequence of ForceStates
-    inertia : float
-        kg·m² (kg).
-    law : Law, optional
-        What explains the moment.
+    inertia : float or None
+        Between the sensor and the joint, kg·m² (kg); None where it is identified: that of the linear law then.
     """
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
-    known = np.array([_known(s, inertia) for s in states], dtype=bool)
-    squares = [np.mean(larger_moment(s, inertia)[s.moving] ** 2) if s.moving.any() else 0.0 for s in states]
-    size = float(np.sqrt(weight @ np.array(squares) / max(weight.sum(), 1.0)))
+    slopes = _slopes(states, inertia)
+    known = np.array([_known(s, slopes[2]) for s in states], dtype=bool)
+    size = moment_size(states, inertia)
     if not weight[known].sum() > 0.5 * weight.sum():
         return Floor(float("nan"), float("nan"), UNKNOWN)
-    variance = np.array([s.noise.moment**2 + (inertia * s.noise.acceleration) ** 2 for s in states])
-    if law is not None:
-        variance += [_through_slopes(s, law) for s in states]
+    variance = np.array([_variance(s, slopes) for s in states])
     moment = float(np.sqrt(np.average(variance[known], weights=weight[known])))
     used = [s.noise.source for s, k in zip(states, known, strict=True) if k]
     words = ", ".join(SOURCES[name] for name in dict.fromkeys(used))
     return Floor(moment, moment / size if size > 0 else float("nan"), words, "coherent" in used)
 
 
-def _through_slopes(states: ForceStates, law: Law) -> float:
-    """Return the variance of a law's moment by noise of the motion, ⟨(k·σ_θ)² + (c·σ_θ̇)²⟩; a mean period has none."""
-    if states.method != "broadband" or not states.moving.any():
-        return 0.0
-    stiffness, damping = law.slopes(states.angle[states.moving], states.rate[states.moving])
-    kernel = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
-    angle = states.noise.angle * float(np.linalg.norm(kernel))
-    return float(np.mean((stiffness * angle) ** 2 + (damping * states.noise.rate) ** 2))
+def _slopes(states: Sequence[ForceStates], inertia: float | None) -> Array:
+    """Return stiffness, damping and inertia of the linear law nearest to the moment of the moving samples."""
+    columns = [(s.angle, s.rate, s.acceleration, np.ones_like(s.rate)) for s in states]
+    rows = np.hstack([np.array(each)[:, s.moving] for each, s in zip(columns, states, strict=True)]).T
+    moment = np.concatenate([s.transfer_moment(inertia or 0.0)[s.moving] for s in states])
+    if inertia is not None:
+        rows[:, 2] = 0.0
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    found = np.linalg.lstsq(rows / scale, moment, rcond=1e-9)[0] / scale if len(rows) else np.zeros(4)
+    return np.array([found[0], found[1], max(found[2], 0.0) if inertia is None else inertia])
+
+
+def _variance(states: ForceStates, slopes: Array) -> float:
+    """Return σ_M² + (I·σ_θ̈)² + (k·σ_θ)² + (c·σ_θ̇)²; a mean period has no noise of angle and rate."""
+    noise, (stiffness, damping, inertia) = states.noise, slopes
+    variance = noise.moment**2 + (inertia * noise.acceleration) ** 2
+    if states.method == "broadband":
+        kernel = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
+        variance += (stiffness * noise.angle * float(np.linalg.norm(kernel))) ** 2 + (
+            damping * noise.rate
+        ) ** 2
+    return float(variance)
+
+
+def moment_size(states: Sequence[ForceStates], inertia: float | None) -> float:
+    """Return the RMS that gaps and floors are relative to: of the larger moment, over all moving samples."""
+    squares = [larger_moment(s, inertia or 0.0)[s.moving] ** 2 for s in states]
+    return float(np.sqrt(np.sum(np.concatenate(squares)) / max(sum(square.size for square in squares), 1)))
 
 
 def _known(states: ForceStates, inertia: float) -> bool:

@@ -60,7 +60,7 @@ def periodic_states(
     per = run.sample_rate / frequency
     start, stop, periods = steady_span(run, frequency)
     time = np.arange(stop - start) / run.sample_rate
-    edges = _cut_blocks(periods, per, time.size)
+    edges = cut_blocks(periods, per, time.size)
     angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
     rate = None
     if run.rate is not None:
@@ -246,7 +246,7 @@ class _Motion(NamedTuple):
         return cls(whole, parts, noise, faster, series)
 
 
-def _cut_blocks(periods: int, per: float, n: int) -> NDArray[np.intp]:
+def cut_blocks(periods: int, per: float, n: int) -> NDArray[np.intp]:
     """Return sample indices that cut the record into at most eight blocks of whole periods."""
     blocks = min(REPLICATES, periods)
     edges = np.round(np.round(np.linspace(0, periods, blocks + 1)) * per).astype(np.intp)

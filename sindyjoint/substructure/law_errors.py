@@ -172,7 +172,7 @@ def law_errors(
         place = slice(unknowns[index], unknowns[index + 1])
         basis = part.basis(source.states, rows.kept[index])[0]
         of_slow = np.mean(np.sum((basis @ covariance[place, place]) * basis, axis=1))
-        seen = kept_of(source.recovery, source.joint)[0]
+        seen = kept_of(source.recovery, source.joint)
         seen[part.orders - 1] = False
         angle.append(np.sqrt(of_slow + np.sum(source.recovery.standard_error[source.joint, seen] ** 2)))
     would_be = beyond.T @ _weighted(rows) / unique
@@ -206,10 +206,9 @@ def _row_errors(source: Source, kept: NDArray[np.intp], slopes: tuple[Array, Arr
     state, recovery = source.states, source.recovery
     angular = recovery.spectra.angular
     spin = np.exp(1j * np.outer((state.time - state.time[0])[kept], angular))
-    of_angle, of_moment = kept_of(recovery, source.joint)
-    of_angle = of_angle & ~slow_orders(recovery, source.joint)
-    by_angle = -(slopes[0][:, None] + 1j * angular * slopes[1][:, None]) * spin * of_angle
-    return np.stack([by_angle, spin * of_moment], axis=-1)
+    used = kept_of(recovery, source.joint)
+    by_angle = -(slopes[0][:, None] + 1j * angular * slopes[1][:, None]) * spin
+    return np.stack([by_angle * (used & ~slow_orders(recovery, source.joint)), spin * used], axis=-1)
 
 
 def _expected(source: Source, errors: Complex) -> float:
@@ -238,7 +237,8 @@ class RecoveredReplicate:
         Amplitudes of the angle of the states, its slow part among them.
     root : ndarray of complex, shape (h, 2, 2)
         Square root of the covariance of both.
-    kept : tuple of two ndarray of bool, shape (h,)
+    kept : ndarray of bool, shape (2, h)
+        Harmonics of angle and moment that have noise.
     mean, slowest : float
     guard : int
         In samples of the replicate.
@@ -250,7 +250,7 @@ class RecoveredReplicate:
 
     angle: Complex
     root: Complex
-    kept: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    kept: NDArray[np.bool_]
     mean: float
     slowest: float
     guard: int
@@ -299,7 +299,7 @@ class RecordReplicate:
     state: ForceStates
     angular: Array
     root: Complex
-    kept: tuple[NDArray[np.bool_], NDArray[np.bool_]]
+    kept: NDArray[np.bool_]
     weight: float
     law: Law
     driven: str = "angle"
@@ -313,7 +313,7 @@ class RecordReplicate:
         still = np.zeros((self.law.n_states, state.n_samples))
         moment = self.law.moment(state.angle, state.rate, np.sign(state.rate), still)
         if noise is not None:
-            of_angle, of_moment = sign * noise.T * np.array(self.kept)
+            of_angle, of_moment = sign * noise.T * self.kept
             shown = shown + np.column_stack(record_motion(of_angle, self.angular, state.n_samples))
             moment = moment + record_series(of_moment, state.n_samples)
         return shown[state.moving], moment[state.moving]
@@ -339,13 +339,13 @@ def recovered_replicate(
     covariance = recovery.covariance[:, rows][:, :, rows]
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    kept = kept_of(recovery, joint)
+    used = kept_of(recovery, joint)
     # The law has told the slow harmonics: their noise is not that of the sensors any more.
-    kept = (kept[0] & ~slow_orders(recovery, joint), kept[1])
+    kept = np.array([used & ~slow_orders(recovery, joint), used])
     spectra = recovery.spectra
     if not spectra.repeats:
         return RecordReplicate(state, spectra.angular, root, kept, weight, law)
-    n = max(POINTS, POINTS_PER_HARMONIC * int(np.flatnonzero(kept[0] | kept[1])[-1] + 1))
+    n = max(POINTS, POINTS_PER_HARMONIC * int(np.flatnonzero(used)[-1] + 1))
     per = state.sample_rate / spectra.frequency
     orders = np.arange(1, spectra.angular.size + 1)
     mean, a, b = HarmonicBasis.build(state.time - state.time[0], spectra.frequency, orders).fit(state.angle)

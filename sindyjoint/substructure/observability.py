@@ -89,7 +89,7 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
 
 def _peak(recovery: Recovery, joint: int) -> float:
     """Return the largest angle of a joint over the series of its harmonics that stand out of their noise, rad."""
-    amplitudes = np.where(kept_of(recovery, joint)[0], recovery.values[joint], 0.0)
+    amplitudes = np.where(kept_of(recovery, joint), recovery.values[joint], 0.0)
     return float(np.abs(record_series(amplitudes, 4 * amplitudes.size)).max())
 
 

@@ -127,20 +127,20 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
         )
     declared = declared_noise(test)
     spectra = spectra or channel_spectra(run, declared, _shown_band(test, run))
-    solved = solve_channels(test, spectra, spectra.angular)
+    found = solve_channels(test, spectra, spectra.angular)
     ends = None
     if not spectra.repeats:
         sensors = spectra.amplitudes[1:]
         columns = jump_columns(test.structure, test.sensors, spectra.angular, 1 / spectra.frequency, sensors)
         weight = 1 / np.sqrt(spectra.variance.T)
-        ends = find_ends(columns, solved.design, solved.estimator, weight, spectra.amplitudes)
+        ends = find_ends(columns, found.design, found.estimator, weight, spectra.amplitudes)
         freed = replace(spectra, amplitudes=spectra.amplitudes - ends.channels)
-        solved = solve_channels(test, freed, spectra.angular, solved.transfer)
-    transfer = solved.transfer
-    of_moments = np.eye(1 + joints)[None, 1:].repeat(len(solved.left), axis=0)
-    states = np.concatenate([transfer.angles, of_moments], axis=1) @ solved.estimator
+        found = solve_channels(test, freed, spectra.angular, found.transfer)
+    transfer = found.transfer
+    of_moments = np.eye(1 + joints)[None, 1:].repeat(len(found.left), axis=0)
+    states = np.concatenate([transfer.angles, of_moments], axis=1) @ found.estimator
     degrees = 2 * spectra.angular.size * (len(test.sensors) - joints)
-    misfit = float(np.sum(np.abs(solved.left) ** 2))
+    misfit = float(np.sum(np.abs(found.left) ** 2))
     if ends is not None:
         degrees -= ends.unknowns
         if not np.isfinite(declared).any() and 0 < misfit < degrees:
@@ -151,7 +151,7 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
         run,
         spectra,
         transfer,
-        solved.estimator,
+        found.estimator,
         states,
         misfit,
         degrees,
@@ -207,14 +207,31 @@ def solve_channels(
         Of the structure at these, where it is known already.
     """
     transfer = transfer or open_joints(test.structure, test.at, test.sensors, angular)
-    design = np.zeros((angular.size, 1 + len(test.sensors), 1 + test.structure.n_joints), dtype=complex)
-    design[:, 0, 0] = 1.0
-    design[:, 1:] = transfer.sensors
-    weight = 1 / np.sqrt(spectra.variance.T)
-    weighted = design * weight[:, :, None]
+    sigma = np.sqrt(spectra.variance.T)
+    estimator, _, left = solved(transfer.design, sigma, spectra.amplitudes.T)
+    return Solved(transfer, transfer.design, estimator, left)
+
+
+def solved(design: Complex, sigma: Array, values: Complex) -> tuple[Complex, Complex, Complex]:
+    """Return the weighted least-squares solution of y = A·u, line by line.
+
+    Parameters
+    ----------
+    design : ndarray of complex, shape (h, channels, unknowns)
+        A.
+    sigma : ndarray, shape (h, channels)
+        Standard error of a real part.
+    values : ndarray of complex, shape (h, channels)
+        y.
+
+    Returns
+    -------
+    ndarray, shapes (h, unknowns, channels), (h, unknowns), (h, channels)
+        P of u = P·y, u, and what is left of y in its standard errors.
+    """
+    weighted = design / sigma[:, :, None]
     norms = np.linalg.norm(weighted, axis=1, keepdims=True)
     norms[norms == 0] = 1.0
-    estimator = np.linalg.pinv(weighted / norms, rcond=BLIND) * weight[:, None, :] / norms.swapaxes(1, 2)
-    unknowns = np.einsum("hkc,ch->hk", estimator, spectra.amplitudes)
-    left = (spectra.amplitudes.T - np.einsum("hck,hk->hc", design, unknowns)) * weight
-    return Solved(transfer, design, estimator, left)
+    estimator = np.linalg.pinv(weighted / norms, rcond=BLIND) / sigma[:, None, :] / norms.swapaxes(1, 2)
+    unknowns = np.einsum("hkc,hc->hk", estimator, values)
+    return estimator, unknowns, (values - np.einsum("hck,hk->hc", design, unknowns)) / sigma

@@ -22,7 +22,7 @@ from sindyjoint.states.harmonics import (
     refine_frequency,
     steady_start,
 )
-from sindyjoint.states.periodic import REPLICATES
+from sindyjoint.states.periodic import cut_blocks
 from sindyjoint.states.policy import POLICY
 from sindyjoint.substructure.policy import POLICY as LIMITS
 
@@ -107,9 +107,7 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
             "more: record longer, or begin later"
         )
     stop = min(first + int(round(periods * per)), run.drive.size)
-    blocks = min(REPLICATES, periods)
-    edges = np.round(np.round(np.linspace(0, periods, blocks + 1)) * per).astype(np.intp)
-    edges[-1] = stop - first
+    edges = cut_blocks(periods, per, stop - first)
     time = np.arange(stop - first) / run.sample_rate
     top = (
         LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)

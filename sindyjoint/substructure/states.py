@@ -47,8 +47,8 @@ def is_tone(drive: Complex) -> bool:
     return bool(power[0] > 0.5 * power.sum())
 
 
-def kept_of(recovery: Recovery, joint: int) -> tuple[Orders, Orders]:
-    """Return which harmonics of a joint's angle, and of its moment, are used: none where either has none."""
+def kept_of(recovery: Recovery, joint: int) -> Orders:
+    """Return which harmonics of a joint's angle and of its moment are used: none where either has none."""
     joints = recovery.transfer.angles.shape[1]
     values, errors = recovery.values, recovery.standard_error
     tone = is_tone(recovery.spectra.amplitudes[0])
@@ -59,8 +59,7 @@ def kept_of(recovery: Recovery, joint: int) -> tuple[Orders, Orders]:
         return kept_orders(values[row], errors[row], tone)
 
     angle, moment = kept(joint), kept(joints + joint)
-    both = (angle | moment) & angle.any() & moment.any()
-    return both, both
+    return (angle | moment) & angle.any() & moment.any()
 
 
 def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
@@ -92,7 +91,7 @@ def slow_part(recovery: Recovery, joint: int) -> Slow:
     """Return the harmonics of a joint's angle that the sensors hardly show."""
     rows = slow_orders(recovery, joint)
     # What the states hold of them already is not added once more.
-    missing = np.where(kept_of(recovery, joint)[0], 0.0, recovery.values[joint])
+    missing = np.where(kept_of(recovery, joint), 0.0, recovery.values[joint])
     drift = 0.0 if recovery.spectra.repeats else recovery.spectra.frequency
     return Slow(
         np.flatnonzero(rows) + 1,
@@ -131,33 +130,33 @@ def joint_states(
     # What the law will tell of the slow part it tells of the whole run, not of each block.
     slow = slow_orders(recovery, joint)
     blocks[:, of_angle, slow] = values[of_angle, slow]
-    known = keep[0] & ~slow
-    orders = [np.flatnonzero(one) + 1 for one in keep]
+    known = keep & ~slow
+    orders = np.flatnonzero(keep) + 1
     time = np.arange(spectra.edges[-1]) / run.sample_rate
-    bases = [HarmonicBasis.build(time, spectra.frequency, one) for one in orders]
+    basis = HarmonicBasis.build(time, spectra.frequency, orders)
 
     def motion(amplitudes: Complex, rows: slice = slice(None)) -> list[Array]:
-        part, a, b = bases[0].rows(rows), amplitudes.real, -amplitudes.imag
+        part, a, b = basis.rows(rows), amplitudes.real, -amplitudes.imag
         return [part.series(0.0, a, b), part.derivative(a, b), part.second_derivative(a, b)]
 
     spans = [slice(low, high) for low, high in zip(spectra.edges[:-1], spectra.edges[1:], strict=True)]
-    angle, rate, acceleration = motion(values[of_angle, keep[0]])
-    replicate = [motion(part[of_angle, keep[0]], rows) for part, rows in zip(blocks, spans, strict=True)]
-    moments = [part[of_moment, keep[1]] for part in blocks]
+    angle, rate, acceleration = motion(values[of_angle, keep])
+    replicate = [motion(part[of_angle, keep], rows) for part, rows in zip(blocks, spans, strict=True)]
+    moments = [part[of_moment, keep] for part in blocks]
     moment = np.concatenate(
         [
-            bases[1].rows(rows).series(mean_moment, m.real, -m.imag)
+            basis.rows(rows).series(mean_moment, m.real, -m.imag)
             for m, rows in zip(moments, spans, strict=True)
         ]
     )
-    series = Harmonics(orders[0], errors[of_angle, keep[0]])
+    series = Harmonics(orders, errors[of_angle, keep])
     rate_noise = series.derivative_noise(spectra.frequency, 1)
-    highest = float(orders[0][-1] * spectra.frequency)
+    highest = float(orders[-1] * spectra.frequency)
     guard = reversal_guard(run.sample_rate, spectra.frequency, highest)
     slowest = rate_limit(rate, rate_noise, STATES.periodic_rate_share)
     first, second, third = (np.concatenate(column) for column in zip(*replicate, strict=True))
     noise = NoiseFloor(
-        float(np.sqrt(len(spans) * np.sum(errors[of_moment, keep[1]] ** 2))),
+        float(np.sqrt(len(spans) * np.sum(errors[of_moment, keep] ** 2))),
         float(np.sqrt(np.sum(errors[of_angle, known] ** 2))),
         rate_noise,
         series.derivative_noise(spectra.frequency, 2),
@@ -188,19 +187,19 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
     spectra, run = recovery.spectra, recovery.run
     joints, n = recovery.transfer.angles.shape[1], int(spectra.edges[-1])
     values, errors = recovery.values, recovery.standard_error
-    of_angle, of_moment = kept_of(recovery, joint)
-    known = of_angle & ~slow_orders(recovery, joint)
+    kept = kept_of(recovery, joint)
+    known = kept & ~slow_orders(recovery, joint)
     angular = spectra.angular
-    angle, rate, acceleration = record_motion(values[joint] * of_angle, angular, n)
+    angle, rate, acceleration = record_motion(values[joint] * kept, angular, n)
     time = np.arange(n) / run.sample_rate
     # Drift and bend are not known yet: a joint does not travel on and on, and the law will tell the rest.
     bend, drift = np.polyfit(time, rate, 1)
     angle, rate = angle - (bend / 2 * time + drift) * time, rate - (bend * time + drift)
-    moment = mean_moment + _with_jump(values[joints + joint] * of_moment, angular, n)
+    moment = mean_moment + _with_jump(values[joints + joint] * kept, angular, n)
     angle_noise, rate_noise, acceleration_noise = (
         float(np.sqrt(np.sum((angular[known] ** order * errors[joint, known]) ** 2))) for order in range(3)
     )
-    highest = float(angular[of_angle][-1] / (2 * np.pi)) if of_angle.any() else 0.0
+    highest = float(angular[kept][-1] / (2 * np.pi)) if kept.any() else 0.0
     share, periods = (
         (STATES.sticking_rate_share, STATES.sticking_guard)
         if dwells(rate)
@@ -216,7 +215,7 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
         angle=angle, rate=rate, acceleration=acceleration, moment=moment, moving=moving,
         block=np.arange(n) * BLOCKS // n, replicate=None,
         noise=NoiseFloor(
-            float(np.sqrt(np.sum(errors[joints + joint, of_moment] ** 2))), angle_noise, rate_noise, acceleration_noise
+            float(np.sqrt(np.sum(errors[joints + joint, kept] ** 2))), angle_noise, rate_noise, acceleration_noise
         ),
         method="broadband", bandwidth=highest, dropped=0.0, slowest=slowest, guard=guard,
     )  # fmt: skip

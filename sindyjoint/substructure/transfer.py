@@ -42,6 +42,14 @@ class Transfer:
     angles: Complex
     coordinates: Complex
 
+    @property
+    def design(self) -> Complex:
+        """Of the channels, the drive first: A of y = A·(f, m), shape (w, 1 + sensors, 1 + joints)."""
+        drive = np.broadcast_to(
+            np.eye(1, self.sensors.shape[2]), (len(self.sensors), 1, self.sensors.shape[2])
+        )
+        return np.concatenate([drive, self.sensors], axis=1)
+
 
 def open_joints(structure: Structure, at: str, sensors: Sequence[Sensor], angular: Array) -> Transfer:
     """Return the frequency responses of a structure with open joints.

@@ -61,7 +61,8 @@ def changed(
         For what is no test, or tests of different joints.
     """
     say = progress or (lambda stage: None)
-    names = tuple(_name(each, word) for each, word in ((before, "before"), (after, "after")))
+    given = ((before, "before"), (after, "after"))
+    names = tuple(str(each) if isinstance(each, str | Path) else word for each, word in given)
     check_margin(margin)
     # Both are read before either is worked on.
     read = []
@@ -88,10 +89,6 @@ def changed(
         models = [_refitted(each, ids) for each in found]  # type: ignore[arg-type]
         warnings.append("the two tests find different terms: those of either were fitted to both")
     return compare_models(models[0], models[1], margin, same_sensors, (names[0], names[1]), tuple(warnings))
-
-
-def _name(test: Test, word: str) -> str:
-    return str(test) if isinstance(test, str | Path) else word
 
 
 def _read(test: Test) -> Campaign | Discovery | JointModel:

@@ -8,8 +8,9 @@ from typing import Any
 
 from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.errors import checks_options
+from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import is_rig_test, load_rig_test
+from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
 from sindyjoint.threads import single_threaded
@@ -19,7 +20,7 @@ from sindyjoint.workflows.discover import the_campaign
 @checks_options()
 @single_threaded()
 def check(
-    campaign: Campaign | RigTest | str | Path | None = None,
+    campaign: Campaign | RigTest | str | Path | Any = None,
     accept: Sequence[str] = (),
     *,
     random_state: Any = None,

@@ -28,6 +28,7 @@ from sindyjoint.judgement.question import (
     WEAK,
     Question,
     by_group,
+    by_level,
     by_library,
     by_method,
     hold_out_groups,
@@ -51,7 +52,7 @@ REPLICATES = 500
 @checks_options(lambda: (*inspect.signature(discover).parameters, *regressor_options()))
 @single_threaded()
 def compare(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     library: Any = "extended",
     *,
     model: JointModel | str | Path | None = None,
@@ -157,6 +158,7 @@ def _compared(
     methods = clock.run("methods", by_method, question)
     parts = parts_of(found)
     frequencies = clock.run(f"one {parts} at a time", by_group, question)
+    levels = clock.run("one level at a time", by_level, question)
     fitted = clock.run("libraries", by_library, question, libraries, forbidden)
     left_out = clock.run("holding out frequencies and levels", hold_out_groups, question)
     methods = clock.run("simulating held-out runs", add_responses, found, evidence, methods)
@@ -175,6 +177,7 @@ def _compared(
         units=_units(found, fitted),
         methods=tuple(map(against, methods)),
         frequencies=tuple(map(against, frequencies)),
+        levels=tuple(map(against, levels)),
         libraries=tuple(against(choice) for choice, _ in fitted),
         inclusion=tuple(float(p) for p in included.probability),
         sets=included.sets,
@@ -187,7 +190,7 @@ def _compared(
         seconds=clock.seconds,
         discovery=found,
         soundness=found.soundness,
-        noise_floor=moment_floor(found.states, found.model.inertia, found.model).relative,
+        noise_floor=moment_floor(found.states, found.model.joint.inertia).relative,
         parts=parts,
         trust=found.trust,
     )

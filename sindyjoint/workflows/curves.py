@@ -10,11 +10,12 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_models
-from sindyjoint.errors import InputError, checks_options
+from sindyjoint.errors import InputError, checks_options, refuse
 from sindyjoint.mechanics.laws import softening_limit
+from sindyjoint.mechanics.rig_file import rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import BASE, RigTest
 from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure
-from sindyjoint.mechanics.rigs import Rig, load_rig, rig_path, shipped_rigs
+from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
@@ -219,10 +220,14 @@ class _CurveMaker:
         self, levels: Sequence[float], band: tuple[float, float] | None, modes: int
     ) -> StructureCurves:
         """Return the curves; see :func:`curves`."""
-        if modes < 1 or (self.harmonics is not None and self.harmonics < 1):
-            raise InputError(f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each")
-        if not all(0 < level < np.inf for level in levels):
-            raise InputError(f"levels are {list(levels)}; expected positive forces")
+        none = modes < 1 or (self.harmonics is not None and self.harmonics < 1)
+        wrong = not all(0 < level < np.inf for level in levels)
+        refuse(
+            [
+                (none, f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each"),
+                (wrong, f"levels are {list(levels)}; expected positive forces"),
+            ]
+        )
         structure = self.placed.structure
         sliding, locked = structure.frequencies(modes), structure.frequencies(modes, locked=True)
         if band is None:

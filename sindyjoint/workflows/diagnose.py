@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
+from sindyjoint.diagnosis.effects.catalogue import OF_JOINT, Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, IN_PLACE, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis
@@ -23,7 +23,7 @@ from sindyjoint.judgement.tested import Tested, followed, no_surer_than, stopped
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound
+from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.substructure.recovery import recover
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import discover_rig, laws_of_rig, the_campaign
@@ -33,14 +33,13 @@ if TYPE_CHECKING:
 
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.mechanics.excitation import Actuator
-    from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rigs import Rig
 
 
 @checks_options()
 @single_threaded()
 def diagnose(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     model: JointModel | None = None,
     *,
     accept: Sequence[str] = (),
@@ -122,7 +121,7 @@ def diagnose(
 
     say = progress or (lambda stage: None)
     check_accepted(accept)
-    known = _known_effects(library, effects, max_effects)
+    known = [e for e in _known_effects(library, effects, max_effects) if e.enters in OF_JOINT]
     with spread(jobs, workers, cluster):
         hidden = None
         if campaign is None:
@@ -152,10 +151,10 @@ def diagnose(
         tested = Tested(campaign, checked, delay, lags, hidden, (*notes, *beyond), carried, seen)
         keep = before_advice or (lambda result: None)
 
-        def refined(last: CampaignProblem) -> tuple[CampaignProblem, tuple[str, ...]]:
+        def refined(last: CampaignProblem, explained: bool) -> tuple[CampaignProblem, tuple[str, ...]]:
             from sindyjoint.diagnosis.campaign.numbers.refined import refined_problem
 
-            if not (refine or last.rounded):
+            if not (refine or (explained and last.rounded)):
                 return last, ()
             return refined_problem(last, checked.usable, tested.nuisances(last.test), say)
 
@@ -307,7 +306,6 @@ def diagnose_rig(
     from sindyjoint.diagnosis.structure.records import runs_problem
     from sindyjoint.judgement.rig_discovery import described
     from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.soundness.check import check_rig_test
 
     say = progress or (lambda stage: None)
     known_effects = _known_effects(library, effects, max_effects)

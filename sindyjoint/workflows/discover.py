@@ -30,9 +30,10 @@ from sindyjoint.judgement.verdict import (
     undecided_without_time,
     unresolved_delay,
 )
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign, require_sound
+from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
@@ -41,7 +42,6 @@ from sindyjoint.threads import single_threaded
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.judgement.rig_discovery import RigDiscovery
-    from sindyjoint.mechanics.rig_test import RigTest
 
 
 def regressor_options() -> tuple[str, ...]:
@@ -54,7 +54,7 @@ def regressor_options() -> tuple[str, ...]:
 @checks_options(regressor_options)
 @single_threaded()
 def discover(
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     library: Any = "extended",
     *,
     states: str = "auto",
@@ -74,7 +74,8 @@ def discover(
 
     Parameters
     ----------
-    campaign : Campaign, path of a campaign.toml, or None
+    campaign : Campaign, path of a campaign.toml, data frame or several by name, or None
+        A frame as in :meth:`~sindyjoint.Campaign.from_frames`, with units in the names or attributes of its columns.
         ``None``: the built-in virtual test of the paper's inter-panel joint, which is simulated.
     library : str, Path, Catalogue, feature library of pysindy, or sequence of these
         Candidate terms; see :class:`~sindyjoint.JointRegressor`. With the default, sin θ is among them where the joint
@@ -234,9 +235,12 @@ def _judge_terms(found: TermSearch, prepared: _Prepared) -> tuple[Verdict, Chann
 
 
 def the_campaign(
-    campaign: Campaign | str | Path | None, random_state: Any = None, longest: int | None = None
+    campaign: Campaign | str | Path | Any, random_state: Any = None, longest: int | None = None
 ) -> Campaign:
-    """Return a campaign from itself, a file, or the built-in virtual test; of runs beyond ``longest`` a segment."""
+    """Return a campaign from itself, a file, data frames, or the built-in virtual test.
+
+    Of runs in files that are longer than ``longest`` only a segment is read.
+    """
     if isinstance(campaign, Campaign):
         return campaign
     if campaign is None:
@@ -246,7 +250,9 @@ def the_campaign(
             "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
         )
 
-    return load_campaign(campaign, longest)
+    if isinstance(campaign, str | Path):
+        return load_campaign(campaign, longest)
+    return Campaign.from_frames(campaign)
 
 
 def discover_rig(
@@ -289,9 +295,7 @@ def discover_rig(
     """
     from sindyjoint.discovery.foreign_library import catalogue_of
     from sindyjoint.judgement.rig_discovery import of_data
-    from sindyjoint.mechanics.rig_test import RigTest
     from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.soundness.check import check_rig_test
 
     say = progress or (lambda stage: None)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)

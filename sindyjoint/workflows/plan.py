@@ -6,24 +6,33 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
+from typing import Any
 
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
-from sindyjoint.errors import InputError, UnknownNameError, checks_options
+from sindyjoint.errors import InputError, UnknownNameError, checks_options, refuse
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.mechanics.excitation import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.planning.information import Sensors
-from sindyjoint.planning.joints import like_law, like_model
-from sindyjoint.planning.plan import Plan
+from sindyjoint.planning.plan import TELL_APART, Plan, Separation
 from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.planner import Planner
 from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.prior import Prior, Tested, measured_sensors, prior_of_runs, tested_by, tested_of
+from sindyjoint.planning.prior import (
+    Prior,
+    Tested,
+    like_law,
+    like_model,
+    measured_sensors,
+    prior_of_runs,
+    tested_by,
+    tested_of,
+)
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import DEFAULT_GOALS, GOALS
 from sindyjoint.planning.separating_runs import (
@@ -33,7 +42,6 @@ from sindyjoint.planning.separating_runs import (
     rivals_of,
     simulate_hypotheses,
 )
-from sindyjoint.planning.separation import TELL_APART, Separation
 from sindyjoint.record import Campaign
 from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
@@ -51,7 +59,7 @@ def plan(
     like: str | None = None,
     *,
     model: JointModel | str | Path | None = None,
-    campaign: Campaign | str | Path | None = None,
+    campaign: Campaign | str | Path | Any = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     drive: str = "moment",
     band: tuple[float, float] | None = None,
@@ -149,19 +157,21 @@ def plan(
     >>> found.report("plan")  # doctest: +SKIP
     """
     say = progress or (lambda stage: None)
-    if model is not None and like is not None:
-        raise InputError("a model and a joint that it is like were given; expected one of them")
+    both, bounded = model is not None and like is not None, until is None or 0 < until < inf
+    refuse(
+        [
+            (both, "a model and a joint that it is like were given; expected one of them"),
+            (not 0 < share < 1, f"share is {share!r}; expected a share of the moment between 0 and 1"),
+            (not bounded, f"until is {until!r}; expected a positive share"),
+        ]
+    )
     known_model = None if model is None else as_model(model)
     campaign = None if campaign is None else the_campaign(campaign, random_state, LONGEST)
     tested = None if known_model is None else tested_of(known_model)
     tested = tested if campaign is None else tested_by(campaign)
     actuator = _actuator(tested, drive, band, limits or {})
     goals = _goals(DEFAULT_GOALS if goal is None else goal)
-    if not 0 < share < 1:
-        raise InputError(f"share is {share!r}; expected a share of the moment between 0 and 1")
     rivals = _rivals(goals, effects, diagnosis)
-    if until is not None and not 0 < until < inf:
-        raise InputError(f"until is {until!r}; expected a positive share")
     duration, count = _durations(actuator, time, run_time)
     given = {"sample_rate": sample_rate, "noise": noise, "moment": moment_noise, "angle": angle_noise}
     stated = {name: value for name, value in given.items() if value is not None}

@@ -91,7 +91,7 @@ def number_labels(model: JointModel) -> list[tuple[str, str]]:
 @single_threaded()
 def refine(
     model: JointModel | str | Path,
-    campaign: Campaign | str | Path | None,
+    campaign: Campaign | str | Path | Any,
     *,
     nuisance: Sequence[Kind] = (),
     accept: Sequence[str] = (),

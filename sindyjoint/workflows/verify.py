@@ -10,20 +10,20 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sindyjoint.discovery.delay import align_channels
-from sindyjoint.documents import read_toml
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model, read_models
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
-from sindyjoint.errors import InputError, MissingInputError, checks_options
+from sindyjoint.errors import InputError, MissingInputError, checks_options, refuse
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import assess
+from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import has_measured_runs, load_rig_test
-from sindyjoint.mechanics.rigs import Rig, load_rig, shipped_rigs
+from sindyjoint.mechanics.rig_test_file import load_rig_test
+from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.record import Campaign
 from sindyjoint.response.nuisances import put_right
 from sindyjoint.response.run import WINDOW
@@ -36,6 +36,7 @@ from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.text import percent
 from sindyjoint.threads import single_threaded
 from sindyjoint.trust import Trust
+from sindyjoint.workflows.discover import the_campaign
 
 DRAWS = 20
 
@@ -117,50 +118,56 @@ def verify(
         Where the check of the data finds what stops the work.
     """
     say = progress or (lambda stage: None)
-    if not (np.isfinite(tolerance) and tolerance > 0):
-        raise InputError(f"tolerance is {tolerance!r}; expected a number above zero")
-    if draws < 0:
-        raise InputError(f"draws is {draws!r}; expected a number that is not negative")
+    positive = np.isfinite(tolerance) and tolerance > 0
+    refuse(
+        [
+            (not positive, f"tolerance is {tolerance!r}; expected a number above zero"),
+            (draws < 0, f"draws is {draws!r}; expected a number that is not negative"),
+        ]
+    )
     against = _open_input(against)
     if not isinstance(model, JointModel | Sequence) or isinstance(model, str):
         model = read_models(model) if isinstance(against, RigTest) else read_model(model)
     models = [model] if isinstance(model, JointModel) else list(model)
-    if not all(each.terms or each.elements for each in models):
-        raise InputError("the model has no terms: there is nothing to simulate; run discover first")
     settings = Settings(tolerance, draws, np.random.default_rng(random_state), window, free_run)
     given = {"noise": noise, "presliding": presliding, "loss_factor": loss_factor}
     truth = {name: value for name, value in given.items() if value is not None}
-    if not isinstance(against, RigTest) and len(models) != 1:
-        raise InputError(
-            f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"
-        )
+    several = f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"
+    empty = not all(each.terms or each.elements for each in models)
+    refuse(
+        [
+            (empty, "the model has no terms: there is nothing to simulate; run discover first"),
+            (not isinstance(against, RigTest) and len(models) != 1, several),
+        ]
+    )
     if isinstance(against, Campaign):
-        if truth:
-            raise InputError(
-                f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given"
-            )
-        return _of_campaign(models[0], against, accept, align, settings, say)
-    if free_run is not None:
-        raise InputError(
-            f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
+        refuse(
+            [(truth, f"{', '.join(truth)}: belong(s) to a virtual pulse test of a rig; a campaign is given")]
         )
-    if align:
-        raise InputError("align belongs to a campaign, which has two channels; a rig is given")
+        return _of_campaign(models[0], against, accept, align, settings, say)
+    free = f"free_run is {free_run}: belongs to a campaign, whose runs have an initial state; a rig is given"
+    recorded = isinstance(against, RigTest)
+    refuse(
+        [
+            (free_run is not None, free),
+            (align, "align belongs to a campaign, which has two channels; a rig is given"),
+            (
+                truth and recorded,
+                f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig has recorded runs",
+            ),
+            (
+                accept and not recorded,
+                f"accept is {', '.join(accept)}: belongs to data that are checked; a pulse test is given",
+            ),
+        ]
+    )
     if isinstance(against, RigTest):
-        if truth:
-            raise InputError(
-                f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig has recorded runs"
-            )
         say("checking the data")
         found = require_sound(check_rig_test(against, accept))
         result: Verification = _with_check(
             verify_runs(models, found.usable, settings, say), found.soundness, found.warnings
         )
         return replace(result, trust=judge_verification(result, against.simulated, found.soundness))
-    if accept:
-        raise InputError(
-            f"accept is {', '.join(accept)}: belongs to data that are checked; a pulse test is given"
-        )
     result = verify_rig(models[0], against, settings, truth, say)
     return replace(result, trust=judge_verification(result, False, None))
 
@@ -196,7 +203,8 @@ def _of_campaign(
     result = _with_check(result, checked.soundness, before)
     say("whether to trust the model")
     put = align_channels(usable) if align else usable
-    lights = assess(model, put, checked.soundness, seen, applied)
+    measured = None if put is checked.usable else checked.usable
+    lights = assess(model, put, checked.soundness, seen, applied, as_measured=measured)
     result = replace(result, trust=Trust(lights))
     return replace(result, trust=judge_verification(result, against.simulated, checked.soundness))
 
@@ -209,8 +217,10 @@ def _with_check(result: Verification, soundness: Soundness, before: Sequence[str
 
 def _open_input(against: Rig | RigTest | Campaign | str | Path) -> Rig | RigTest | Campaign:
     """Return the rig, with recorded runs or without, or the campaign that a path means."""
-    if isinstance(against, Rig | RigTest | Campaign):
+    if isinstance(against, Rig | RigTest):
         return against
+    if not isinstance(against, str | Path):
+        return the_campaign(against)
     path = Path(against)
     if has_measured_runs(path) and str(against) not in shipped_rigs():
         return load_rig_test(path)
@@ -221,23 +231,9 @@ def _open_input(against: Rig | RigTest | Campaign | str | Path) -> Rig | RigTest
             f"{str(against)!r}: no such file or folder; expected a campaign.toml, its folder, a rig's TOML file or one "
             f"of the shipped rigs ({', '.join(shipped_rigs())})"
         )
-    if path.is_file() and is_rig(path):
-        return load_rig(path, PLACEHOLDERS)
+    if is_rig_test(path):
+        return load_rig(rig_path(path), PLACEHOLDERS)
     return load_campaign(path)
-
-
-def is_rig(path: Path) -> bool:
-    """Return whether a file is TOML with a rig in it."""
-    try:
-        return bool({"chain", "pulse", "base"} & read_toml(path).keys())
-    except InputError:
-        return False
-
-
-def is_structure(path: str | Path) -> bool:
-    """Return whether a path or name means a rig: a shipped one, or a TOML file with a chain."""
-    path = Path(path)
-    return (str(path) in shipped_rigs() and not path.is_dir()) or (path.is_file() and is_rig(path))
 
 
 def given_model(model: JointModel | str | Path, campaign: Campaign, accept: Sequence[str]) -> GivenModel:

@@ -48,11 +48,11 @@ def browser():
 def report(tmp_path_factory):
     """Return the report of a small virtual campaign of a joint whose name is an attack."""
     from sindyjoint import discover, simulate
-    from sindyjoint.reporting import write_discovery
+    from sindyjoint.reporting import write_results
 
     campaign = simulate("inter-panel", frequencies=[3, 4, 6], levels=[0.9, 0.5], duration=3, random_state=5)
     hostile = replace(campaign, joint=replace(campaign.joint, name=HOSTILE))
-    return write_discovery(discover(hostile), tmp_path_factory.mktemp("browser")) / "report.html"
+    return write_results(discover(hostile), tmp_path_factory.mktemp("browser")) / "report.html"
 
 
 @pytest.fixture(scope="session")

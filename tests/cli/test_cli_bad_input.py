@@ -326,7 +326,7 @@ def test_several_lines_in_a_name_stay_one_line(folder, sindyjoint):
 def test_a_real_process_gives_status_two(folder, tmp_path, sindyjoint):
     folder.line(9, "0.0175,abc,0.1")
     run = subprocess.run(
-        [sys.executable, "-m", "sindyjoint", "discover", str(folder.path), "--out", "results"],
+        [sys.executable, "-m", "sindyjoint", "discover", str(folder.path), "--out", "results", "--quiet"],
         capture_output=True,
         text=True,
         cwd=tmp_path,

@@ -61,7 +61,7 @@ CONSOLES = ["ascii", "cp1252", "ascii:surrogateescape"]
 @pytest.mark.parametrize("console", CONSOLES)
 def test_a_new_process_writes_what_this_one_does(run, named, console):
     # A result, and an error; that of all commands is seen below.
-    for arguments in (("libraries", "show", "paper"), ("check", named / "campaign θ.toml")):
+    for arguments in (("libraries", "show", "paper"), ("check", named / "campaign θ.toml", "--quiet")):
         fresh = in_new_process(console, *arguments)
         assert fresh == run(console, *arguments) and "theta" in fresh[1] + fresh[2]
 

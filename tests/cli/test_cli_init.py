@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from sindyjoint import init
 from sindyjoint.errors import InputError
-from sindyjoint.files.drafting.init import init
 
 RATE = 200.0
 TIME = np.arange(0, 12, 1 / RATE)

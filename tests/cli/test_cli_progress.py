@@ -26,12 +26,12 @@ def test_a_terminal_shows_the_time_that_remains(clock, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     told = Progress()
     told._status = spinner = Spinner()
-    for seconds, stage, shown in (
+    for seconds, stage, shown in (  # a bar of twelve signs
         (0.0, "force states", "force states"),
-        (1.0, "simulating runs: 1 of 12", "simulating runs: 1 of 12"),
-        (3.0, "simulating runs: 2 of 12", "simulating runs: 2 of 12, about 20 s more"),
-        (7.0, "simulating runs: 4 of 12", "simulating runs: 4 of 12, about 16 s more"),
-        (8.0, "segments: 1 of 3", "segments: 1 of 3"),
+        (1.0, "simulating runs: 1 of 12", r"\[#...........] simulating runs: 1 of 12"),
+        (3.0, "simulating runs: 2 of 12", r"\[##..........] simulating runs: 2 of 12, about 20 s more"),
+        (7.0, "simulating runs: 4 of 12", r"\[####........] simulating runs: 4 of 12, about 16 s more"),
+        (8.0, "segments: 1 of 3", r"\[####........] segments: 1 of 3"),
     ):
         clock[0] = seconds
         told.say(stage)

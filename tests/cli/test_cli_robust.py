@@ -221,7 +221,7 @@ def test_a_full_or_closed_output():
 
 
 def test_a_path_that_is_no_utf_8(tmp_path):
-    done = run("check", os.fsencode(tmp_path) + b"/\xff\xfe.toml", stdout=subprocess.PIPE)
+    done = run("check", os.fsencode(tmp_path) + b"/\xff\xfe.toml", "--quiet", stdout=subprocess.PIPE)
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "does not exist" in done.stderr
 
 

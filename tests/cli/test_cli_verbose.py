@@ -35,7 +35,7 @@ def test_verbose_changes_stderr_only(sindyjoint, folder):
     lines = loud.stderr.splitlines()
     stages = [re.fullmatch(r" *(\d+\.\d\d) s  (.+)", line) for line in lines]
     times = [float(found[1]) for found in stages if found]
-    assert times == sorted(times) and [found[2] for found in stages if found][0] == "starting"
+    assert times == sorted(times) and [found[2] for found in stages if found][0] == "loading"
     assert "selecting terms" in loud.stderr
     # The numbers behind it: the noise of each run, the models near the chosen one, the unique share of each term.
     assert re.search(

@@ -6,10 +6,11 @@ import numpy as np
 
 from sindyjoint.diagnosis.loop import add_effects
 from sindyjoint.diagnosis.policy import CAMPAIGN
-from sindyjoint.diagnosis.problem import Added, Start
-from sindyjoint.diagnosis.ranking import EvidenceScale, rank
+from sindyjoint.diagnosis.problem import Start
+from sindyjoint.diagnosis.ranking import rank
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.diagnosis.verdict import Residual
+from sindyjoint.evidence.score import Score
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,11 @@ class Effect:
     gap: Gap
     family: str = "made"
     parameters: dict = field(default_factory=dict)
-    contains: tuple = ()
+
+
+def scored(gain, excess=1.0):
+    """A score that is higher by half of a fall of χ²."""
+    return Score(np.array([0.5 * gain - 1000.0]), np.array([2000.0 - gain]), 0.0, excess)
 
 
 @dataclass(frozen=True)
@@ -53,8 +58,7 @@ class Made:
         open_ones = [c for c in self.candidates if c.name not in refused and c not in self.found]
         if not open_ones:
             return None
-        scale = EvidenceScale(2000.0, 1000.0, 1000.0, 0.0)
-        return rank(open_ones, [1] * len(open_ones), scale, self.policy)
+        return rank([(each, scored(each.gain)) for each in open_ones], scored(0.0), self.policy.rival_nats)
 
     def add(self, best):
         if np.isnan(best.gap.moment):
@@ -63,7 +67,7 @@ class Made:
         found = (*(f for f in self.found if f.name not in needless), best)
         # What is needless explains nothing any more.
         candidates = tuple(c for c in self.candidates if c.name not in needless)
-        return Added(replace(self, candidates=candidates, found=found, gap=best.gap), needless)
+        return replace(self, candidates=candidates, found=found, gap=best.gap)
 
     def units(self, fitted):
         return {}

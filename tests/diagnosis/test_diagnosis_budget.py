@@ -9,7 +9,7 @@ import pytest
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.start import Work, cut_up, first_model
-from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget, shares
+from sindyjoint.diagnosis.campaign.unnamed import make_budget, shares
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
@@ -45,7 +45,7 @@ def work_on(campaign):
 
 def budget_of(campaign):
     work = work_on(campaign)
-    total, noise = gap_of(work, work.model, ()).moment ** 2, noise_floor(work, work.model).moment ** 2
+    total, noise = gap_of(work, work.model, ()).moment ** 2, noise_floor(work).moment ** 2
     return make_budget(GapRegression.build(work.rows, work.model), total, noise, 0.0), total
 
 

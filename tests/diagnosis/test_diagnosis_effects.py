@@ -114,6 +114,17 @@ BAD = {
         "lower 2 is not below upper 1",
         InputError,
     ),
+    "nowhere": (
+        HEAD + 'enters = "roof"\n[[effect.variant]]\n',
+        "enters is 'roof'; expected one of moment",
+        InputError,
+    ),
+    "a structure has one number": (
+        HEAD + 'enters = "loss factor"\n[[effect.variant]]\n',
+        "has one parameter, and no columns",
+        InputError,
+    ),
+    "a law has columns": (HEAD + "[[effect.variant]]\n", "a variant has a column at least", InputError),
 }
 
 

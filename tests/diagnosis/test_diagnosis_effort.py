@@ -10,49 +10,12 @@ from sindyjoint.diagnosis import engine
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import designs
 from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.effort import Effort
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.files import write_campaign
 from sindyjoint.parallel import side_by_side, spread
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 from tests.light_tasks import spending, square_sum
-
-
-class Clock:
-    """A clock that is moved by hand."""
-
-    seconds = 0.0
-
-
-def test_work_is_counted_alike_on_every_machine():
-    effort = Effort(100.0, 20.0, clock=Clock())
-    assert effort.allows("run", 60.0) and effort.allows("run", 40.0)
-    assert not effort.allows("run", 1.0) and "trials" in effort.stopped
-    assert not effort.allows("run", 0.0)
-
-
-def test_time_is_a_last_resort_and_what_would_pass_it_is_not_begun():
-    clock = Clock()
-    effort = Effort(1e9, 20.0, clock=clock)
-    assert effort.allows("search", 10.0)
-    clock.seconds = 8.0
-    assert effort.allows("search", 10.0)
-    clock.seconds = 16.0
-    # Another of these would end at 24 s; of another kind nothing is known, and it may begin.
-    assert Effort.allows(replace(effort), "run", 10.0)
-    assert not effort.allows("search", 10.0) and effort.stopped == "after 16 s of processor time"
-
-
-def test_the_estimate_is_of_the_work_ahead_and_never_beyond_the_limit():
-    clock, said = Clock(), []
-    effort = Effort(1e9, 20.0, said.append, clock)
-    effort.report("runs", {"run": 100.0})
-    effort.allows("run", 10.0)
-    clock.seconds = 0.5
-    effort.report("runs", {"run": 100.0})
-    effort.report("runs", {"run": 100_000.0})
-    assert said == ["runs", "runs, about 5 s more", "runs, about 20 s more"]
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -105,16 +68,16 @@ def test_the_diagnosis_is_handed_over_whole_before_advice_begins(sought):
     first, last = before.to_dict(), result.to_dict()
     assert {k for k in last if first[k] != last[k]} == {"advice", "advice_search"}
     counts = [stage for stage in said if stage.startswith("advice: ") and " runs tried" in stage]
-    assert counts and "s more" in counts[-1]
+    assert len(counts) > 1
 
 
 def test_a_search_that_is_stopped_says_so_and_nothing_depends_on_who_tries_the_runs(ambiguous, sought):
     campaign, effects = ambiguous
     whole = sought[0]
-    policy = replace(CAMPAIGN, advice_work=5e5)
+    policy = replace(CAMPAIGN, advice_work=5e3)
     short = diagnose(campaign, effects=effects, policy=policy)
-    assert short.search.status == "stopped" and short.advice == ()
-    assert "ended after as many trials as are allowed" in short.warnings[0]
+    assert short.search.status == "stopped" and short.search.tried < short.search.planned
+    assert "ended after as much work as is allowed on any machine" in short.warnings[0]
     assert [s.effect for s in short.steps] == [s.effect for s in whole.steps]
     # The same on every machine: the count of runs that were tried, and with other processes, started once for both.
     with spread(2):
@@ -138,7 +101,7 @@ def test_an_interruption_of_advice_leaves_the_diagnosis(
     answer = sindyjoint(*command)
     assert answer.status == 130
     stages = [line.split(" s  ")[1] for line in answer.stderr.splitlines()[:4]]
-    assert stages == ["starting", "checking the data", "force states", "the gap"]
+    assert stages == ["loading", "checking the data", "force states", "the gap"]
     record = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert record["advice_search"]["status"] == "not_sought" and record["steps"]
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

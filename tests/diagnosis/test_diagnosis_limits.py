@@ -47,7 +47,7 @@ def test_a_full_campaign_has_no_limits_to_say():
 @pytest.mark.parametrize(
     "runs, words",
     [
-        (FULL[:1], "one run only: nothing could be held out"),
+        (FULL[:1], "one run only: the gaps are those of its parts"),
         ([FULL[0], replace(FULL[1], use="validate")], "one run only: the runs kept for validation"),
         (FULL[:2], "one frequency only"),
         ([FULL[0], FULL[2]], "one level only"),

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
-from sindyjoint.diagnosis.campaign.candidates import fit_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
@@ -56,25 +55,8 @@ def test_motions_side_by_side_are_followed_as_each_alone(name):
         assert np.ptp(together) > 0
 
 
-@pytest.mark.parametrize(
-    ("seed", "options"), [(31, {"sample_rate": 500.0, "duration": 4.0}), (32, {}), (33, {})]
-)
-def test_the_search_reaches_what_the_truth_explains(seed, options):
-    # The ridge gap + ramp = constant is followed to its top: at least as good as the truth itself.
-    hidden = hide("backlash_play", seed, **options)
-    work = work_on(hidden.campaign)
-    problem = GapRegression.build(work.rows, work.model)
-    _, gap, ramp = hidden.parameters
-    effect = EFFECTS["backlash_play"]
-    truth, _ = problem.gain(effect.variants[0], np.array([gap, ramp]))
-    found = fit_effect(problem, effect)
-    # By so little they may differ where the gain is flat: the search stops at 0.2 % of each parameter.
-    assert found.gain > 0.999 * truth > 1000
-    assert found.parameters["gap"] == pytest.approx(gap, rel=0.15)
-
-
 def test_a_state_that_cannot_be_followed_explains_nothing_and_warns_of_nothing():
-    problem = problem_of("jenkins_element", 41, drive="rig").rough()
+    problem = problem_of("jenkins_element", 41, drive="rig")
     variants = EFFECTS["bouc_wen_hysteresis"].variants
     steepest = variants[-1]
     values = np.array([8.0866076e-06, 0.4])

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from sindyjoint.clock import Portion, Spent, spend
-from sindyjoint.diagnosis.budget import Budget
 from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.engine import explain_gap
+from sindyjoint.diagnosis.engine import Stages, explain_gap
+from sindyjoint.diagnosis.parts import Budget
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Gap
-from sindyjoint.diagnosis.stages import Stages
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import harmonic
 from sindyjoint.mechanics.laws import INTER_PANEL
@@ -123,7 +122,7 @@ def explained(**limits):
     """Return what is found of two effects, the second of which only helps beside the first."""
     effects = (Effect("first", 900.0, Gap(0.5, 0.5)), Effect("second", 500.0, Gap(0.25, 0.25)))
 
-    def refined(last):
+    def refined(last, whole):
         spend(10.0)
         return replace(last, gap=Gap(0.15, 0.15)), ("refined",)
 

@@ -14,7 +14,8 @@ from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
-from sindyjoint.mechanics.rigs import RIG_FOLDER, MeasuredResponse, load_rig
+from sindyjoint.mechanics.rig_file import RIG_FOLDER
+from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
 from sindyjoint.workflows.diagnose import diagnose_structure
 from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_structures import hide
@@ -69,14 +70,14 @@ def test_nothing_hidden_nothing_named(seed, noise):
 
 
 def test_a_law_outside_the_catalogue_is_unknown_and_no_name_is_near_certain():
-    hidden = hide("ripple", 0, 0.003, duration=4.0)
+    hidden = hide("ripple", 0, 0.003, duration=2.0)
     result = diagnose_structure(hidden.rig, hidden.model, effects=FEW, max_effects=1, advise=False)
     assert result.verdict in ("unknown", "partly_named")
     assert all(step.probability <= 0.75 for step in result.steps)
 
 
 def test_what_the_model_may_be_wrong_by_is_no_effect_and_what_it_may_not_is():
-    rig = replace(load_rig("pulse-rig"), duration=4.0)
+    rig = replace(load_rig("pulse-rig"), duration=2.0)
     wrong = INTER_PANEL.k1 * 1.03
     truth = with_laws(rig, lambda hinge: replace(INTER_PANEL, k1=wrong)).respond().displacement["tip"]
     noise = 0.01 * np.std(truth) * np.random.default_rng(3).standard_normal(truth.size)
@@ -92,7 +93,7 @@ def test_what_the_model_may_be_wrong_by_is_no_effect_and_what_it_may_not_is():
 
 
 def test_a_pulse_of_uncertain_size_is_no_effect():
-    hidden = hide("pulse_scale", 0, 0.003, duration=4.0)
+    hidden = hide("pulse_scale", 0, 0.003, duration=2.0)
     said = diagnose_structure(hidden.rig, hidden.model, effects=FEW, advise=False)
     assert said.steps[0].effect == "pulse_scale"
     assert said.steps[0].parameters["delta_F/F"] == pytest.approx(hidden.size, rel=0.1)
@@ -103,8 +104,8 @@ def test_a_pulse_of_uncertain_size_is_no_effect():
 
 
 def test_another_pulse_and_another_point_are_predicted():
-    hidden = hide("beam_loss", 1, 0.01, duration=4.0)
-    other = hide("beam_loss", 1, 0.03, duration=4.0).rig
+    hidden = hide("beam_loss", 1, 0.01, duration=2.5)
+    other = hide("beam_loss", 1, 0.03, duration=2.5).rig
     # A second point, and a second pulse that no fit sees.
     ideal = with_laws(hidden.rig, lambda hinge: INTER_PANEL).respond(points=("lower beam",))
     generator = np.random.default_rng(0)

@@ -7,20 +7,12 @@ import pytest
 import sympy
 
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis.effects.change import structure_changes
 from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes, steady_level
-from sindyjoint.diagnosis.effects.structure import (
-    Scales,
-    Setup,
-    load_structure_effects,
-    structure_changes,
-)
-from sindyjoint.diagnosis.policy import STRUCTURE
-from sindyjoint.diagnosis.ranking import EvidenceScale, rank
+from sindyjoint.diagnosis.effects.setup import Scales, Setup
 from sindyjoint.diagnosis.structure.gap import regions_of
 from sindyjoint.diagnosis.structure.noise import record_noise
-from sindyjoint.diagnosis.structure.search import FittedChange
 from sindyjoint.equation.terms import Reference
-from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw
 from sindyjoint.mechanics.pulse_test import presliding_law, with_laws
 from sindyjoint.mechanics.rigs import load_rig
@@ -63,7 +55,7 @@ def test_an_interpreted_law_moves_a_structure_like_a_compiled_one():
 def laws_and_changes(ids):
     laws = JointLaws(paper_model(), INTER_PANEL.softening_limit)
     changes = joint_changes(laws, select_effects(load_effects(), ids), Reference(ANGLE, RATE), 3.0)
-    return laws, {f"{c.effect} {c.way}": c for c in changes}
+    return laws, {f"{c.effect.id} {c.way}": c for c in changes}
 
 
 def test_friction_that_gives_way_first_is_the_presliding_law():
@@ -99,8 +91,8 @@ def test_every_change_does_nothing_where_it_is_zero_and_something_elsewhere():
     rig = replace(load_rig("pulse-rig"), duration=0.5)
     laws, inside = laws_and_changes(["quadratic_damping"])
     setup = Setup(rig.items, 0.0, laws.numbers())
-    outside = structure_changes(load_structure_effects(), setup, Scales(0.25, 1e-3, 0.5))
-    assert {c.effect for c in outside} == {e.id for e in load_structure_effects()}
+    outside = structure_changes(load_effects(of="structure"), setup, Scales(0.25, 1e-3, 0.5))
+    assert {c.effect.id for c in outside} == {e.id for e in load_effects(of="structure")}
     for change in (*outside, *inside.values()):
         same = change.apply(setup, change.start)
         assert same.items == setup.items and same.compliance == 0 and (same.pulse, same.gain) == (1, 1)
@@ -114,20 +106,6 @@ def test_every_change_does_nothing_where_it_is_zero_and_something_elsewhere():
     assert not any(
         isinstance(i, LumpedMass) and i.mass < 0 for c in outside for i in c.apply(setup, c.low).items
     )
-
-
-def test_a_faulty_catalogue_is_refused_in_one_line(tmp_path):
-    file = tmp_path / "mine.toml"
-    with pytest.raises(MissingInputError, match=r"mine\.toml"):
-        load_structure_effects(file)
-    file.write_text('name = "x"\n')
-    with pytest.raises(InputError, match=r"mine\.toml: description: is missing"):
-        load_structure_effects(file)
-    names = "".join(f'{key} = "a"\n' for key in ("id", "name", "family", "meaning", "symbol", "unit"))
-    head = 'name = "x"\ndescription = "x"\n[[effect]]\n' + names
-    file.write_text(head + 'acts_on = "loss factor"\nlower = 1.0\nupper = 0.5\n')
-    with pytest.raises(InputError, match=r"effect 'a': lower 1 is not below upper 0\.5"):
-        load_structure_effects(file.rename(tmp_path / "other.toml"))
 
 
 @pytest.mark.parametrize("level", [1e-3, 1e-2, 5e-2])
@@ -169,24 +147,3 @@ def test_where_a_gap_lies_in_time_and_phase():
     early[:400] *= 1.2
     times = [p for _, p in regions_of(decay, early, 1000.0, 1e-4) if p.axis == "time"]
     assert times[0].range[0] == 0 and times[0].share > 0.9
-
-
-def test_ranking_pays_for_numbers_and_knows_that_nothing_may_be_missing():
-    _, changes = laws_and_changes(["quadratic_damping", "dead_zone"])
-    one, two = changes["quadratic_damping quadratic_damping_0a"], changes["dead_zone dead_zone_0a"]
-    x = np.zeros(3)
-
-    def ranked(fitted, chi_square):
-        scale = EvidenceScale(chi_square, 5000.0, 5000.0, STRUCTURE.column_error)
-        return rank(fitted, [f.change.size for f in fitted], scale, STRUCTURE)
-
-    ranking = ranked([FittedChange(two, x, 400.0), FittedChange(one, x, 400.0)], 5400.0)
-    # The same gain: the effect that chooses fewer numbers is likelier, the other is of its class.
-    assert [f.change.effect for f in ranking.fitted] == ["quadratic_damping", "dead_zone"]
-    assert [f.change.effect for f in ranking.members] == ["quadratic_damping", "dead_zone"]
-    assert ranking.nothing < 1e-6
-    nothing = ranked([FittedChange(one, x, 4.0), FittedChange(two, x, 6.0)], 5000.0)
-    assert nothing.nothing > 0.5
-    assert sum(ranking.probabilities) + ranking.nothing == pytest.approx(1)
-    # What is left is noise, too: beside a misfit of a hundred times the noise the same gain says nothing.
-    assert ranked([FittedChange(one, x, 400.0)], 500_000.0).nothing > 0.5

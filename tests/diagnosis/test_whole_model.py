@@ -85,7 +85,7 @@ def test_a_diagnosis_goes_on_from_the_whole_model(found):
 
 
 def test_presliding_found_in_a_structure_predicts_another_pulse():
-    from sindyjoint.diagnosis.structure.hidden import hide as hide_in_rig
+    from sindyjoint.diagnosis.structure.start import hide as hide_in_rig
 
     rig, generator = replace(load_rig("pulse-rig"), duration=8.0), np.random.default_rng(5)
     truth = hide_in_rig(rig, "dahl_friction")

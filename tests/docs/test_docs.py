@@ -239,10 +239,7 @@ def test_a_newcomer_gets_there_in_three_commands_and_on_in_two(tmp_path, monkeyp
     # The first installs: the script that checks everything types it in a fresh clone.
     assert commands[0] in (ROOT / "README.md").read_text(encoding="utf-8")
     assert "tests/docs/fresh_clone.py" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
-    write_own_data(START, tmp_path / "hinge")
-    runs = load_campaign(tmp_path / "hinge").runs
-    levels = {"low", "middle", "high"}
-    assert {(run.frequency, run.level) for run in runs} == {(f, each) for f in (3, 4, 5) for each in levels}
+    write_own_data(tmp_path / "hinge")
     monkeypatch.chdir(tmp_path)
     said = {}
     for verb, command in zip(VERBS[1:], commands[1:], strict=True):
@@ -252,6 +249,10 @@ def test_a_newcomer_gets_there_in_three_commands_and_on_in_two(tmp_path, monkeyp
         assert done.status == 0, done.stderr
         said[verb] = done.stdout
     main_path_holds(said, tmp_path / "results")
+    runs = load_campaign(tmp_path / "hinge").runs
+    levels = {"low", "middle", "high"}
+    assert {(run.frequency, run.level) for run in runs} == {(f, each) for f in (3, 4, 5) for each in levels}
+    assert [run.name for run in runs if run.use == "validate"] == ["5Hz-middle"]
 
 
 def test_the_main_path_is_short():

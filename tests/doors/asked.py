@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 from contextlib import redirect_stderr, redirect_stdout
 from typing import NamedTuple
 
@@ -18,6 +19,12 @@ class Answer(NamedTuple):
     stderr: str
 
 
+def without_stages(messages: str, arguments: tuple[object, ...]) -> str:
+    """Return messages without the stages that slow commands name, which depend on the clock, unless asked for."""
+    asked = {"--verbose", "-v"} & {*map(str, arguments)}
+    return messages if asked else re.sub(r"(?m)^ *\d+\.\d\d s  .*\n", "", messages)
+
+
 def ask(*arguments: object) -> Answer:
     """Run a command as a person would; a traceback comes through."""
     from sindyjoint.cli import main
@@ -28,7 +35,7 @@ def ask(*arguments: object) -> Answer:
             main([str(each) for each in arguments])
         except SystemExit as leave:
             status = int(leave.code or 0)
-    return Answer(status, out.getvalue(), messages.getvalue())
+    return Answer(status, out.getvalue(), without_stages(messages.getvalue(), arguments))
 
 
 def checked_record(name: str, record: dict) -> dict:

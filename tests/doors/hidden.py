@@ -63,6 +63,7 @@ HIDDEN = {
     "cubic_damping": _sum(lambda a, v, t: 0.8 * (v / V) ** 3),
     "amplitude_dependent_damping": _sum(lambda a, v, t: 1.5 * (a / A) ** 2 * v / V),
     "position_dependent_friction": _sum(lambda a, v, t: 0.6 * abs(a) / A * np.sign(v)),
+    "one_sided_friction": _sum(lambda a, v, t: 0.6 * a / A * np.sign(v)),
     "stribeck_friction": _sum(lambda a, v, t: 0.6 * np.exp(-abs(v) / (0.12 * V)) * np.sign(v)),
     "dahl_friction": _states(1, _dahl, lambda a, v, z: 0.5 * z[0]),
     "bouc_wen_hysteresis": _states(1, _bouc_wen, lambda a, v, z: 0.5 * z[0]),

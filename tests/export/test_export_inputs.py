@@ -10,37 +10,34 @@ import numpy as np
 import pytest
 
 from sindyjoint import JointModel
-from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.equation.dependences import dependences
-from sindyjoint.equation.model import model_terms
-from sindyjoint.equation.terms import Reference
 from sindyjoint.export import export_model, write_export
-from sindyjoint.inputs import Input, reference_values
-from tests.export.made import ANGLE, MOMENT_RMS, PAPER, RATE, model_of
+from sindyjoint.inputs import Input
+from tests.export.made import MOMENT_RMS, PAPER, RATE, model_of
+from tests.made_models import term
 
 WARM = Input("temperature", "K", 293.15, shown_unit="degC", zero=273.15, tested=(233.15, 333.15), levels=5)
 # An input whose name the templates use themselves.
 SLOPE = Input("slope", "V", 0.5, tested=(0.0, 2.0), levels=5)
+# Coefficients and formulas of what depends on inputs.
 OWN = {
-    "linear_stiffness_by_temperature": 6.0,
-    "coulomb_friction_by_temperature": -0.004,
-    "linear_damping_by_slope": 4.0,
-    "linear_damping_by_slope_squared": 3.0,
+    "linear_stiffness_by_temperature": (6.0, "(temperature - temperature_ref)*theta"),
+    "coulomb_friction_by_temperature": (-0.004, "(temperature - temperature_ref)*sign(omega)"),
+    "linear_damping_by_slope": (4.0, "(slope - slope_ref)*omega"),
+    "linear_damping_by_slope_squared": (3.0, "(slope - slope_ref)**2*omega"),
 }
 DRIVE = (2.8 * np.sin(0.02 * np.arange(400))).tolist()
 
 
 @pytest.fixture(scope="module")
 def model():
-    paper = load_catalogue("paper")
-    offered = dependences([WARM, SLOPE], paper.ids)
-    catalogue, values = paper.union(offered), PAPER | OWN
-    reference = Reference(ANGLE, RATE, 2 * MOMENT_RMS, inputs=reference_values([WARM, SLOPE]))
-    resolved = [catalogue[name].resolve(reference) for name in values]
-    numbers = np.array(list(values.values()))
-    covariance = np.diag((1e-3 * numbers) ** 2)
-    terms = model_terms(resolved, numbers, covariance, np.full(numbers.size, 0.2), 1000, "rotation")
-    plain = model_of()
+    plain, terms = model_of(PAPER), []
+    for name, (value, formula) in OWN.items():
+        each = WARM if "temperature" in name else SLOPE
+        made = term(name, formula, value, abs(1e-3 * value))
+        references = ((f"{each.name}_ref", each.reference),)
+        terms.append(replace(made, parameters=references, inputs=(each.name,)))
+    terms = (*plain.terms, *terms)
+    covariance = np.diag([one.standard_error**2 for one in terms])
     return JointModel(
         plain.joint, terms, tuple(map(tuple, covariance.tolist())), plain.fitted, (), (WARM, SLOPE)
     )

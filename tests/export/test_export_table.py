@@ -150,3 +150,14 @@ def test_every_target_of_the_list_has_a_module():
     from sindyjoint.export import HOMES
 
     assert all(find_spec(f"sindyjoint.export.{HOMES.get(target, (target,))[0]}") for target in TARGETS)
+
+
+@pytest.mark.parametrize(
+    "value", [0.0, -2.684e9, 6066.0, 1 / 3, -1 / 3e5, 1.2345678901234567e-100, -9.99999999999999e15]
+)
+def test_nastran_numbers_keep_nine_digits_in_sixteen_characters(value):
+    from sindyjoint.export.nastran import _read, field
+
+    text = field(value)
+    assert len(text) <= 16 and "." in text
+    assert _read(text) == pytest.approx(value, rel=1e-8)

@@ -212,7 +212,7 @@ def _documents(folder: Path) -> dict[str, Target]:
 
     from sindyjoint.documents import sums_of, sums_text
     from sindyjoint.workflows.joints.record import CampaignRecord
-    from tests.equation.test_element import JENKINS, MAXWELL, with_elements
+    from tests.equation.test_formula_evaluation import JENKINS, MAXWELL, with_elements
 
     (folder / "run.csv").write_text(_table(), encoding="utf-8")
     shutil.copy(folder / "run.csv", folder / "other")
@@ -246,7 +246,7 @@ def made_test() -> Any:
     from dataclasses import replace
 
     from sindyjoint.equation.test_record import Nuisance, TestNuisances
-    from tests.equation.test_element import JENKINS, value
+    from tests.equation.test_formula_evaluation import JENKINS, value
 
     stiffer = replace(
         JENKINS, columns=(value("k_f", 10.0, "frequency*theta"),), parameters=(), states=(), signals=("frequency",)

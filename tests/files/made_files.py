@@ -77,7 +77,9 @@ def npy() -> bytes:
     return buffer.getvalue()
 
 
-def data_set_58(values, node, direction, label, name="NONE", binary=False, double=True) -> bytes:
+def data_set_58(
+    values, node, direction, label, name="NONE", binary=False, double=True, step=T[1], unit="NONE"
+) -> bytes:
     """Write one function at a nodal degree of freedom from the format's description (SDRC, data set 58)."""
     kind = f"b{1:6d}{2:6d}{11:12d}{values.size * (8 if double else 4):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
     axis = "{:10d}    0    0    0 {:<20s} {:<20s}"
@@ -86,9 +88,9 @@ def data_set_58(values, node, direction, label, name="NONE", binary=False, doubl
         f"{58:6d}" + (kind if binary else ""),
         *(f"{text:<80s}" for text in (name, "NONE", "NONE", "NONE", "NONE")),
         f"{1:5d}{0:10d}{0:5d}{0:10d} {'NONE':>10s}{node:10d}{direction:4d} {'NONE':>10s}{0:10d}{0:4d}",
-        f"{4 if double else 2:10d}{values.size:10d}{1:10d}{0:13.5E}{T[1]:13.5E}{0:13.5E}",
+        f"{4 if double else 2:10d}{values.size:10d}{1:10d}{0:13.5E}{step:13.5E}{0:13.5E}",
         axis.format(17, "Time", "s"),
-        axis.format(0, label, "NONE"),
+        axis.format(0, label, unit),
         axis.format(0, "NONE", "NONE"),
         axis.format(0, "NONE", "NONE"),
     ]

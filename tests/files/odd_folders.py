@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+from sindyjoint import simulate
 from sindyjoint.record import Campaign, Run
 
 FREQUENCIES, LEVELS, RATE, DURATION = (3.0, 5.0), (0.4, 0.7, 0.9), 500.0, 4.0
@@ -19,16 +19,15 @@ FREQUENCIES, LEVELS, RATE, DURATION = (3.0, 5.0), (0.4, 0.7, 0.9), 500.0, 4.0
 
 def campaign() -> Campaign:
     """Return the measured truth of all folders: a virtual test of the inter-panel joint, 1 % noise, seed 0."""
-    plan = virtual_test(
+    return simulate(
         "inter-panel",
         frequencies=FREQUENCIES,
         levels=LEVELS,
         sample_rate=RATE,
         duration=DURATION,
         noise=0.01,
+        random_state=0,
     )
-    made = run_tests(plan, np.random.default_rng(0))
-    return Campaign(campaign_joint(plan), tuple(one.run for one in made), simulated=True)
 
 
 def rows(columns: Sequence[Sequence[object]], delimiter: str, comma: bool = False) -> str:
@@ -42,6 +41,7 @@ def files(truth: Campaign) -> list[tuple[str, Run]]:
 
 
 def german_semicolons(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Semicolons, decimal commas, a header block and German names, in Latin-1."""
     for name, run in files(truth):
         head = "Prüfstand;4\nPrüfer;K. Weiß\nDatum;3.5.2024\n\nZeit;Drehmoment;Winkel\ns;Nm;mrad\n"
         body = rows([run.time.tolist(), run.moment.tolist(), (1e3 * run.angle).tolist()], ";", comma=True)
@@ -50,12 +50,14 @@ def german_semicolons(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def nameless_columns(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Columns of numbers without a line above them."""
     for name, run in files(truth):
         np.savetxt(folder / f"{name}.txt", np.column_stack([run.time, run.moment, run.angle]), fmt="%.12e")
     return {"motion": "rotation", "moment": "2", "angle": "3", "moment.unit": "N*m", "angle.unit": "rad"}
 
 
 def clock_stamps(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Clock times across midnight, and degrees."""
     for name, run in files(truth):
         seconds = 59.0 + run.time
         stamps = [f"23:{58 + int(s // 60):02d}:{s % 60:06.3f}" for s in seconds]
@@ -65,6 +67,7 @@ def clock_stamps(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def iso_stamps(folder: Path, truth: Campaign) -> dict[str, str]:
+    """ISO time stamps, tabs, and a column of words."""
     for name, run in files(truth):
         stamps = [
             str(np.datetime64("2024-05-01T12:00:00.000") + np.timedelta64(int(round(1e3 * t)), "ms"))
@@ -78,6 +81,7 @@ def iso_stamps(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def workbook(folder: Path, truth: Campaign) -> dict[str, str]:
+    """An Excel workbook with a header block, milliseconds and a row of units."""
     import openpyxl
 
     for name, run in files(truth):
@@ -94,6 +98,7 @@ def workbook(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def labview(folder: Path, truth: Campaign) -> dict[str, str]:
+    """LabVIEW measurement files without a time column."""
     end = "***End_of_Header***"
     for name, run in files(truth):
         n, step = run.n_samples, 1 / run.sample_rate
@@ -120,6 +125,7 @@ def labview(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def catman_asc(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Tabs below a header block with the sampling rate."""
     for name, run in files(truth):
         head = f"Messung {name}\nAbtastrate: {run.sample_rate:g} Hz\n\nMoment [N*m]\tWinkel [mrad]\n"
         (folder / f"{name}.asc").write_bytes(
@@ -129,6 +135,7 @@ def catman_asc(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def json_columns(folder: Path, truth: Campaign) -> dict[str, str]:
+    """JSON with nested lists; the unit of the moment stands nowhere."""
     for name, run in files(truth):
         record = {"rig": "4", "channels": {"time": run.time.tolist(), "torque": run.moment.tolist()}}
         record["channels"]["angle [mrad]"] = (1e3 * run.angle).tolist()
@@ -137,6 +144,7 @@ def json_columns(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def separate_files(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Moment and angle of each run in two files."""
     for name, run in files(truth):
         (folder / f"{name}_torque.csv").write_text("t,value [N*m]\n" + rows([run.time, run.moment], ","))
         (folder / f"{name}_angle.csv").write_text("t,value [mrad]\n" + rows([run.time, 1e3 * run.angle], ","))
@@ -144,6 +152,7 @@ def separate_files(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def volts(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Both channels in volts."""
     for name, run in files(truth):
         text = "time,torque [V],angle [V]\n" + rows([run.time, run.moment / 5, run.angle / 2e-3], ",")
         (folder / f"{name}.csv").write_text(text)
@@ -151,6 +160,7 @@ def volts(folder: Path, truth: Campaign) -> dict[str, str]:
 
 
 def two_set_ups(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Two days with other names and units, a note and a damaged file among them."""
     (folder / "README.txt").write_text("Two days of tests.\nThe second day the amplifier was changed.\n")
     (folder / "broken.csv").write_bytes(bytes(range(256)))
     for number, (name, run) in enumerate(files(truth)):

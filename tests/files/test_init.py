@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from lab_folders import LAB, free_swings
 from odd_folders import ODD, campaign
 
 import sindyjoint
@@ -26,8 +27,8 @@ def made(writer, folder, truth) -> dict[str, str]:
     return writer(folder, truth)
 
 
-@pytest.mark.parametrize("writer", ODD, ids=lambda writer: writer.__name__)
-def test_odd_folder(writer, truth, tmp_path):
+@pytest.mark.parametrize("writer", [*ODD, *LAB], ids=lambda writer: writer.__name__)
+def test_a_folder_ends_in_its_campaign_with_what_it_lacks_asked(writer, truth, tmp_path):
     answers = made(writer, tmp_path, truth)
     asked = []
 
@@ -39,33 +40,60 @@ def test_odd_folder(writer, truth, tmp_path):
     # Nothing is asked that the files tell, and nothing is guessed that they do not.
     assert set(asked) == set(answers)
     assert "# guessed" not in result.manifest.read_text()
-    read = load_campaign(tmp_path)
+    # What discover takes, as its check accepts it.
+    checked = sindyjoint.check(tmp_path)
+    assert not checked.stopping
+    read = checked.measured
     assert [run.frequency for run in read.runs] == [run.frequency for run in truth.runs]
     assert len({run.level for run in read.runs}) == 3
     for run, true in zip(read.runs, truth.runs, strict=True):
         assert run.sample_rate == pytest.approx(true.sample_rate, rel=1e-6)
         np.testing.assert_allclose(run.moment, true.moment, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(run.angle, true.angle, rtol=1e-9, atol=1e-15)
-
-
-@pytest.mark.parametrize("writer", ODD, ids=lambda writer: writer.__name__)
-def test_the_check_of_discover_accepts_it(writer, truth, tmp_path):
-    answers = made(writer, tmp_path, truth)
-    init(tmp_path, answers)
-    assert not sindyjoint.check(tmp_path).stopping
-
-
-@pytest.mark.parametrize("writer", ODD, ids=lambda writer: writer.__name__)
-def test_guesses_are_marked(writer, truth, tmp_path):
-    answers = made(writer, tmp_path, truth)
+    # By itself it marks what it guesses, and refuses to invent the volts of a sensor.
     if any(key.endswith(".gain") for key in answers):
         with pytest.raises(InputError, match="what is one volt of the moment.*answer with --set KEY=VALUE"):
-            init(tmp_path)
+            init(tmp_path, force=True)
         return
-    result = init(tmp_path)
-    assert {question.key for question in result.draft.questions} == set(answers)
-    assert ("# guessed" in result.manifest.read_text()) == bool(answers)
+    guessed = init(tmp_path, force=True)
+    assert {question.key for question in guessed.draft.questions} == set(answers)
+    assert ("# guessed" in guessed.manifest.read_text()) == bool(answers.keys() - {"runs"})
     load_campaign(tmp_path)
+
+
+def test_free_swings_are_told_from_driven_runs(tmp_path, truth):
+    answers = free_swings(tmp_path, truth)
+    assert {q.key for q in init(tmp_path).draft.questions} == set(answers)
+    drafted = init(tmp_path, answers, force=True).draft
+    assert {run.course for run in drafted.runs} == {"free decay"} and {run.rate for run in drafted.runs} == {
+        1000.0
+    }
+    assert load_campaign(tmp_path).runs[0].angle.max() == pytest.approx(np.radians(4), rel=0.05)
+
+
+def test_columns_of_several_joints_are_no_runs(tmp_path):
+    time = np.arange(0, 4, 2e-3)
+    table = np.column_stack([time, *(np.sin((3 + i) * time) for i in range(4))])
+    np.savetxt(
+        tmp_path / "arm.csv",
+        table,
+        delimiter=",",
+        header="t_s,tau_Nm_1,q_deg_1,tau_Nm_2,q_deg_2",
+        comments="",
+    )
+    assert [q.key for q in init(tmp_path).draft.questions] == ["runs"]
+    told = init(tmp_path, {"runs": "no", "moment": "tau_Nm_2", "angle": "q_deg_2", "moment.unit": "N*m",
+                           "angle.unit": "deg"}, force=True)  # fmt: skip
+    assert len(told.draft.runs) == 1 and "tau_Nm_2" in told.draft.channels["moment"]
+
+
+def test_runs_are_kept_for_validation_by_name(tmp_path, truth):
+    dict((writer.__name__, writer) for writer in LAB)["wide_table"](tmp_path, truth)
+    init(tmp_path, {"validate": "run 2, run 5"})
+    uses = [run.use for run in load_campaign(tmp_path).runs]
+    assert uses == ["identify", "validate", "identify", "identify", "validate", "identify"]
+    with pytest.raises(InputError, match="validate = 'run 9' is no run; did you mean 'run"):
+        init(tmp_path, {"validate": "run 9"}, force=True)
 
 
 def test_discover_takes_what_init_wrote(truth, tmp_path):

@@ -12,7 +12,7 @@ from sindyjoint.equation.calibration import gain_errors, with_gain_uncertainty
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.changed import compare_models
 from sindyjoint.reporting.output import text_of
-from tests.equation.test_element import JENKINS, with_elements
+from tests.equation.test_formula_evaluation import JENKINS, with_elements
 
 
 def model_of(seed, k1=6066.0, friction=1.867, rows=4000):

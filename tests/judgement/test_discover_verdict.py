@@ -106,8 +106,9 @@ def test_reversed_channel_is_noticed(channel):
     stopped = discover(reversed_campaign)
     assert not stopped.found and [f.id for f in stopped.soundness.findings] == ["reversed_sign"]
     turned = discover(reversed_campaign, accept=["reversed_sign"])
-    words = "stiffness and dissipation are both negative in every run: the sign of one channel seems reversed"
-    assert words in turned.warnings and not any("negative" in warning for warning in upright.warnings)
+    words = "stiffness and dissipation are both negative in every run: one channel seems reversed"
+    assert any(warning.startswith(words) for warning in turned.warnings)
+    assert not any("negative" in warning for warning in upright.warnings)
     assert turned.verdict.verdict != "confirmed"
 
 
@@ -193,7 +194,7 @@ def test_one_periodic_run_decides_nothing():
 
 def test_one_frequency_is_said():
     made = campaign(frequencies=[4])
-    words = "one frequency only: whether the parameters depend on it cannot be determined"
+    words = "one frequency only: whether the coefficients depend on it is open: record two others"
     assert words in discover(made).warnings
     undeclared = replace(made, joint=replace(made.joint, inertia=None))
     assert "the inertia is not declared, and one frequency cannot separate it from stiffness: declare it" in (

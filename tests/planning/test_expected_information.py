@@ -17,8 +17,8 @@ from sindyjoint.planning.information import (
     run_information,
     stacked,
 )
-from sindyjoint.planning.joints import like_law
 from sindyjoint.planning.plan_file import play
+from sindyjoint.planning.prior import like_law
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.states import force_states
 

@@ -16,15 +16,15 @@ from sindyjoint.files.drafting.init import init
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.planning import planner
 from sindyjoint.planning.information import Sensors, half_widths, run_information, stacked
-from sindyjoint.planning.joints import like_law
 from sindyjoint.planning.plan_file import plan_text, play, read_plan
 from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.prior import like_law
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.separating_runs import rivals_of
 from sindyjoint.reporting.packing import record_schema
 from sindyjoint.response.model_law import model_law
 from tests.diagnosis.hidden_effects import hide
-from tests.equation.test_element import JENKINS, with_elements
+from tests.equation.test_formula_evaluation import JENKINS, with_elements
 
 FEW = replace(POLICY, joints=3, frequencies=3)
 RANGES = ["--range", "linear_stiffness=5..8 kN*m/rad", "--range", "coulomb_friction=1..3 N*m"]

@@ -61,7 +61,9 @@ def test_no_planned_run_leaves_what_the_campaign_tested(drive, seed, monkeypatch
     assert not any("tested range" in text for text in found.warnings)
 
 
-def test_a_limit_lets_a_plan_leave_it_and_the_command_says_by_how_much(sindyjoint, tmp_path):
+def test_a_limit_lets_a_plan_leave_it_and_the_command_says_by_how_much(sindyjoint, tmp_path, monkeypatch):
+    monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
+    monkeypatch.setattr(planner, "PREDICTED", 3)
     made = simulate(
         frequencies=(3, 4, 6), levels=(0.6, 0.5, 0.4), duration=4.0, sample_rate=500.0, out=tmp_path
     )

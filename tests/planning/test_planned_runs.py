@@ -10,9 +10,9 @@ from sindyjoint.mechanics.excitation import tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
 from sindyjoint.planning import runs as planned_runs
 from sindyjoint.planning.information import Information, Sensors, run_information
-from sindyjoint.planning.joints import like_law, like_model
 from sindyjoint.planning.plan_file import play
 from sindyjoint.planning.policy import POLICY
+from sindyjoint.planning.prior import like_law, like_model
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, highest_level, motion
 from sindyjoint.planning.search import Choice, best_runs
 from sindyjoint.record import Campaign, Joint
@@ -20,7 +20,7 @@ from sindyjoint.response.model_law import model_law
 from sindyjoint.soundness.detectors.tones import main_line
 from sindyjoint.soundness.faults import find_faults
 from sindyjoint.soundness.policy import POLICY as SOUNDNESS
-from tests.equation.test_element import JENKINS, with_elements
+from tests.equation.test_formula_evaluation import JENKINS, with_elements
 from tests.made_models import paper_model
 
 FIXED = {name: (value, value) for name, value in (("cubic_stiffness", -2.684e9), ("linear_damping", 48.13))}

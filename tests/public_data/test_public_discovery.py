@@ -10,6 +10,7 @@ import pytest
 
 from sindyjoint import discover
 from sindyjoint.equation.catalogue import load_catalogue
+from sindyjoint.text import percent
 
 pytestmark = pytest.mark.shared
 
@@ -45,9 +46,9 @@ def test_emps_with_everything_on_offer(public_data, sindyjoint):
     assert directions & set(model.ids)
     assert found.verdict.verdict == "undecided" and set(found.verdict.extra) & set(model.ids)
     printed = " ".join(sindyjoint("discover", public_data("emps")).stdout.split())
-    share = 100 * model.fitted.residual_rms / model.fitted.moment_rms
-    assert f"({share:.2f} %)" in printed
-    assert "is neither they nor noise" in printed
+    gap = found.trust.lights[1].gap
+    assert gap == pytest.approx(model.fitted.residual_rms / model.fitted.moment_rms, rel=0.01)
+    assert f"gap {percent(gap)} of the RMS force" in printed and "% is neither" in printed
 
 
 def test_pendulum_has_no_quadratic_term(public_data):

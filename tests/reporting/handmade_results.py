@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 from handmade import model
 
-from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.localisation import Place
+from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.result import Advice, AdviceSearch, Diagnosis, Gap, RecordGap, RunGap, Step
 from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison

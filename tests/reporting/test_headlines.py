@@ -75,7 +75,7 @@ def test_of_a_verification():
         ("ambiguous", {"advice": ()}, "fair", "record runs"),
         ("named", {"advice": ()}, "good", "sindyjoint verify RESULTS CAMPAIGN"),
         ("nothing_missing", {}, "good", "sindyjoint verify RESULTS CAMPAIGN"),
-        ("unknown", {}, "poor", "sindyjoint diagnose CAMPAIGN --library"),
+        ("unknown", {}, "poor", "sindyjoint libraries copy effects"),
         ("undecided", {"noise_floor": Gap(float("nan"), float("nan"))}, "fair", "write noise ="),
     ],
 )

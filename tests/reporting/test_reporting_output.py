@@ -14,7 +14,7 @@ from sindyjoint.errors import (
     InputError,
     OutputError,
 )
-from sindyjoint.reporting import draw, drawable, load_results, write_discovery
+from sindyjoint.reporting import draw, drawable, load_results, write_results
 from sindyjoint.reporting.style import figure_bytes
 from tests.doors.asked import ask
 
@@ -31,10 +31,10 @@ def discovery():
 @pytest.fixture(scope="session")
 def results(discovery, tmp_path_factory):
     """Return the folder of its results."""
-    from sindyjoint.reporting import write_discovery
+    from sindyjoint.reporting import write_results
 
     folder = tmp_path_factory.mktemp("made") / "results"
-    return write_discovery(discovery, folder, ["sindyjoint", "discover", "--out", "my results"])
+    return write_results(discovery, folder, ["sindyjoint", "discover", "--out", "my results"])
 
 
 def run(*arguments):
@@ -72,7 +72,7 @@ def test_nothing_is_left_when_the_page_fails(discovery, tmp_path, monkeypatch):
 
     monkeypatch.setattr("sindyjoint.reporting.view.render", fail)
     with pytest.raises(RuntimeError, match="the template is broken"):
-        write_discovery(discovery, tmp_path / "results")
+        write_results(discovery, tmp_path / "results")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -81,7 +81,7 @@ def test_a_file_in_the_way_is_named(discovery, tmp_path):
     with pytest.raises(
         OutputError, match="cannot write into .*results': it is a file; expected the name of a folder"
     ):
-        write_discovery(discovery, tmp_path / "results")
+        write_results(discovery, tmp_path / "results")
     assert (tmp_path / "results").read_text() == "mine"
 
 
@@ -91,7 +91,7 @@ def written_again(discovery, results, tmp_path_factory):
     folder = tmp_path_factory.mktemp("again")
     (folder / "notes.txt").write_text("mine")
     start = time.process_time()  # what is imported was imported for the results before
-    write_discovery(discovery, folder)
+    write_results(discovery, folder)
     return folder, time.process_time() - start
 
 

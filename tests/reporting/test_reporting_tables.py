@@ -10,12 +10,12 @@ import pytest
 from handmade import HOSTILE, model, report_data
 
 from sindyjoint.errors import InputError
-from sindyjoint.reporting import terms_csv, terms_table
-from sindyjoint.reporting.equation import TERM_COLUMNS, term_rows
+from sindyjoint.reporting import terms_csv
+from sindyjoint.reporting.equation import TERM_COLUMNS, model_table, term_rows
 from sindyjoint.reporting.packing import pack
 from sindyjoint.reporting.results.discovery import DiscoveryView
 from sindyjoint.reporting.style import prefixed, pretty_unit, shortened
-from sindyjoint.reporting.tables import DASH, TextTable, findings_table
+from sindyjoint.reporting.tables import DASH, TextTable, findings_table, terminal_table
 from sindyjoint.soundness.finding import Finding
 
 VIEW = DiscoveryView()
@@ -46,7 +46,7 @@ def test_the_terminal_table_shows_brackets_as_they_are():
 
     law = model(terms=[("a", "k1", "[bold]x[/bold]", "stiffness", "theta", "N*m/rad", "N/m", 1.0, 0.1, 0.1)])
     console = Console(width=100, file=io.StringIO())
-    console.print(terms_table(law))
+    console.print(terminal_table(model_table(law)))
     assert "[bold]x[/bold]" in console.file.getvalue()
 
 

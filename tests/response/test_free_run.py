@@ -80,6 +80,15 @@ def test_internal_states_settle_first():
     )
 
 
+@pytest.mark.parametrize("samples", [20, 100])
+def test_a_swing_that_begins_at_a_turning_point_starts_at_rest(samples):
+    """A line through the first eighth of its cycle is steeper than its whole decay by RMS; there it stands still."""
+    law = PaperLaw(k1=40.0, c1=0.02, inertia=0.02)
+    motion = simulate(law, sampled(np.zeros(3000), RATE), 6.0, RATE, initial=(0.03, 0.0), limits=None)
+    found = free(law, Run("swing", np.zeros(3000), motion.angle, RATE), samples)
+    assert found.drive == "free run" and found.response_nrmse < 1e-4
+
+
 def test_a_wrong_law_is_told_by_it():
     run = run_of(SPRING)
     wrong = free(replace(SPRING, k1=1.02 * SPRING.k1), run, 600)

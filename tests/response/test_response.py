@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import simulate as virtual_campaign
-from sindyjoint.mechanics import INTER_PANEL, FunctionLaw
+from sindyjoint.mechanics import INTER_PANEL, FunctionLaw, PaperLaw
 from sindyjoint.mechanics.excitation import harmonic
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.record import Run
@@ -100,6 +100,19 @@ def test_without_inertia_the_motion_is_the_drive():
     assert found.drive == "motion" and found.simulated_angle is None
     np.testing.assert_array_equal(found.measured_response, found.moment)
     assert found.moment_nrmse < 0.01
+
+
+def test_samples_on_a_reversal_say_nothing_of_friction():
+    """Two of forty samples of a period lie on a reversal: there friction has whatever side noise gives it."""
+    law = PaperLaw(k1=4000.0, c1=40.0, M_F=2.0, inertia=0.0)
+    time = np.arange(4000) / 200.0
+    angle, rate = 6e-4 * np.cos(10 * np.pi * time), -6e-3 * np.pi * np.sin(10 * np.pi * time)
+    sides = np.random.default_rng(2).choice([-1.0, 1.0], time.size)
+    moment = 4000 * angle + 40 * rate + 2.0 * np.where(np.abs(rate) < 1e-9, sides, np.sign(rate))
+    noisy = moment + 0.01 * np.std(moment) * np.random.default_rng(3).standard_normal(time.size)
+    found = simulate_run(law, Run("moved", noisy, angle, 200.0, frequency=5.0))
+    assert found.drive == "motion"
+    assert max(found.response_nrmse, found.moment_nrmse) < 0.015
 
 
 def test_past_the_softening_limit_is_a_result_in_words():

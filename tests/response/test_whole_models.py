@@ -16,7 +16,7 @@ from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.states import force_states
 from sindyjoint.states.campaigns import content_hash, run_hash
 from sindyjoint.workflows.verify import verify
-from tests.equation.test_element import JENKINS, MAXWELL, with_elements
+from tests.equation.test_formula_evaluation import JENKINS, MAXWELL, with_elements
 from tests.made_models import paper_model
 
 

@@ -1,4 +1,4 @@
-"""Noise of a channel that does not repeat: measured and right, quantised, declared, or said to be unknown."""
+"""Noise, bandwidth and the smoothing kernel of runs that do not repeat."""
 
 from dataclasses import replace
 
@@ -11,6 +11,7 @@ from sindyjoint.measurement import noise as states_noise
 from sindyjoint.measurement.noise import (
     channel_noise,
     coherent_to_the_top,
+    difference_noise,
     moment_noise,
     motion_noise,
     quantisation_step,
@@ -20,6 +21,7 @@ from sindyjoint.numeric import without_line
 from sindyjoint.record import Run
 from sindyjoint.rig import SensorNoise
 from sindyjoint.states import force_states
+from sindyjoint.states.broadband import broadband_states, dwells, smoothing_kernels
 from sindyjoint.states.floor import moment_floor
 
 RATE, N = 1000.0, 20_000
@@ -162,3 +164,165 @@ def test_noise_is_measured_once_for_a_run(monkeypatch):
     count = len(calls)
     assert channel_noise(run) is first and len(calls) == count > 0
     assert channel_noise(replace(run)) == first and len(calls) == 2 * count
+
+
+RATE = 1000.0
+
+
+@pytest.mark.parametrize("cutoff", [20.0, 100.0, 380.0])
+@pytest.mark.parametrize("share", [0.05, 0.4, 0.6])
+def test_derivatives_are_exact_in_the_passband(cutoff, share):
+    # The response falls as an error function of width 0.1 of the cut-off: at 0.6 of it, four widths below, 1 − 3e-5.
+    frequency = share * cutoff
+    w = 2 * np.pi * frequency
+    kernels = smoothing_kernels(cutoff, RATE)
+    half = kernels[0].size // 2
+    time = np.arange(-3 * half, 3 * half + 1) / RATE
+    for order, kernel in enumerate(kernels):
+        found = np.convolve(np.sin(w * time + 0.3), kernel, mode="valid")
+        exact = w**order * np.sin(w * time[half:-half] + 0.3 + order * np.pi / 2)
+        # Against the size of the kernel's band, (2π·cutoff)^order: the error of the sampled kernel is of its ends.
+        np.testing.assert_allclose(found, exact, atol=1e-4 * w**order + 2e-6 * (2 * np.pi * cutoff) ** order)
+
+
+def test_constants_and_lines_are_exact():
+    low, first, second = smoothing_kernels(60.0, RATE)
+    n = low.size
+    line = np.linspace(-1, 1, n) * (n - 1) / 2 / RATE
+    assert np.convolve(np.full(n, 7.0), low, "valid")[0] == pytest.approx(7.0)
+    assert np.convolve(np.full(n, 7.0), first, "valid")[0] == pytest.approx(0.0, abs=1e-9)
+    assert np.convolve(np.full(n, 7.0), second, "valid")[0] == pytest.approx(0.0, abs=1e-6)
+    assert np.convolve(line, first, "valid")[0] == pytest.approx(1.0, rel=1e-4)
+
+
+def test_the_stopband_is_closed():
+    low, first, _ = smoothing_kernels(60.0, RATE)
+    time = np.arange(5 * low.size) / RATE
+    tone = np.sin(2 * np.pi * 90 * time)
+    assert np.abs(np.convolve(tone, low, "valid")).max() < 1e-5
+    assert np.abs(np.convolve(tone, first, "valid")).max() < 1e-5 * 2 * np.pi * 90
+
+
+def multisine(top, seed, n=20_000):
+    """Random-phase multisine of unit RMS up to ``top`` Hz."""
+    rng = np.random.default_rng(seed)
+    lines = np.arange(1, int(top * n / RATE))
+    spectrum = np.zeros(n // 2 + 1, complex)
+    spectrum[lines] = np.exp(2j * np.pi * rng.uniform(size=lines.size))
+    signal = np.fft.irfft(spectrum, n)
+    return signal / signal.std()
+
+
+@pytest.mark.parametrize("top", [20.0, 60.0, 150.0])
+@pytest.mark.parametrize("level", [0.001, 0.01, 0.05])
+def test_bandwidth_and_noise_of_a_multisine(top, level):
+    signal = multisine(top, 5)
+    noisy = signal + level * np.random.default_rng(6).normal(size=signal.size)
+    end = signal_end(noisy, RATE)
+    bandwidth, noise = end.bandwidth, end.noise
+    # The edge is known to the resolution of the averaged spectrum, a few bins of 1.2 Hz, and its window's side lobes.
+    assert top - 2 <= bandwidth <= top + 10
+    # 5 %: a third of the band holds 6700 independent values, 1.2 % of scatter, and the median's bias
+    assert noise == pytest.approx(level, rel=0.05)
+
+
+@pytest.mark.parametrize("level", [0.001, 0.01, 0.05])
+def test_noise_of_a_moment_with_friction_steps(level):
+    time = np.arange(20_000) / RATE
+    moment = np.sin(8 * np.pi * time) + 0.5 * np.sign(np.cos(8 * np.pi * time))
+    noisy = moment + level * np.random.default_rng(7).normal(size=time.size)
+    assert difference_noise(noisy) == pytest.approx(level, rel=0.05)
+    noise, measured = moment_noise(noisy, RATE)
+    assert noise == pytest.approx(level, rel=0.05)
+    assert measured
+
+
+def test_resting_and_passing():
+    phase = 2 * np.pi * (np.arange(4000) + 0.5) / 1000
+    assert not dwells(np.cos(phase))
+    stuck = np.where(np.abs(np.cos(phase)) > 0.6, np.cos(phase), 0.0)
+    assert dwells(stuck)
+
+
+def sweep(noise=0.0, seed=8, n=20_000):
+    """A joint k·θ + c·θ̇ + F·sign θ̇ moved by a sweep from 1 to 5 Hz, rate and acceleration known in closed form."""
+    t = np.arange(n) / RATE
+    phase, w = 2 * np.pi * (1.0 * t + 0.1 * t**2), 2 * np.pi * (1.0 + 0.2 * t)
+    angle, rate = 1e-3 * np.sin(phase), 1e-3 * w * np.cos(phase)
+    acceleration = 1e-3 * (2 * np.pi * 0.2 * np.cos(phase) - w**2 * np.sin(phase))
+    moment = 5000 * angle + 50 * rate + 1.5 * np.sign(rate)
+    rng = np.random.default_rng(seed)
+    run = Run(
+        "sweep",
+        moment + noise * moment.std() * rng.normal(size=n),
+        angle + noise * angle.std() * rng.normal(size=n),
+        RATE,
+    )
+    return run, angle, rate, acceleration
+
+
+def test_states_of_a_sweep():
+    run, angle, rate, acceleration = sweep()
+    states = broadband_states(run)
+    middle = slice(round(states.time[0] * RATE), round(states.time[0] * RATE) + states.n_samples)
+    assert states.dropped == pytest.approx(states.time[0])
+    np.testing.assert_array_equal(states.moment, run.moment[middle])
+    # Noise-free, the ends of the sweep are what limits: a cut in a chirp is no band-limited signal.
+    core = slice(500, -500)
+    np.testing.assert_allclose(states.angle[core], angle[middle][core], atol=1e-6 * 1e-3)
+    np.testing.assert_allclose(states.rate[core], rate[middle][core], atol=1e-5 * np.abs(rate).max())
+    np.testing.assert_allclose(
+        states.acceleration[core], acceleration[middle][core], atol=1e-4 * np.abs(acceleration).max()
+    )
+    assert states.replicate is None and states.method == "broadband"
+    assert set(states.block) == set(range(32))
+    # Where it moves, the sign of its rate is right.
+    assert np.all(np.sign(states.rate[states.moving]) == np.sign(rate[middle][states.moving]))
+    assert states.moving_fraction > 0.8
+
+
+def test_noise_of_a_sweep_is_measured():
+    states = broadband_states(sweep(noise=0.01)[0])
+    run, angle, rate, acceleration = sweep()
+    assert states.noise.angle == pytest.approx(0.01 * angle.std(), rel=0.05)
+    assert states.noise.moment == pytest.approx(0.01 * run.moment.std(), rel=0.05)
+    middle = slice(round(states.time[0] * RATE), round(states.time[0] * RATE) + states.n_samples)
+    # The claimed noise of the derivatives is that of the kernel under white noise: hold it against the known truth.
+    for name, truth in (("rate", rate), ("acceleration", acceleration)):
+        scatter = np.std(getattr(states, name) - truth[middle])
+        # 20 %: smoothed noise has few independent samples, about 2·bandwidth·20 s
+        assert getattr(states.noise, name) == pytest.approx(scatter, rel=0.2)
+
+
+def test_measured_rate_is_used():
+    run, angle, rate, acceleration = sweep()
+    states = broadband_states(replace(run, rate=2 * rate))
+    middle = slice(round(states.time[0] * RATE), round(states.time[0] * RATE) + states.n_samples)
+    core = slice(500, -500)
+    np.testing.assert_allclose(states.rate[core], 2 * rate[middle][core], atol=1e-4 * np.abs(rate).max())
+    np.testing.assert_allclose(
+        states.acceleration[core], 2 * acceleration[middle][core], atol=1e-3 * np.abs(acceleration).max()
+    )
+
+
+def test_a_record_too_short_is_refused():
+    rng = np.random.default_rng(9)
+    run = Run("short", rng.normal(size=40), rng.normal(size=40), 1000.0)
+    with pytest.raises(
+        InputError, match=r"run 'short': 40 samples are too few to differentiate; expected at least \d+"
+    ):
+        broadband_states(run)
+
+
+def test_the_last_lines_of_a_motion_that_ends_abruptly_are_kept():
+    """25 tones up to 8 Hz: the kernel falls beyond the last one. Before it had room, 11 % of the motion were lost."""
+    rng = np.random.default_rng(4)
+    time = np.arange(40_000) / 400.0
+    tones, phases = rng.uniform(1, 8, 25), rng.uniform(0, 2 * np.pi, 25)
+    angle = np.sum([np.sin(2 * np.pi * f * time + p) for f, p in zip(tones, phases, strict=True)], axis=0)
+    noisy = angle + 5e-3 * np.std(angle) * rng.standard_normal(time.size)
+    states = broadband_states(Run("tones", 2 * angle + np.sin(time), noisy, 400.0))
+    first = round(states.time[0] * 400.0)
+    error = states.angle - angle[first : first + states.n_samples]
+    assert 8.0 < states.bandwidth < 11.0
+    assert np.std(error) < 0.03 * np.std(angle)

@@ -41,7 +41,7 @@ def test_a_response_is_that_of_another_time_integration(rig, law, loss, cases, p
             0
         ]
         assert found.frequency[0] == pytest.approx(frequency)
-        assert found.amplitude[0] == pytest.approx(amplitude, rel=3e-3)
+        assert found.amplitude[0] == pytest.approx(amplitude, rel=2e-3)
 
 
 def test_a_rig_that_its_joints_friction_alone_damps_has_its_curves():

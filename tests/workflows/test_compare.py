@@ -97,7 +97,28 @@ def test_folder_is_complete_and_offline(result, tmp_path):
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "http://" not in page.replace("http://www.w3.org", "") and "https://" not in page
     assert "simulated, not measured" in page and result.agreement[1:] in page.replace("&#39;", "'")
-    assert (folder / "comparison.tex").read_text(encoding="utf-8").count(r"\begin{table}") == 6
+    assert (folder / "comparison.tex").read_text(encoding="utf-8").count(r"\begin{table}") == 8
+
+
+def test_choices_stand_by_group_and_best_first(result, tmp_path):
+    folder = write_results(result, tmp_path / "out", "sindyjoint compare", 0)
+    lines = (folder / "comparison.md").read_text(encoding="utf-8").split("## ")[1].splitlines()
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
+    groups = [row[1] for row in rows[2:] if row[1]]
+    assert list(dict.fromkeys(groups)) == ["method", "frequency", "level", "library"] and groups == sorted(
+        groups, key=["method", "frequency", "level", "library"].index
+    )
+    record = result.to_dict()
+    for by, key in (
+        ("method", "methods"),
+        ("frequency", "frequencies"),
+        ("level", "levels"),
+        ("library", "libraries"),
+    ):
+        scores = {choice["name"]: choice for choice in record[key]}
+        shown = [scores[row[0]]["held_out"] for row in rows[2:] if row[1] == by]
+        assert len(shown) == len(scores) and shown == sorted(shown, key=lambda score: round(score, 4))
+        assert all(0 < choice["held_out_error"] < choice["held_out"] for choice in scores.values())
 
 
 def test_wrong_options_are_refused(campaign):

@@ -12,7 +12,7 @@ from sindyjoint.equation.test_record import Nuisance, TestNuisances, channel_del
 from sindyjoint.files import write_campaign
 from sindyjoint.states.campaigns import content_hash
 from sindyjoint.workflows.diagnose import diagnose
-from tests.equation.test_element import MAXWELL
+from tests.equation.test_formula_evaluation import MAXWELL
 from tests.made_models import model_of, term
 
 RATE, INERTIA = 1000.0, 0.02

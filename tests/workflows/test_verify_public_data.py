@@ -1,10 +1,12 @@
 """Verification of models of real joints, on data that is read from next to the checkout and never copied."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from sindyjoint import diagnose, discover, load_campaign, verify
+from sindyjoint.judgement.refined import refined
 from sindyjoint.response.refine import refine
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -62,7 +64,7 @@ def test_half_of_the_friction_damper_predicts_the_other_half(tmp_path):
 
 
 def test_emps_is_refined_by_windows_with_a_state_of_their_own(emps):
-    found = refine(emps.model, emps.campaign, states=emps.states)
+    found = refine(emps.model, emps.campaign, states=emps.states, window=1.0)
     assert found.refined
     # Measured: 1.85 % of the position's RMS before, 0.55 % after.
     assert found.after["DATA_EMPS"] < 0.008 < 0.012 < found.before["DATA_EMPS"]
@@ -70,8 +72,6 @@ def test_emps_is_refined_by_windows_with_a_state_of_their_own(emps):
     # feedback, so the force holds the position's noise, and the two methods differ by a few per cent.
     for id, value, share in (
         ("inertia", 95.1, 0.06),
-        # Sticking makes the sum of squares rough: where the search ends moves with the last digit of its start, from
-        # 190.8 to 194.2 N·s/m, less than half a standard error (7.6).
         ("linear_damping", 203.5, 0.08),
         ("coulomb_friction", 20.4, 0.08),
     ):
@@ -96,3 +96,20 @@ def test_pendulum_swings_past_its_softening_limit_without_snapping():
     run = result.runs[0]
     assert run.drive == "moment" and not run.failure
     assert result.mean_period_difference < 0.01 and result.amplitude_rms_error < 0.1
+
+
+def test_emps_refined_over_a_mean_cycle_runs_freely_over_what_was_not_fitted():
+    campaign = load_campaign(folder("emps"))
+    (run,) = campaign.runs
+    cut = round(2 / 3 * run.n_samples)
+    parts = [(slice(cut), "identify"), (slice(cut, None), "validate")]
+    runs = tuple(
+        replace(run, name=use, use=use, source=None, moment=run.moment[part], angle=run.angle[part])
+        for part, use in parts
+    )
+    campaign = campaign.with_runs(runs)
+    found = refined(discover(campaign, align=True))
+    for samples in (20, 100):
+        (last,) = verify(found.model, campaign, draws=0, free_run=samples).runs
+        # Measured 3.8 mm, 4.5 before the refinement; over the official test the best published figure is 5.17.
+        assert last.name == "validate" and last.rmse < 4e-3

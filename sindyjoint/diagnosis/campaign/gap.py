@@ -28,7 +28,7 @@ from sindyjoint.response.compared import pooled_errors
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.run import moment_scale, pooled_nrmse
 from sindyjoint.states import ForceStates
-from sindyjoint.states.floor import moment_floor
+from sindyjoint.states.floor import moment_floor, moment_size
 
 
 def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Gap:
@@ -42,7 +42,7 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     if work.campaign.validation_runs:
         moment, response = pooled_errors(kept_runs(work, model, effects))
         return Gap(moment, response)
-    moment = held_out_gap(work.rows, model, adding, work.noise, work.policy)
+    moment = _held_out(work, model, adding)
     of_response = continuation_gap if is_free(work.campaign) else response_gap
     return Gap(moment, of_response(work, model, effects))
 
@@ -52,7 +52,13 @@ def moment_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -
     if work.campaign.validation_runs:
         return gap_of(work, model, effects).moment
     adding = [e for e in effects if not e.shifts]
-    return held_out_gap(work.rows, model, adding, work.noise, work.policy)
+    return _held_out(work, model, adding)
+
+
+def _held_out(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
+    """Return the moment gap on runs left out, relative to what the noise floor is."""
+    size = moment_size(work.states, work.campaign.joint.inertia)
+    return held_out_gap(work.rows, model, effects, work.noise, work.policy, size=size)
 
 
 def gap_without(work: Work, found: Sequence[FittedEffect], names: Collection[str]) -> Gap:
@@ -95,12 +101,12 @@ def kept_misfit(work: Work, model: JointModel, effects: Sequence[FittedEffect]) 
     return float(np.sqrt(max(residual @ residual - explained, 0.0) / residual.size))
 
 
-def noise_floor(work: Work, model: JointModel) -> Gap:
-    """Return what does not repeat, beside a model, over the runs of which gaps are reported; NaN where not known."""
+def noise_floor(work: Work) -> Gap:
+    """Return the noise relative to the signals, over the runs of which gaps are reported; NaN where it is not known."""
     states, inertia = work.kept_states or work.states, work.model.inertia
     known = all(s.noise.motion_measured for s in states)
     response = _response_floor(states, inertia) if known else float("nan")
-    return Gap(moment_floor(states, inertia, model).relative, response)
+    return Gap(moment_floor(states, work.campaign.joint.inertia).relative, response)
 
 
 def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
+from sindyjoint.diagnosis.parts import Place, Regions, most_informative
 from sindyjoint.text import in_words_of
 
 

@@ -10,8 +10,6 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.budget import Budget
-from sindyjoint.diagnosis.campaign import admissible
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, gap_without, kept_misfit, noise_floor
@@ -33,12 +31,10 @@ from sindyjoint.diagnosis.campaign.start import (
     first_model,
     is_free,
 )
-from sindyjoint.diagnosis.campaign.unnamed.budget import make_budget
+from sindyjoint.diagnosis.campaign.unnamed import make_budget
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.effects.inputs import input_effects
-from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.localisation import Place
+from sindyjoint.diagnosis.effects.fitted import FittedEffect, input_effects
+from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Problem, Say, Start
 from sindyjoint.diagnosis.ranking import Ranking
@@ -164,7 +160,7 @@ class CampaignProblem(Problem):
     @property
     def noise_floor(self) -> Gap:
         """Noise of the runs of which the gap is reported; NaN where it is not known."""
-        return noise_floor(self.work, self.repaired.model)
+        return noise_floor(self.work)
 
     @property
     def floor_is_bound(self) -> bool:
@@ -187,11 +183,6 @@ class CampaignProblem(Problem):
     def cost(self) -> float:
         """Return the negative score of the set found, and what its members must win at least, nats."""
         return np.inf if self.search is None else self.search.cost
-
-    def complaint(self) -> str:
-        """Return what physics has against the law with the effects; empty if nothing."""
-        effects = tuple(e for e in self.found if e.effect.enters == "moment")
-        return admissible.law_complaint(replace(self.repaired, effects=effects), self.work.rows, self.policy)
 
     def gap_without(self, names: Collection[str]) -> Gap:
         """Return the gap without some of the effects, the others fitted anew."""
@@ -278,10 +269,11 @@ class CampaignProblem(Problem):
         return locate_gap(moments, self.work.campaign.joint.motion)
 
     def separating_runs(
-        self, step: Step, ranking: Ranking[FittedEffect], effort: Effort
-    ) -> tuple[Advice, ...]:
-        """Return the runs that would tell the members of a class apart."""
-        return separating_runs(self.work, self.found, step, ranking.members[1:], effort, self.actuator)
+        self, step: Step, ranking: Ranking[FittedEffect], search: Portion, say: Say
+    ) -> tuple[tuple[Advice, ...], int, int]:
+        """Return the runs that would tell the members of a class apart, how many were tried, and of how many."""
+        rivals = ranking.members[1:]
+        return separating_runs(self.work, self.found, step, rivals, search, say, self.actuator)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""

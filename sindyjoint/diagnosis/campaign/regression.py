@@ -9,28 +9,23 @@ ratio.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from sindyjoint.clock import spend
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
-from sindyjoint.diagnosis.campaign.rows.excerpt import excerpt
-from sindyjoint.diagnosis.campaign.rows.half_cycles import correlation
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import JoinedMotions
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
-from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.numeric import Array
 
 MEASUREMENT = "measurement"  # the family of what is wrong with a channel
-# Steps of integration over all runs for one trial of nonlinear parameters.
-ROUGH_STEPS = 30_000
 PER_TRIAL = 5_000.0  # samples that a trial costs beside those that it goes along
 # Columns of a state that grew beyond this have no square.
 FARTHEST = 1e150
@@ -47,11 +42,7 @@ class GapRegression:
         Whitened columns of the model's terms and of effects already found.
     target : ndarray, shape (N,)
     reference : Reference
-    inherited : float
-        What the errors of the columns of effects found before leave, in units of χ².
     policy : DiagnosisPolicy
-    any_sign : bool
-        Whether an effect with a sign that the catalogue denies counts like any other; otherwise it explains nothing.
     residual : ndarray, shape (N,)
         Of the target, those columns fitted.
     """
@@ -60,9 +51,7 @@ class GapRegression:
     base: Array
     target: Array
     reference: Reference
-    inherited: float = 0.0
     policy: DiagnosisPolicy = CAMPAIGN
-    any_sign: bool = False
     _basis: Array = field(repr=False, default_factory=lambda: np.empty((0, 0)))
     residual: Array = field(repr=False, default_factory=lambda: np.empty(0))
 
@@ -74,45 +63,15 @@ class GapRegression:
         found: Sequence[FittedEffect] = (),
         policy: DiagnosisPolicy = CAMPAIGN,
     ) -> GapRegression:
-        """Return the regression of a model, with effects found before beside its terms.
-
-        What the errors of their columns leave goes by what these rows lose without them: effects may have changed
-        places since they were found. A constant has no such error.
-        """
-        ordered = exact_first(found)
-        count = sum(e.family == MEASUREMENT for e in found)
-        exact, erring = ordered[:count], ordered[count:]
-        base = np.hstack(
-            [stack(runs, lambda r: base_columns(model, r)), *(effect_rows(runs, e) for e in exact)]
-        )
-        target = np.concatenate([run.white(run.target) for run in runs])
-        moved = policy.found_error**2 * sum(e.gain for e in exact if e.shifts)
-        without = cls.of_columns(runs, base, target, moved, policy)
-        if not erring:
-            return without
-        whole = np.hstack([base, *(effect_rows(runs, e) for e in erring)])
-        problem = cls.of_columns(runs, whole, target, moved, policy)
-        error, remembering = policy.found_error, any(e.variant.states for e in erring)
-        if remembering and not problem.repeats:
-            error = max(error, policy.state_error_once)
-        return replace(
-            problem, inherited=moved + error**2 * max(without.chi_square - problem.chi_square, 0.0)
-        )
-
-    @classmethod
-    def of_columns(
-        cls,
-        runs: Sequence[GapRun],
-        base: Array,
-        target: Array,
-        inherited: float = 0.0,
-        policy: DiagnosisPolicy = CAMPAIGN,
-    ) -> GapRegression:
-        """Return the regression of whitened columns and target, of whatever they are the rows."""
+        """Return the regression of a model, with effects found before beside its terms."""
+        columns = [
+            stack(runs, lambda r: base_columns(model, r)),
+            *(effect_rows(runs, e) for e in exact_first(found)),
+        ]
+        base, target = np.hstack(columns), np.concatenate([run.white(run.target) for run in runs])
         basis = _orthonormal(base)
         residual = target - basis @ (basis.T @ target)
-        scales = reference_scales(runs)
-        return cls(tuple(runs), base, target, scales, inherited, policy, _basis=basis, residual=residual)
+        return cls(tuple(runs), base, target, reference_scales(runs), policy, _basis=basis, residual=residual)
 
     @cached_property
     def _motions(self) -> JoinedMotions:
@@ -129,41 +88,9 @@ class GapRegression:
         return self.target.size - self._basis.shape[1]
 
     @property
-    def free(self) -> bool:
-        """Whether rows are half-cycles of free motion."""
-        return any(run.half_cycles for run in self.runs)
-
-    @property
     def repeats(self) -> bool:
         """Whether every row is of a mean period, whose noise repetition has measured."""
         return all(run.folded for run in self.runs)
-
-    @property
-    def correlated(self) -> float:
-        """How many neighbouring rows say the same thing: one, but for the half-cycles of free motion."""
-        if not self.free:
-            return 1.0
-        ends = np.cumsum([run.white_size for run in self.runs])[:-1]
-        parts = zip(self.runs, np.split(self.residual, ends), strict=True)
-        return max(correlation(part, self.policy) for run, part in parts if run.half_cycles)
-
-    def choices(self, variant: Variant) -> int:
-        """Numbers that a fit chooses; what repeats does not depend on the states it began with, a decay does."""
-        return variant.degrees + (len(variant.states) if self.free else 0)
-
-    def rough(self) -> GapRegression:
-        """Return the regression for searching: states follow the motion roughly, and windows of long records only."""
-        runs = [run.rough() for run in self.runs]
-        share = _share(runs)
-        if share >= 1:
-            return replace(self, runs=tuple(runs))
-        parts = [excerpt(run, share) for run in runs]
-        starts = np.cumsum([0, *(run.target.size for run in runs[:-1])])
-        rows = np.concatenate([start + kept for start, (_, kept) in zip(starts, parts, strict=True)])
-        shorter = GapRegression.of_columns(
-            [run for run, _ in parts], self.base[rows], self.target[rows], self.inherited, self.policy
-        )
-        return replace(shorter, any_sign=self.any_sign)
 
     @cached_property
     def samples(self) -> float:
@@ -202,7 +129,7 @@ class GapRegression:
             coefficients, *_ = np.linalg.lstsq(unit, self.residual, rcond=None)
         explained = unit @ coefficients
         coefficients = coefficients / norm
-        if not self.any_sign and wrong_signs(variant, coefficients):
+        if wrong_signs(variant, coefficients):
             return 0.0, coefficients
         # What is larger than the moment itself must be cancelled by the other terms, and is no effect.
         if np.any(np.abs(coefficients) * size > self.policy.cancelled * np.linalg.norm(self.target)):
@@ -214,45 +141,6 @@ def wrong_signs(variant: Variant, coefficients: Array) -> list[str]:
     """Return the symbols of the coefficients that are not positive and, by the catalogue, have to be."""
     pairs = zip(variant.columns, coefficients, strict=True)
     return [column.symbol for column, value in pairs if column.positive and value <= 0]
-
-
-def rank_effects(problem: GapRegression, fitted: Sequence[FittedEffect]) -> Ranking[FittedEffect]:
-    """Return the candidates in order of probability."""
-    scale = evidence_scale(problem, fitted)
-    return rank(fitted, [problem.choices(f.variant) for f in fitted], scale, problem.policy)
-
-
-def evidence_scale(problem: GapRegression, fitted: Sequence[FittedEffect]) -> EvidenceScale:
-    """Return what the gains of some candidates are measured against."""
-    correlated = problem.correlated
-    return EvidenceScale(
-        problem.chi_square,
-        problem.degrees,
-        problem.target.size / correlated,
-        column_error(fitted, problem.repeats, problem.policy),
-        problem.inherited,
-        correlated,
-    )
-
-
-def column_error(fitted: Sequence[FittedEffect], repeats: bool, policy: DiagnosisPolicy) -> float:
-    """Return the relative error of the candidates' columns, by the best of them."""
-    if max(fitted, key=lambda f: f.gain).variant.states:
-        return policy.state_error if repeats else policy.state_error_once
-    return policy.column_error if repeats else policy.column_error_once
-
-
-def shortened(runs: Sequence[GapRun]) -> tuple[GapRun, ...]:
-    """Return runs of which no more is kept than a search goes along; those that repeat, or are free, stay whole."""
-    share = _share(runs)
-    return tuple(runs) if share >= 1 else tuple(excerpt(run, share)[0] for run in runs)
-
-
-def _share(runs: Sequence[GapRun]) -> float:
-    """Return what share of some runs is searched; one where their rows are few, or belong together."""
-    if any(run.folded or run.half_cycles for run in runs):
-        return 1.0
-    return ROUGH_STEPS / sum(run.motion.angle.size / run.motion.follow for run in runs)
 
 
 def stack(runs: Sequence[GapRun], columns: Callable[[GapRun], Array]) -> Array:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.candidates import refine_effect
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales, row_groups
@@ -21,6 +20,9 @@ from sindyjoint.response.model_law import with_coefficients
 
 FRICTION = "friction"  # the family
 MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out
+# Nonlinear parameters are refined until their gain rises by less than this, or this share of it.
+LEAST_RISE, SHARE_OF_RISE = 0.02, 1e-5
+MOST_TRIALS = 80  # of nonlinear parameters, per parameter; a ridge is followed slowly
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +205,11 @@ def held_out_gap(
     noise: dict[str, float],
     policy: DiagnosisPolicy = CAMPAIGN,
     refitted: bool = True,
+    size: float | None = None,
 ) -> float:
     """Return the moment gap on runs that were left out, relative RMS.
+
+    Relative to ``size``, N·m; default: the RMS of the rows.
 
     Each group of runs is left out in turn; coefficients and, unless they are not to be ``refitted``, nonlinear
     parameters come from the others.
@@ -233,7 +238,7 @@ def held_out_gap(
             rows = whitened(runs, used)
         coefficients, _ = least_squares(rows[others], whole[others])
         residual[out] = target[out] - used[out] @ coefficients
-    return _relative(runs, residual, target, noise)
+    return _rms(runs, residual, noise) / (size or float(np.sqrt(np.mean(target**2))))
 
 
 def model_errors(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> list[float]:
@@ -256,15 +261,15 @@ def whitened(runs: Sequence[GapRun], rows: Array) -> Array:
     return np.concatenate([run.white(part) for run, part in zip(runs, np.split(rows, ends), strict=True)])
 
 
-def _relative(runs: Sequence[GapRun], residual: Array, target: Array, noise: dict[str, float]) -> float:
-    """Return the relative RMS of a residual, within the band in which accelerations are known."""
+def _rms(runs: Sequence[GapRun], residual: Array, noise: dict[str, float]) -> float:
+    """Return the RMS of a residual, within the band in which accelerations are known."""
     ends = np.cumsum([run.target.size for run in runs])[:-1]
     square = []
     for run, part in zip(runs, np.split(residual, ends), strict=True):
         part = part if run.processing is None else part + run.processing
         within = part if run.band is None else run.band.within(part)
         square.append(within**2 + (noise[run.name] ** 2 if run.folded else 0.0))
-    return float(np.sqrt(np.mean(np.concatenate(square)) / np.mean(target**2)))
+    return float(np.sqrt(np.mean(np.concatenate(square))))
 
 
 def refit_nonlinear(
@@ -289,3 +294,30 @@ def unique_shares(runs: Sequence[GapRun], model: JointModel, effects: Sequence[F
     products = (columns / size).T @ (columns / size) / len(columns)
     own = np.sqrt(1 / np.maximum(np.diag(np.linalg.pinv(products)), 1.0))
     return np.abs(coefficients) * size * own / model.fitted.moment_rms
+
+
+def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
+    """Return an effect with its nonlinear parameters refitted near where they were."""
+    if not fitted.values.size:
+        return fitted
+    from scipy.optimize import minimize
+
+    within = fitted.variant.bounds(problem.reference) if fitted.within is None else fitted.within
+    bounds = np.log(within).T
+    start = np.clip(np.log(fitted.values), *bounds)
+    found = minimize(
+        lambda p: -problem.gain(fitted.variant, np.exp(np.clip(p, *bounds)))[0],
+        start,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.vstack(
+                [start, start + np.diag(np.where(start + 0.1 < bounds[1], 0.1, -0.1))]
+            ),
+            "xatol": 1e-3,
+            "fatol": max(LEAST_RISE, SHARE_OF_RISE * fitted.gain),
+            "maxfev": MOST_TRIALS * start.size,
+        },
+    )
+    values = np.exp(np.clip(found.x, *bounds))
+    gain, coefficients = problem.gain(fitted.variant, values)
+    return replace(fitted, values=values, gain=gain, coefficients=coefficients)

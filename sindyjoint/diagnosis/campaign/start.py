@@ -23,8 +23,7 @@ from sindyjoint.diagnosis.campaign.repair import (
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.effects.from_model import effects_of
+from sindyjoint.diagnosis.effects.fitted import FittedEffect, effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
@@ -220,7 +219,7 @@ def first_model(
     data = Fitted(
         moment_rms=float(np.sqrt(np.mean(rows.y**2))),
         residual_rms=fitted.fitted.residual_rms,
-        noise_floor=moment_floor(states, inertia or 0.0).moment,
+        noise_floor=moment_floor(states, inertia).moment,
         moving_fraction=float(count.sum() / sum(s.n_samples for s in states)),
         samples=int(count.sum()),
         runs=len(states),

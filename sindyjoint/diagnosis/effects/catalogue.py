@@ -1,4 +1,8 @@
-"""The catalogue of effects that a joint model may be missing, read from TOML, evaluated along a measured motion."""
+"""The catalogue of effects: what a model may be missing of its joint, of a test's channels, or of a structure.
+
+An effect is a named change of a setup. Of a joint and its channels it has columns, which are evaluated along a measured
+motion; of a structure one number, and a place of :data:`~sindyjoint.diagnosis.effects.setup.PLACES` where it acts.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, ValidationError
 
 from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
+from sindyjoint.diagnosis.effects.setup import PLACES
 from sindyjoint.documents import read_toml
 from sindyjoint.equation import dimensions
 from sindyjoint.equation.catalogue_file import Identifier, Line, StrictEntry, library_folder
@@ -21,20 +26,19 @@ from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
 from sindyjoint.numeric import Array
 
-Enters = Literal["moment", "time shift", "angle zero", "angle drift"]
+#: Where an effect of a joint's law or of its channels enters.
+OF_JOINT = ("moment", "time shift", "angle zero", "angle drift")
 
 #: Signals that a column may use beside θ, θ̇ and θ̈, with their units.
 SIGNALS = {"frequency": "1/s", "time": "s", "elapsed": "s", "moment_rate": "N*m/s", "moment_slope": "N*m/rad"}
 ARGUMENTS = ("theta", "omega", "alpha", *SIGNALS)
 
-S = TypeVar("S", bound=StrictEntry)
-
 
 class _ParameterEntry(StrictEntry):
-    name: Identifier
+    name: Line
     unit: Line
-    lower: Annotated[float, Field(gt=0)]
-    upper: Annotated[float, Field(gt=0)]
+    lower: float
+    upper: float
     relative_to: Literal["angle", "rate"] | None = None
     open: Literal["lower", "upper"] | None = None
     special: Literal["lower", "upper"] | None = None
@@ -55,7 +59,7 @@ class _ColumnEntry(StrictEntry):
 
 
 class _VariantEntry(StrictEntry):
-    columns: Annotated[list[_ColumnEntry], Field(min_length=1)]
+    columns: list[_ColumnEntry] = []
     parameters: list[_ParameterEntry] = []
     states: list[_StateEntry] = []
 
@@ -68,7 +72,7 @@ class _EffectEntry(StrictEntry):
     source: str = ""
     confused_with: list[Identifier] = []
     contains: list[Identifier] = []
-    enters: Enters = "moment"
+    enters: Line = "moment"
     variant: Annotated[list[_VariantEntry], Field(min_length=1)]
 
 
@@ -138,21 +142,27 @@ class Variant(Form):
 
 @dataclass(frozen=True)
 class Effect:
-    """Something that a joint model may be missing."""
+    """A named change of a setup: something that a model may be missing of a joint, a test or a structure."""
 
     id: str
     name: str
     family: str
     meaning: str
-    source: str
-    confused_with: tuple[str, ...]
-    enters: Enters
-    variants: tuple[Variant, ...]
+    source: str = ""
+    confused_with: tuple[str, ...] = ()
+    enters: str = "moment"
+    variants: tuple[Variant, ...] = ()
     contains: tuple[str, ...] = ()
 
 
-def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:
+def load_effects(paths: Sequence[str | Path] = (), of: str = "effects") -> tuple[Effect, ...]:
     """Return the shipped effects and those of further files, each id once; a file's own replaces a shipped one.
+
+    Parameters
+    ----------
+    paths : sequence of path
+    of : {"effects", "structure"}
+        Folder of the shipped ones: of joints and their channels, or of what is outside the joints.
 
     Raises
     ------
@@ -160,7 +170,7 @@ def load_effects(paths: Sequence[str | Path] = ()) -> tuple[Effect, ...]:
         The message names file, effect and field.
     """
     effects: dict[str, Effect] = {}
-    shipped = [_read_shipped(path) for path in sorted((library_folder() / "effects").glob("*.toml"))]
+    shipped = [_read_shipped(path) for path in sorted((library_folder() / of).glob("*.toml"))]
     for read in (*shipped, *(read_effects(Path(path)) for path in paths)):
         effects.update({effect.id: effect for effect in read})
     return tuple(effects.values())
@@ -174,17 +184,13 @@ def _read_shipped(path: Path) -> tuple[Effect, ...]:
 
 def read_effects(path: Path) -> tuple[Effect, ...]:
     """Return the effects of one file."""
-    return tuple(_effect(path, each) for each in read_entries(path, _EffectFile).effect)
-
-
-def read_entries(path: Path, schema: type[S]) -> S:
-    """Return a file of effects as its schema has it."""
     if not path.is_file():
         raise MissingInputError(f"{str(path)!r} does not exist; expected a .toml file of effects")
     try:
-        return schema.model_validate(read_toml(path, path.name))
+        entries = _EffectFile.model_validate(read_toml(path, path.name)).effect
     except ValidationError as error:
         raise InputError(f"{path.name}: {_fault_line(error)}") from None
+    return tuple(_effect(path, each) for each in entries)
 
 
 def _fault_line(error: ValidationError) -> str:
@@ -207,28 +213,32 @@ def select_effects(effects: Sequence[Effect], ids: Sequence[str]) -> tuple[Effec
     return tuple(known[wanted] for wanted in ids)
 
 
-def _effect(path: Path, entry: Any) -> Effect:
+def _effect(path: Path, entry: _EffectEntry) -> Effect:
     try:
-        variants = tuple(_variant(each) for each in entry.variant)
+        if entry.enters not in (*OF_JOINT, *PLACES):
+            known = ", ".join((*OF_JOINT, *PLACES))
+            raise InputError(f"enters is {entry.enters!r}; expected one of {known}")
+        variants = tuple(_variant(each, entry.enters in PLACES) for each in entry.variant)
     except (FormulaError, UnitError, InputError) as error:
         raise type(error)(f"{path.name}: effect {entry.id!r}: {error}") from None
-    return Effect(
-        entry.id,
-        entry.name,
-        entry.family,
-        entry.meaning,
-        entry.source,
-        tuple(entry.confused_with),
-        entry.enters,
-        variants,
-        tuple(entry.contains),
-    )
+    lists = {"confused_with": tuple(entry.confused_with), "contains": tuple(entry.contains)}
+    return Effect(**{**entry.model_dump(exclude={"variant"}), **lists}, variants=variants)
 
 
-def _variant(entry: Any) -> Variant:
+def _variant(entry: _VariantEntry, outside: bool) -> Variant:
+    for p in entry.parameters:
+        if not p.lower < p.upper:
+            raise InputError(f"parameter {p.name!r}: lower {p.lower:g} is not below upper {p.upper:g}")
+    if outside:
+        if len(entry.parameters) != 1 or entry.columns or entry.states:
+            raise InputError("what acts outside the joints has one parameter, and no columns or states")
+        (p,) = entry.parameters
+        return Variant((), (Parameter(p.name, p.unit, 0.0, None, p.lower, p.upper),), ())
+    if not entry.columns or any(p.lower <= 0 or not p.name.isidentifier() for p in entry.parameters):
+        raise InputError("a variant has a column at least, and parameters with identifiers that are positive")
     names = [parameter.name for parameter in entry.parameters]
     states = [state.name for state in entry.states]
-    units = {p.name: p.unit for p in (*entry.parameters, *entry.states)}
+    units = {p.name: p.unit for p in entry.parameters} | {s.name: s.unit for s in entry.states}
     columns = []
     for column in entry.columns:
         expression = parse_formula(column.formula, names, [*states, *SIGNALS])
@@ -238,8 +248,6 @@ def _variant(entry: Any) -> Variant:
         columns.append(Column(column.symbol, column.formula, column.unit, column.positive, expression))
     parameters = []
     for p in entry.parameters:
-        if not p.lower < p.upper:
-            raise InputError(f"parameter {p.name!r}: lower {p.lower:g} is not below upper {p.upper:g}")
         middle = float(np.sqrt(p.lower * p.upper))
         parameters.append(
             Parameter(p.name, p.unit, middle, p.relative_to, p.lower, p.upper, p.open, p.special)

@@ -13,17 +13,18 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
-from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.numeric import Array
 
 FRICTION = "coulomb_friction"
-# Points of a search over the nonlinear parameters, by their number.
-GRID = {0: (), 1: (5,), 2: (3, 2), 3: (3, 1, 2)}
 # Steady slip is looked at over this many times the largest angle, at this many times the largest rate.
 FAR, FAST = 50.0, 100.0
+# Moment that an effect adds at most, of the largest.
+LARGEST = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,66 +150,44 @@ def joint_changes(
 
 def _released(term: Any, reference: Reference, moment: float) -> Change:
     """Return the error of a model's coefficient beyond what its covariance allows."""
-    name = place_of(term.id)
+    name, symbol, own = place_of(term.id), f"delta_{term.symbol}", float(term.coefficient)
     column = _at_reference(term.expression, {}, reference)
-    scale = min(moment / column, 3 * abs(term.coefficient)) if column > 0 else abs(term.coefficient)
-    scale = scale or abs(term.coefficient) or 1.0
-    lowest = -term.coefficient / scale if term.id == FRICTION and term.coefficient >= 0 else -1.0
+    scale = min(moment / column, 3 * abs(own)) if column > 0 else abs(own)
+    scale = scale or abs(own) or 1.0
+    rubs = term.id == FRICTION and own >= 0
 
-    def apply(setup: Setup, x: Array) -> Setup:
-        value = setup.numbers[name] + scale * float(x[0])
-        if term.id == FRICTION and term.coefficient >= 0:
-            value = max(value, 0.0)
-        return replace(setup, numbers={**setup.numbers, name: value})
+    def act(setup: Setup, values: Array) -> Setup:
+        value = setup.numbers[name] + float(values[0])
+        return replace(setup, numbers={**setup.numbers, name: max(value, 0.0) if rubs else value})
 
-    start = np.zeros(1)
+    lowest = max(-own / scale, -1.0) if rubs else -1.0
     return Change(
-        term.id, term.family, "released", apply, start, np.array([max(lowest, -1.0)]), np.ones(1), start[None], (0,),
-        lambda x: {f"delta_{term.symbol}": scale * float(x[0])}, inside=True,
-        units={f"delta_{term.symbol}": term.unit},
+        Effect(term.id, term.name, term.family, term.name), "released", act, (symbol,), np.array([scale]),
+        np.array([lowest]), np.ones(1), {symbol: term.unit},
     )  # fmt: skip
 
 
 def _added(effect: Effect, addition: Addition, reference: Reference, moment: float) -> Change:
     variant = addition.variant
     bounds = np.log(variant.bounds(reference)).reshape(-1, 2)
-    middle = np.exp(bounds.mean(axis=1))
-    count = 0 if addition.replaces else len(variant.columns)
-    inner = dict(zip(variant.names, middle, strict=True))
-    scales = [
-        moment / max(_at_reference(c.expression, inner, reference, variant), 1e-300)
-        for c in variant.columns[:count]
-    ]
+    columns = () if addition.replaces else variant.columns
+    inner = dict(zip(variant.names, np.exp(bounds.mean(axis=1)), strict=True))
+    sizes = [_at_reference(c.expression, inner, reference, variant) for c in columns]
 
-    def numbers(x: Array) -> dict[str, float]:
-        values = np.exp(x[count:])
-        named = {addition.name(n): float(v) for n, v in zip(variant.names, values, strict=True)}
-        named |= {addition.name(f"c{i}"): scales[i] * float(x[i]) for i in range(count)}
+    def act(setup: Setup, values: Array) -> Setup:
+        coefficients, own = np.split(values, [len(columns)])
+        named = {addition.name(n): float(v) for n, v in zip(variant.names, own, strict=True)}
+        named |= {addition.name(f"c{i}"): float(value) for i, value in enumerate(coefficients)}
         if addition.replaces:
-            named[addition.name("level")] = steady_level(variant, values, reference, FAST)
-        return named
-
-    def apply(setup: Setup, x: Array) -> Setup:
+            named[addition.name("level")] = steady_level(variant, own, reference, FAST)
         keys = setup.added if addition.key in setup.added else (*setup.added, addition.key)
-        return replace(setup, added=keys, numbers={**setup.numbers, **numbers(x)})
+        return replace(setup, added=keys, numbers={**setup.numbers, **named})
 
-    def report(x: Array) -> dict[str, float]:
-        named = {c.symbol: scales[i] * float(x[i]) for i, c in enumerate(variant.columns[:count])}
-        return named | {n: float(v) for n, v in zip(variant.names, np.exp(x[count:]), strict=True)}
-
-    shape = GRID.get(len(bounds), (2,) * len(bounds))
-    axes = [a + (b - a) * (np.arange(n) + 0.5) / n for (a, b), n in zip(bounds, shape, strict=True)]
-    mesh = (
-        np.array(np.meshgrid(*axes, indexing="ij")).reshape(len(bounds), -1).T if shape else np.zeros((1, 0))
-    )
-    positive = [c.positive for c in variant.columns[:count]]
     return Change(
-        effect.id, effect.family, addition.key, apply,
-        np.concatenate([np.zeros(count), bounds.mean(axis=1)]),
-        np.concatenate([np.where(positive, 0.0, -1.5), bounds[:, 0]]) if count else bounds[:, 0],
-        np.concatenate([np.full(count, 1.5), bounds[:, 1]]),
-        np.column_stack([np.zeros((len(mesh), count)), mesh]), tuple(range(count)), report,
-        inside=True, memory=bool(variant.states), units=variant.units("rotation"),
+        effect, addition.key, act, (*(c.symbol for c in columns), *variant.names),
+        moment / np.maximum(np.array(sizes, dtype=float), 1e-300),
+        np.append([0.0 if c.positive else -LARGEST for c in columns], bounds[:, 0]),
+        np.append(np.full(len(columns), LARGEST), bounds[:, 1]), variant.units("rotation"),
     )  # fmt: skip
 
 

@@ -2,49 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.budget import Budget, divide_gap
+from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects.change import Change, structure_changes
 from sindyjoint.diagnosis.effects.joint import joint_changes
-from sindyjoint.diagnosis.effects.structure import (
-    Change,
-    Scales,
-    load_structure_effects,
-    structure_changes,
-)
-from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.localisation import Place, Regions, most_informative
+from sindyjoint.diagnosis.effects.setup import Scales
+from sindyjoint.diagnosis.parts import Place, Regions, most_informative
+from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
-from sindyjoint.diagnosis.structure.motions import joint_motions, main_period
-from sindyjoint.diagnosis.structure.output_error import fit
+from sindyjoint.diagnosis.structure.gap import UNITS, locate_segments, measured_power, segment_gaps
+from sindyjoint.diagnosis.structure.kinds import with_slopes
+from sindyjoint.diagnosis.structure.output_error import FittedChange, fit
 from sindyjoint.diagnosis.structure.problem import StructureProblem
-from sindyjoint.diagnosis.structure.records import RecordsProblem
-from sindyjoint.diagnosis.structure.result import with_slopes
+from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
 from sindyjoint.diagnosis.structure.runs import RunsProblem
-from sindyjoint.diagnosis.structure.search import FittedChange
-from sindyjoint.diagnosis.structure.segment_gaps import UNITS, locate_segments, measured_power, segment_gaps
-from sindyjoint.diagnosis.structure.tested_range import beyond_tested
+from sindyjoint.diagnosis.structure.start import outside_joints
 from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.equation.terms import Reference
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import SIMULATED
+from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.substructure.simulated.runs import SteadyRun
+
+# Samples of the highest harmonic over a period.
+PHASES = 8
+
+
+def joint_motions(problem: RunsProblem, x: Array) -> Iterator[tuple[str, Array, Array]]:
+    """Yield the name of a run, and angle and rate of the joints over its period or a segment, shape (joints, n)."""
+    for place, run in enumerate(problem.runs):
+        found = problem.answer(place, x)
+        if found is None:
+            continue
+        amplitudes = run.angles(found[0])
+        orders = np.arange(amplitudes.shape[1])
+        wave = np.exp(1j * np.outer(orders, np.linspace(0, 2 * np.pi, PHASES * orders.size)))
+        yield run.name, (amplitudes @ wave).real, (1j * run.omega * orders * amplitudes @ wave).real
+    if not isinstance(problem, RecordsProblem):
+        return
+    for record in problem.records:
+        with suppress(SimulationError, InputError):
+            channels = channels_of(problem.setup(x))
+            reduced = problem.simulated(record, x)
+            for _, (angle, rate) in record.begun(reduced).motions(reduced, channels):
+                yield record.name, angle.T, rate.T
+
+
+def main_period(problem: RunsProblem) -> float:
+    """Return the longest period of the strongest lines of the drives, or of what sensors show of other runs, s."""
+    found = [2 * np.pi / (run.omega * (1 + int(np.argmax(np.abs(run.drive[1:]))))) for run in problem.runs]
+    if isinstance(problem, RecordsProblem):
+        found += [1 / main_frequency(record.measured[0], record.rate) for record in problem.records]
+    return max(found)
+
+
+def beyond_tested(problem: RunsProblem) -> list[str]:
+    """Return a warning for each run and joint that moves beyond what its model, as given, was tested to."""
+    names = [hinge.name for hinge in problem.test.structure.hinges]
+    motions: dict[str, list[tuple[Array, Array]]] = {}
+    for name, angle, rate in joint_motions(problem, problem.start()):
+        motions.setdefault(name, []).append((angle, rate))
+    lines: list[str] = []
+    for run, parts in motions.items():
+        angle, rate = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+        for kind in problem.kinds:
+            fitted, motion = kind.model.fitted, kind.model.joint.motion
+            for at in kind.places:
+                lines += range_warnings(fitted, motion, angle[at], rate[at], f"{GIVEN}{run}, {names[at]}")
+    return lines
+
 
 Complex = NDArray[np.complex128]
 
-# Accelerometers see neither; the others act on what every sensor shows.
-UNSEEN = ("sensor zero", "sensor drift")
-OF_CHAINS = ("loss factor", "bending stiffness", "mass per length", "point mass", "clamp compliance")
 # Periods and samples of each in the pictures.
 SHOWN, SAMPLES = 8, 64
 FEW = 4  # runs, of which none is kept out unless it is marked
@@ -125,22 +167,12 @@ class RunsDiagnosis(StructureProblem):
         weight = size / size.sum() if alike else np.full(size.size, 1 / size.size)
         return Gap(float("nan"), float(np.sqrt(weight @ values**2)))
 
-    def budget(self, first: RunsDiagnosis, last: RunsDiagnosis) -> Budget:
-        """Return what the mean square gap is made of, relative to what the sensors show."""
-        problem = first.pulse
-        start = problem.residuals(problem.start())
-        total = first.best.cost if start is None else float(start @ start)
-        noise = min(problem.rows(), total)
-        parts = {"state": max(total - first.best.cost, 0.0), "history": 0.0, "run": 0.0}
-        for kind, drop in last.drops:
-            parts[kind] += max(drop, 0.0)
-        parts["run"] += max(last.best.cost - noise, 0.0)
-        whole = max(sum(parts.values()), 1e-300)
-        own = sum(float(np.sum(np.abs(run.measured / run.sigma) ** 2)) for run in problem.runs)
-        if isinstance(problem, RecordsProblem):
-            own += measured_power(problem)
-        shares = {kind: part / whole for kind, part in parts.items()}
-        return divide_gap(total / own, noise / own, 0.0, lambda _: shares)
+    drags: ClassVar[bool] = True
+
+    def power(self) -> tuple[float, float]:
+        """Return the squares of what the sensors show, in units of noise; no time step has an error there."""
+        own = sum(float(np.sum(np.abs(run.measured / run.sigma) ** 2)) for run in self.pulse.runs)
+        return own + (measured_power(self.pulse) if isinstance(self.pulse, RecordsProblem) else 0.0), 0.0
 
     def places(self) -> tuple[Place, ...]:
         """Return in which run, at which sensor and at which harmonic the gap of the given models lies."""
@@ -167,10 +199,10 @@ class RunsDiagnosis(StructureProblem):
         return most_informative(regions.found, self.policy, one_per_axis=True)
 
     def separating_runs(
-        self, step: Step, ranking: Ranking[FittedChange], effort: Effort
-    ) -> tuple[Advice, ...]:
+        self, step: Step, ranking: Ranking[FittedChange], search: Portion, say: Say
+    ) -> tuple[tuple[Advice, ...], int, int]:
         """Return none: further runs of a structure are not searched for."""
-        return ()
+        return (), 0, 0
 
     def diagnosis(self, first: RunsDiagnosis, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result: the model of each kind of joint, and the structure's numbers."""
@@ -226,14 +258,9 @@ def divide_runs(test: RigTest) -> tuple[list[RigRun], list[RigRun]]:
 
 def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tuple[Change, ...]:
     """Return the ways in which the structure, and each kind of joint, may differ from what is described."""
-    chain = problem.test.chain
     setup = problem.setup(x)
-    known = [
-        effect
-        for effect in load_structure_effects()
-        if effect.acts_on not in UNSEEN and (chain is not None or effect.acts_on not in OF_CHAINS)
-    ]
-    changes = list(structure_changes(known, setup, Scales(main_period(problem), 1.0, 1.0)))
+    # Accelerometers see neither zero nor drift.
+    changes = list(structure_changes(outside_joints(effects), setup, Scales(main_period(problem))))
     laws = problem.laws(setup)
     motions = list(joint_motions(problem, x))
     for kind in problem.kinds:

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
-from sindyjoint.diagnosis.effects.structure import Change, Setup
-from sindyjoint.diagnosis.structure.result import assemble_model
+from sindyjoint.diagnosis.effects.setup import Setup
+from sindyjoint.diagnosis.structure.output_error import differences
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, root_of
 from sindyjoint.response.model_law import model_law
 
 # No positive number of an element falls below this share of it.
 LEAST = 0.02
+# Step of the differences, in the scaled numbers of a fit.
+STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,19 +83,18 @@ class JointKind:
     def change(self, change: Change, several: bool) -> Change:
         """Return a change of the law as one of the joints of this kind; its numbers bear the kind's name."""
 
-        def apply(setup: Setup, x: Array) -> Setup:
-            return replace(setup, kinds={**setup.kinds, self.name: change.apply(setup.kinds[self.name], x)})
+        def act(setup: Setup, values: Array) -> Setup:
+            return replace(
+                setup, kinds={**setup.kinds, self.name: change.act(setup.kinds[self.name], values)}
+            )
 
         def named(name: str) -> str:
             return f"{name} of {self.name}" if several else name
 
-        def report(x: Array) -> dict[str, float]:
-            return {named(name): value for name, value in change.report(x).items()}
-
-        units = {named(name): unit for name, unit in change.units.items()}
         return replace(
-            change, way=f"{self.name}: {change.way}", apply=apply, report=report, units=units, kind=self.name
-        )
+            change, way=f"{self.name}: {change.way}", act=act, names=tuple(map(named, change.names)),
+            units={named(name): unit for name, unit in change.units.items()}, kind=self.name,
+        )  # fmt: skip
 
     def whole(self, numbers: Mapping[str, float], after: JointModel, found: Sequence[Change]) -> JointModel:
         """Return the model with what the changes of such joints have added, of the law's numbers of a setup."""
@@ -131,10 +134,41 @@ def kept_numbers(model: JointModel) -> NDArray[np.intp]:
     return np.array([*terms, *range(len(model.terms), model.numbers.size)], dtype=np.intp)
 
 
-def root_of(covariance: Array) -> Array:
-    """Return L with L·Lᵀ a covariance of numbers of any sizes."""
-    errors = np.sqrt(np.diag(covariance))
-    errors[errors == 0] = 1e-12
-    matrix = covariance / np.outer(errors, errors)
-    size, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    return np.asarray(errors[:, None] * (vectors * np.sqrt(np.maximum(size, 0.0))))
+def with_slopes(
+    assembled: Callable[[Array], JointModel], x: Array, high: Array, covariance: Array
+) -> JointModel:
+    """Return the model of some numbers of a fit with the covariance that follows from theirs, by linearisation."""
+    whole = assembled(x)
+    slopes = differences(
+        lambda at: assembled(at).numbers, x, whole.numbers, range(x.size), np.full(x.size, STEP), high
+    )
+    spread = slopes @ covariance @ slopes.T
+    return whole.with_numbers(whole.numbers, (spread + spread.T) / 2)
+
+
+def assemble_model(
+    numbers: Mapping[str, float], laws: JointLaws, after: JointModel, changes: Sequence[Change]
+) -> JointModel:
+    """Return the whole model of a law's numbers with what changes have added; its errors are not yet known."""
+    additions = [(change, laws.additions.get(change.way)) for change in changes]
+    replacing = [each for _, each in additions if each is not None and each.replaces]
+    terms, elements = [], list(after.elements)
+    for term in after.terms:
+        if not (term.id == FRICTION and replacing):
+            terms.append(replace(term, coefficient=numbers.get(place_of(term.id), term.coefficient)))
+    for change, addition in additions:
+        if addition is None:
+            continue
+        names = [f"c{k}" for k in range(len(addition.variant.columns))]
+        coefficients = [numbers.get(addition.name(name), 0.0) for name in names]
+        if addition.replaces:
+            # It carries the friction: its column comes to `level` under steady slip.
+            friction = numbers[place_of(FRICTION)] / len(replacing)
+            coefficients = [friction / numbers[addition.name("level")]]
+        values = [numbers[addition.name(name)] for name in addition.variant.names]
+        added = FittedEffect(change.effect, addition.variant, np.array(values), np.array(coefficients), 0.0)
+        if addition.variant.states:
+            elements.append(added.element())
+        else:
+            terms += added.terms()
+    return replace(after, terms=tuple(terms), elements=tuple(elements), covariance=())

@@ -1,31 +1,27 @@
-"""The output-error problem of a pulse test: the residual between records and simulation, and its fit.
+"""Output error: the residual between measured and simulated response, its fit, and what that predicts.
 
-Unknown are the model's coefficients, which keep to their covariance, and the numbers of effects. Both are found by a
-bounded Gauss–Newton search on the simulated response with horizons that grow: over a long record a slightly wrong
-frequency is whole cycles off, and a search that begins with all of it ends in the nearest wrong cycle.
+Unknown are numbers of laws and structure, which keep to their covariance, and those of effects. Both are found by a
+bounded Gauss–Newton search on the simulated response.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effects.joint import JointLaws, place_of
-from sindyjoint.diagnosis.effects.structure import Change, Setup
-from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.structure.noise import RecordNoise
-from sindyjoint.equation.model import INERTIA, JointModel
-from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.pulse_test import with_laws
-from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.setup import Setup
+from sindyjoint.evidence.score import Evidence, Score
 from sindyjoint.numeric import Array
 
 # Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
 STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4
+# Parts of the rows, at least, that are predicted one from the others.
+GROUPS = 8
 # Modes are added to the search only as far as records can show them.
 MODES = 6
 
@@ -40,82 +36,98 @@ class Fit:
         Numbers of the base, then of the candidate.
     cost : float
         Sum of squares of the residuals, prior rows included, in units of noise.
+    residual : ndarray, shape (rows,)
     jacobian : ndarray, shape (rows, x.size)
     """
 
     x: Array
     cost: float
+    residual: Array = field(repr=False)
     jacobian: Array = field(repr=False)
 
 
-class Fitted(Protocol):
-    """What a fit asks of a problem."""
+@dataclass(frozen=True, eq=False)
+class FittedChange:
+    """A candidate with its best numbers.
+
+    Parameters
+    ----------
+    change : Change
+    x : ndarray
+        Numbers of the base beside it, then its own.
+    gain : float
+        Fall of χ².
+    residual : ndarray, shape (rows,)
+        In units of noise.
+    jacobian : ndarray, shape (rows, x.size)
+        Its derivatives over all numbers.
+    """
+
+    change: Change
+    x: Array
+    gain: float
+    residual: Array
+    jacobian: Array
 
     @property
-    def base_size(self) -> int:
-        """Numbers of the base."""
+    def name(self) -> str:
+        """Id of the effect."""
+        return self.change.effect.id
 
-    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
-        """Return lower and upper bounds of the numbers."""
+    @property
+    def family(self) -> str:
+        """Of the effect."""
+        return self.change.effect.family
+
+    @property
+    def own(self) -> Array:
+        """The candidate's own numbers."""
+        return self.x[self.x.size - self.change.size :]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The candidate's own numbers by name, SI."""
+        return self.change.report(self.own)
+
+
+class OutputError:
+    """A measured response, and a simulated one whose numbers are fitted: those that have a prior, then of effects."""
+
+    found: tuple[Change, ...]
+    _kept: dict[Any, Any]
+
+    @property
+    def priors(self) -> int:
+        """Numbers of structure and laws, which come first."""
+        raise NotImplementedError
+
+    @property
+    def free(self) -> Array:
+        """How far each of these may move."""
+        raise NotImplementedError
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Of each residual what is predicted together from the others, shape (rows,)."""
+        raise NotImplementedError
 
     def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
-        """Return simulated less measured in units of noise up to a time, then the prior rows; None for no motion."""
+        """Return simulated less measured in units of noise up to a time, prior rows among them; None for no motion."""
+        raise NotImplementedError
 
     def derivatives(
         self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
     ) -> Array:
-        """Return the columns of the Jacobian at some places."""
+        """Return the columns of the Jacobian at some places, shape (rows, len(places))."""
+        raise NotImplementedError
 
+    def near(self, x: Array) -> Self:
+        """Return the problem for a first look round some numbers: itself, unless there is a quicker one."""
+        return self
 
-@dataclass(frozen=True, eq=False)
-class PulseProblem:
-    """Records of a rig, a model in its joint, and the effects named so far.
-
-    Parameters
-    ----------
-    rig : Rig
-    places : frozenset of str
-        Joints that the model stands for.
-    model : JointModel
-    laws : JointLaws
-    records : tuple of MeasuredResponse
-    noise : tuple of RecordNoise
-        Of each record.
-    found : tuple of Change
-    pulse_uncertainty : float
-        Relative standard error of the force.
-    step_error : tuple of ndarray
-        What the time step does to each record, m; empty where it is not known.
-    policy : DiagnosisPolicy
-    """
-
-    rig: Rig
-    places: frozenset[str]
-    model: JointModel
-    laws: JointLaws
-    records: tuple[MeasuredResponse, ...]
-    noise: tuple[RecordNoise, ...]
-    found: tuple[Change, ...] = ()
-    pulse_uncertainty: float = 0.0
-    step_error: tuple[Array, ...] = ()
-    policy: DiagnosisPolicy = STRUCTURE
-    _kept: dict[object, tuple[Array, ...]] = field(default_factory=dict, repr=False)
-
-    @property
-    def duration(self) -> float:
-        """Of the longest record, s."""
-        return max(r.displacement.size / r.sample_rate for r in self.records)
-
-    def rows(self, duration: float | None = None) -> float:
-        """Return the effective number of samples up to a time."""
-        duration = self.duration if duration is None else duration
-        counts = [self.count(record, duration) for record in self.records]
-        return sum(count / noise.length for count, noise in zip(counts, self.noise, strict=True))
-
-    @property
-    def priors(self) -> int:
-        """Numbers that have a prior: step, pulse, coefficients of the model."""
-        return 2 + self._root.shape[1]
+    def prepared(self, x: Array) -> Self:
+        """Return the problem for a search from some numbers; it is weighed as before, so that gains compare."""
+        return self
 
     @property
     def base_size(self) -> int:
@@ -126,168 +138,76 @@ class PulseProblem:
         """Return the base without anything added."""
         return np.concatenate([np.zeros(self.priors), *(change.start for change in self.found)])
 
-    @cached_property
-    def _root(self) -> Array:
-        return prior_root(self.model, self.policy.model_error)
+    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
+        """Return lower and upper bounds of the numbers."""
+        changes = self._changes(extra)
+        low, high = [-self.free, *(c.low for c in changes)], [self.free, *(c.high for c in changes)]
+        return np.concatenate(low), np.concatenate(high)
 
-    def setup(self, x: Array, extra: Change | None = None) -> Setup:
-        """Return the setup of some numbers."""
-        setup = Setup(
-            tuple(self.rig.items), 1 / self.rig.clamp_stiffness, self._numbers(x[2 : self.priors]),
-            pulse=1 + self.pulse_uncertainty * float(x[1]),
-        )  # fmt: skip
+    def _changes(self, extra: Change | None) -> tuple[Change, ...]:
+        return (*self.found, *((extra,) if extra is not None else ()))
+
+    def changed(self, setup: Setup, x: Array, extra: Change | None = None) -> Setup:
+        """Return a setup with the effects found, and an extra one."""
         at = self.priors
-        for change in (*self.found, *((extra,) if extra is not None else ())):
+        for change in self._changes(extra):
             setup = change.apply(setup, x[at : at + change.size])
             at += change.size
         return setup
 
-    def _numbers(self, u: Array) -> dict[str, float]:
-        moved = self._root @ u
-        numbers = {}
-        terms = [term for term in self.model.terms if term.id != INERTIA]
-        for term, shift in zip(terms, moved, strict=True):
-            value = term.coefficient + float(shift)
-            if term.id == "coulomb_friction" and term.coefficient >= 0:
-                value = max(value, 0.0)
-            numbers[place_of(term.id)] = value
-        return numbers | self.laws.fixed
 
-    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
-        """Return lower and upper bounds of the numbers."""
-        changes = (*self.found, *((extra,) if extra is not None else ()))
-        free = np.full(self.priors, 8.0)
-        free[1] *= self.pulse_uncertainty > 0
-        return (
-            np.concatenate([-free, *(c.low for c in changes)]),
-            np.concatenate([free, *(c.high for c in changes)]),
-        )
+def differences(
+    evaluate: Callable[[Array], Array | None],
+    x: Array,
+    here: Array,
+    places: Sequence[int],
+    steps: Array,
+    high: Array,
+) -> Array:
+    """Return the columns of a Jacobian by differences, shape (rows, len(places)), to the side that can be evaluated.
 
-    def simulate(self, setup: Setup, duration: float, step: float | None = None) -> tuple[Array, ...] | None:
-        """Return the displacement of each record up to a time, m; None where the simulation fails."""
-        motions = self._motion(setup, duration + abs(setup.delay), step)
-        if motions is None:
-            return None
-        shown = []
-        for record, motion in zip(self.records, motions, strict=True):
-            count = self.count(record, duration)
-            time = np.arange(motion.size) / record.sample_rate
-            if setup.delay:
-                motion = _later(motion, setup.delay, record.sample_rate)
-            shown.append(setup.gain * motion[:count] + setup.zero + setup.drift * time[:count])
-        return tuple(shown)
-
-    @staticmethod
-    def count(record: MeasuredResponse, duration: float) -> int:
-        """Return the samples of a record up to a time."""
-        return min(record.displacement.size, max(int(round(duration * record.sample_rate)), 8))
-
-    def _motion(self, setup: Setup, duration: float, step: float | None) -> tuple[Array, ...] | None:
-        key = (setup.motion_key, duration, step)
-        if key in self._kept:
-            return self._kept[key]
-        if not all(map(np.isfinite, setup.numbers.values())):
-            return None  # friction that never becomes steady, for one
-        law = self.laws.law(setup)
-        rig = with_laws(
-            replace(
-                self.rig,
-                items=setup.items,
-                clamp_stiffness=np.inf if setup.compliance <= 0 else 1 / setup.compliance,
-                excitation=self.rig.excitation.scaled(setup.pulse),
-            ),
-            lambda hinge: law if hinge.name in self.places else hinge.law,
-        )
-        points = tuple(dict.fromkeys(r.point for r in self.records))
-        found: dict[float, dict[str, Array]] = {}
-        try:
-            for rate in {r.sample_rate for r in self.records}:
-                found[rate] = rig.respond(
-                    points=points, duration=duration, sample_rate=rate, modes=min(rig.modes, MODES),
-                    step=rig.step if step is None else step,
-                ).displacement  # fmt: skip
-        except (SimulationError, InputError, np.linalg.LinAlgError):
-            return None
-        motions = tuple(found[r.sample_rate][r.point] for r in self.records)
-        if not all(np.all(np.isfinite(m)) for m in motions):
-            return None
-        if len(self._kept) > 64:
-            self._kept.clear()
-        self._kept[key] = motions
-        return motions
-
-    def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
-        """Return simulated less measured over noise, then the prior rows."""
-        shown = self.simulate(self.setup(x, extra), duration)
-        if shown is None:
-            return None
-        parts = []
-        for i, (record, noise, signal) in enumerate(zip(self.records, self.noise, shown, strict=True)):
-            residual = signal - record.displacement[: signal.size]
-            if self.step_error:
-                residual = residual + float(x[0]) * self.step_error[i][: signal.size]
-            parts.append(residual / noise.weight)
-        return np.concatenate([*parts, x[: self.priors]])
-
-    def derivatives(
-        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
-    ) -> Array:
-        """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
-        low, high = self.bounds(extra)
-        columns = np.zeros((residual.size, len(places)))
-        for column, place in enumerate(places):
-            step = STEP_PRIOR if place < self.priors else STEP_EFFECT * max(1.0, 0.1 * (high - low)[place])
-            if high[place] <= low[place]:
-                continue
-            step = step if x[place] + step <= high[place] else -step
+    Parameters
+    ----------
+    evaluate : callable
+    x : ndarray, shape (n,)
+    here : ndarray, shape (rows,)
+        What it returns there.
+    places : sequence of int
+    steps, high : ndarray, shape (n,)
+        Steps, and upper bounds, which are not passed; a step of zero leaves a column of zeros.
+    """
+    columns = np.zeros((here.size, len(places)))
+    for column, place in enumerate(places):
+        step = steps[place] if x[place] + steps[place] <= high[place] else -steps[place]
+        for way in (step, -step) if step else ():
             moved = x.copy()
-            moved[place] += step
-            ahead = self.residuals(moved, duration, extra)
-            if ahead is None:
-                moved[place] -= 2 * step
-                ahead, step = self.residuals(moved, duration, extra), -step
+            moved[place] += way
+            ahead = evaluate(moved)
             if ahead is not None:
-                columns[:, column] = (ahead - residual) / step
-        return columns
-
-    def near(self, x: Array) -> PulseProblem:
-        """Return the problem for a first look round some numbers: itself."""
-        return self
-
-    def prepared(self, x: Array) -> PulseProblem:
-        """Return the problem with what the time step does to the response, by Richardson's rule for order two."""
-        setup = self.setup(x)
-        whole = self.simulate(setup, self.duration)
-        half = self.simulate(setup, self.duration, 0.5 * self.rig.step)
-        if whole is None or half is None:
-            return replace(self, step_error=())
-        return replace(self, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
+                columns[:, column] = (ahead - here) / way
+                break
+    return columns
 
 
-def prior_root(model: JointModel, least: float) -> Array:
-    """Return L with L·Lᵀ the covariance of a model's coefficients (inertia left out), each ``least`` of itself more."""
-    kept = [i for i, term in enumerate(model.terms) if term.id != INERTIA]
-    values = model.coefficients[kept]
-    covariance = model.covariance_matrix[np.ix_(kept, kept)]
-    errors = np.sqrt(np.diag(covariance) + (least * values) ** 2)
-    errors[errors == 0] = 1e-12
-    matrix = (covariance + np.diag((least * values) ** 2)) / np.outer(errors, errors)
-    size, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
-    return errors[:, None] * (vectors * np.sqrt(np.maximum(size, 0.0)))
+def parted(sizes: Sequence[int]) -> NDArray[np.intp]:
+    """Return labels of the rows of several pieces, which are cut so that there are enough parts in all."""
+    parts = -(-GROUPS // max(len(sizes), 1))
+    labels = [place * parts + np.arange(size) * parts // size for place, size in enumerate(sizes) if size]
+    return np.concatenate([np.empty(0, dtype=np.intp), *labels])
 
 
-def _later(motion: Array, delay: float, sample_rate: float) -> Array:
-    """Return a motion that was at rest before it began, later by a delay, s."""
-    from scipy.interpolate import CubicSpline
+def score_of(problem: OutputError, found: Any) -> Score:
+    """Return the predictive score of a fit of all its numbers, by linearisation where it ended.
 
-    time = np.arange(motion.size) / sample_rate
-    asked = time - delay
-    shown = CubicSpline(time, motion)(np.clip(asked, 0.0, time[-1]))
-    return np.where(asked < 0, 0.0, shown)
+    ``found`` has residuals in units of noise and their derivatives.
+    """
+    labels = np.unique(problem.groups, return_inverse=True)[1]
+    evidence = Evidence(-found.residual, labels, np.zeros(labels.size))
+    return evidence.score(evidence.add(found.jacobian[:, np.any(found.jacobian != 0, axis=0)]))
 
 
 def fit(
-    problem: Fitted,
+    problem: OutputError,
     x: Array,
     duration: float,
     extra: Change | None = None,
@@ -301,7 +221,7 @@ def fit(
 
     Parameters
     ----------
-    problem : Fitted
+    problem : OutputError
     x : ndarray
     duration : float
         Horizon, s.
@@ -358,7 +278,7 @@ def fit(
             if stale or not fixed or gain < tolerance:
                 break
             stale = True
-    return Fit(x, cost, jacobian)
+    return Fit(x, cost, residual, jacobian)
 
 
 def _step(jacobian: Array, residual: Array, x: Array, low: Array, high: Array, damping: float) -> Array:

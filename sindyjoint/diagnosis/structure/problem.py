@@ -6,29 +6,27 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.budget import Budget, divide_gap
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.structure import Change
-from sindyjoint.diagnosis.effort import Effort
-from sindyjoint.diagnosis.localisation import Place, most_informative
+from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.loop import add_effects
+from sindyjoint.diagnosis.parts import Budget, Place, divide_gap, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Added, Problem, Say
-from sindyjoint.diagnosis.ranking import Ranking
+from sindyjoint.diagnosis.problem import Problem, Say
+from sindyjoint.diagnosis.ranking import Ranking, rise
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
-from sindyjoint.diagnosis.structure.hidden import hidden_pulse_test
-from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
-from sindyjoint.diagnosis.structure.pulses import separating_pulses
-from sindyjoint.diagnosis.structure.result import model_after, warnings_of, whole_model
-from sindyjoint.diagnosis.structure.search import FittedChange, rank_changes, search
+from sindyjoint.diagnosis.structure.kinds import assemble_model, with_slopes
+from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, fit, score_of
+from sindyjoint.diagnosis.structure.pulses import PulseProblem, separating_pulses
+from sindyjoint.diagnosis.structure.search import rank_changes, search
 from sindyjoint.diagnosis.structure.start import (
     first_fit,
+    hidden_pulse_test,
     model_in_place,
     open_rig,
     other_pulse,
@@ -37,7 +35,9 @@ from sindyjoint.diagnosis.structure.start import (
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.evidence.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig
+from sindyjoint.numeric import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,13 +154,12 @@ class StructureProblem(Problem):
     def propose(self, refused: Collection[str], say: Say) -> Ranking[FittedChange] | None:
         """Return the candidates in order of probability."""
         taken = {*refused, *(each.name for each in self.named)}
-        candidates = [change for change in self.changes if change.effect not in taken]
+        candidates = [change for change in self.changes if change.effect.id not in taken]
         fitted = search(self.pulse, self.best, candidates, self.period, say)
-        explained = sum(each.gain for each in self.named)
-        return rank_changes(self.pulse, fitted, self.best.cost, explained) if fitted else None
+        return rank_changes(self.pulse, fitted, self.best) if fitted else None
 
-    def add(self, best: FittedChange) -> Added[Self] | None:
-        """Return the problem with an effect more; earlier ones that it makes needless go."""
+    def add(self, best: FittedChange) -> Self | None:
+        """Return the problem with an effect more; earlier ones that predict nothing beside it go."""
         pulse = replace(self.pulse, found=(*self.pulse.found, best.change))
         pulse = pulse.prepared(best.x)
         found = fit(pulse, best.x, pulse.duration, iterations=4)
@@ -172,14 +171,14 @@ class StructureProblem(Problem):
             fewer = replace(pulse, found=tuple(c for c in pulse.found if c is not each.change))
             start = np.delete(found.x, range(at, at + each.change.size))
             less = fit(fewer, start, pulse.duration, iterations=4)
-            if less is not None and less.cost - found.cost < self.policy.needless_gain * each.change.size:
+            if less is not None and rise(score_of(pulse, found), score_of(fewer, less)) < -np.log(
+                POLICY.chance
+            ):
                 pulse, found = fewer, less
             else:
                 kept.append(each)
-        needless = [each.name for each in self.named if each not in kept]
         drop = (_part_of_budget(best.change), self.best.cost - found.cost)
-        later = replace(self, pulse=pulse, best=found, named=(*kept, best), drops=(*self.drops, drop))
-        return Added(later, needless)
+        return replace(self, pulse=pulse, best=found, named=(*kept, best), drops=(*self.drops, drop))
 
     def units(self, fitted: FittedChange) -> dict[str, str]:
         """Return the units of an effect's parameters."""
@@ -193,38 +192,45 @@ class StructureProblem(Problem):
 
     def budget(self, first: Self, last: Self) -> Budget:
         """Return what the mean square gap is made of, relative to the records' own."""
-        pulse = first.pulse
-        start = pulse.residuals(pulse.start(), pulse.duration)
+        start = first.pulse.residuals(first.pulse.start(), first.pulse.duration)
         total = first.best.cost if start is None else float(start @ start)
-        noise = min(pulse.rows(), total)
+        noise = min(first.pulse.rows(), total)
         # Beside a large gap the coefficients are dragged after it: what they then win is the effects' own.
-        parts = {
-            "state": 0.0 if last.drops else max(total - first.best.cost, 0.0),
-            "history": 0.0,
-            "run": 0.0,
-        }
+        dragged = 0.0 if last.drops and not first.drags else max(total - first.best.cost, 0.0)
+        parts = {"state": dragged, "history": 0.0, "run": max(last.best.cost - noise, 0.0)}
         for kind, drop in last.drops:
             parts[kind] += max(drop, 0.0)
-        parts["run"] += max(last.best.cost - noise, 0.0)
         whole = max(sum(parts.values()), 1e-300)
-        own = sum(float(np.sum((r.displacement - r.displacement.mean()) ** 2)) / n.weight**2
-                  for r, n in zip(pulse.records, pulse.noise, strict=True))  # fmt: skip
-        step = sum(float(e @ e) / n.weight**2 for e, n in zip(pulse.step_error, pulse.noise, strict=False))
+        own, step = first.power()
         shares = {kind: part / whole for kind, part in parts.items()}
         return divide_gap(total / own, noise / own, step / own, lambda _: shares)
+
+    #: Whether what the numbers of laws and structure win at first is theirs beside effects, too.
+    drags: ClassVar[bool] = False
+
+    def power(self) -> tuple[float, float]:
+        """Return the squares of the records, and of what the time step does to them, in units of noise."""
+        pulse = self.pulse
+        own = sum(
+            float(np.sum((r.displacement - r.displacement.mean()) ** 2)) / n.weight**2
+            for r, n in zip(pulse.records, pulse.noise, strict=True)
+        )
+        step = sum(float(e @ e) / n.weight**2 for e, n in zip(pulse.step_error, pulse.noise, strict=False))
+        return own, step
 
     def places(self) -> tuple[Place, ...]:
         """Return where the gap of the model as it was given lies."""
         return most_informative(locate_gap(self.pulse), self.policy, one_per_axis=True)
 
     def separating_runs(
-        self, step: Step, ranking: Ranking[FittedChange], effort: Effort
-    ) -> tuple[Advice, ...]:
-        """Return the pulse that would tell the two likeliest members of a class apart."""
-        return separating_pulses(self.pulse, ranking.members, self.period, effort)
+        self, step: Step, ranking: Ranking[FittedChange], search: Portion, say: Say
+    ) -> tuple[tuple[Advice, ...], int, int]:
+        """Return the pulse that would tell the two likeliest members of a class apart, and how many were tried."""
+        return separating_pulses(self.pulse, ranking.members, self.period, search, say)
 
     def diagnosis(self, first: Self, found: Mapping[str, Any]) -> Diagnosis:
         """Return the result."""
+        after, whole = whole_model(self.pulse, self.best)
         return Diagnosis(
             **found,
             warnings=(
@@ -233,8 +239,8 @@ class StructureProblem(Problem):
                 ),
                 *self.beyond,
             ),
-            model=model_after(self.pulse, self.best),
-            whole=whole_model(self.pulse, self.best),
+            model=after,
+            whole=whole,
             hidden=self.hidden,
             source="structure",
             rig=self.pulse.rig.name,
@@ -248,4 +254,70 @@ def _gap(figures: Sequence[float]) -> Gap:
 
 def _part_of_budget(change: Change) -> str:
     """Return the part of the budget that an effect belongs to."""
-    return "run" if not change.inside else "history" if change.memory else "state"
+    return (
+        "run"
+        if not change.inside
+        else "history"
+        if any(v.states for v in change.effect.variants)
+        else "state"
+    )
+
+
+def whole_model(problem: PulseProblem, best: Fit) -> tuple[JointModel, JointModel]:
+    """Return the model with its numbers beside the effects, and with what these change in the joint's law.
+
+    That is terms, and elements with a memory; effects outside of the joint belong to the structure. The covariance is
+    that of the fit, by linearisation.
+    """
+    changes = [change for change in problem.found if change.inside]
+    own, inverse = slice(2, problem.priors), _inverse(best)
+    after = problem.kind.with_numbers(best.x[own], inverse[own, own])
+    if not changes:
+        return after, after
+
+    def assembled(x: Array) -> JointModel:
+        return assemble_model(problem.setup(x).numbers, problem.kind.laws, after, changes)
+
+    return after, with_slopes(assembled, best.x, problem.bounds()[1], inverse)
+
+
+def _inverse(best: Fit) -> Array:
+    """Return the covariance of the numbers of a fit, from its Jacobian in units of noise."""
+    normal = best.jacobian.T @ best.jacobian
+    scale = np.sqrt(np.diag(normal))
+    scale[scale == 0] = 1.0
+    inverse: Array = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
+    return inverse
+
+
+def warnings_of(
+    problem: PulseProblem, records: Sequence[RecordGap], virtual: bool, drawn: bool, others: bool
+) -> tuple[str, ...]:
+    """Return what to know before believing the diagnosis.
+
+    Records may be simulated (``virtual``), the model be ``drawn`` from the rig's own law, and ``others`` be held out.
+    """
+    lines = []
+    if virtual:
+        lines.append("the response is simulated (a virtual pulse test of the rig), not measured")
+    if drawn:
+        share = 100 * problem.policy.known_to
+        lines.append(
+            f"no model was given: the terms of the rig's own joint were taken as known to {share:.3g} %"
+        )
+    if not others:
+        lines.append(
+            f"one pulse only: the gaps are those of a fit to the first {records[0].held_from:.3g} s, told on the rest"
+        )
+    for record, noise in zip(problem.records, problem.noise, strict=True):
+        if noise.length > 3:
+            lines.append(
+                f"the noise at {record.point} is not white: {noise.length:.3g} neighbouring samples count as one"
+            )
+    for error, noise in zip(problem.step_error, problem.noise, strict=False):
+        if np.sqrt(np.mean(error**2)) > 3 * noise.sigma:
+            lines.append(
+                f"the time step of {problem.rig.step:g} s is coarse for this noise; reduce step in [output]"
+            )
+            break
+    return tuple(lines)

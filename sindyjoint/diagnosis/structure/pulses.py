@@ -1,84 +1,262 @@
-"""Which pulse would tell two effects of a structure apart: the rivals are simulated under pulses not given yet."""
+"""A pulse test as an output-error problem, and the pulse that would tell two of its effects apart.
+
+Fits go over horizons that grow: over a long record a slightly wrong frequency is whole cycles off, and a search that
+begins with all of it ends in the nearest wrong cycle.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effort import Effort
+from sindyjoint.clock import Portion
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.setup import Setup
+from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice
-from sindyjoint.diagnosis.structure.output_error import PulseProblem
-from sindyjoint.diagnosis.structure.search import FittedChange
-from sindyjoint.mechanics.rigs import MeasuredResponse
+from sindyjoint.diagnosis.structure.kinds import JointKind
+from sindyjoint.diagnosis.structure.noise import RecordNoise
+from sindyjoint.diagnosis.structure.output_error import FittedChange, OutputError, differences, parted
+from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics.pulse_test import with_laws
+from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
+from sindyjoint.numeric import Array
 
+# Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
+STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4
+# Modes are added to the search only as far as records can show them.
+MODES = 6
 # Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.
 FORCES = (1.0, 0.3, 3.0)
 
 
+@dataclass(frozen=True, eq=False)
+class PulseProblem(OutputError):
+    """Records of a rig, a model in its joint, and the effects named so far.
+
+    Parameters
+    ----------
+    rig : Rig
+    places : frozenset of str
+        Joints that the model stands for.
+    kind : JointKind
+        Its model, and the laws of that.
+    records : tuple of MeasuredResponse
+    noise : tuple of RecordNoise
+        Of each record.
+    found : tuple of Change
+    pulse_uncertainty : float
+        Relative standard error of the force.
+    step_error : tuple of ndarray
+        What the time step does to each record, m; empty where it is not known.
+    policy : DiagnosisPolicy
+    """
+
+    rig: Rig
+    places: frozenset[str]
+    kind: JointKind
+    records: tuple[MeasuredResponse, ...]
+    noise: tuple[RecordNoise, ...]
+    found: tuple[Change, ...] = ()
+    pulse_uncertainty: float = 0.0
+    step_error: tuple[Array, ...] = ()
+    policy: DiagnosisPolicy = STRUCTURE
+    _kept: dict[object, tuple[Array, ...]] = field(default_factory=dict, repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Of the longest record, s."""
+        return max(r.displacement.size / r.sample_rate for r in self.records)
+
+    def rows(self, duration: float | None = None) -> float:
+        """Return the effective number of samples up to a time."""
+        duration = self.duration if duration is None else duration
+        counts = [self.count(record, duration) for record in self.records]
+        return sum(count / noise.length for count, noise in zip(counts, self.noise, strict=True))
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Of each residual what is predicted together from the others: stretches of the records, and the priors."""
+        parts = parted([self.count(record, self.duration) for record in self.records])
+        return np.append(parts, np.full(self.priors, parts.max() + 1))
+
+    @property
+    def priors(self) -> int:
+        """Numbers that have a prior: step, pulse, coefficients of the model."""
+        return 2 + self.kind.size
+
+    @property
+    def free(self) -> Array:
+        """How far each number with a prior may move, in its standard errors."""
+        free = np.full(self.priors, 8.0)
+        free[1] *= self.pulse_uncertainty > 0
+        return free
+
+    def setup(self, x: Array, extra: Change | None = None) -> Setup:
+        """Return the setup of some numbers."""
+        setup = Setup(
+            tuple(self.rig.items), 1 / self.rig.clamp_stiffness, self.kind.setup(x[2 : self.priors]).numbers,
+            pulse=1 + self.pulse_uncertainty * float(x[1]),
+        )  # fmt: skip
+        return self.changed(setup, x, extra)
+
+    def simulate(self, setup: Setup, duration: float, step: float | None = None) -> tuple[Array, ...] | None:
+        """Return the displacement of each record up to a time, m; None where the simulation fails."""
+        motions = self._motion(setup, duration + abs(setup.delay), step)
+        if motions is None:
+            return None
+        shown = []
+        for record, motion in zip(self.records, motions, strict=True):
+            count = self.count(record, duration)
+            time = np.arange(motion.size) / record.sample_rate
+            if setup.delay:
+                motion = _later(motion, setup.delay, record.sample_rate)
+            shown.append(setup.gain * motion[:count] + setup.zero + setup.drift * time[:count])
+        return tuple(shown)
+
+    @staticmethod
+    def count(record: MeasuredResponse, duration: float) -> int:
+        """Return the samples of a record up to a time."""
+        return min(record.displacement.size, max(int(round(duration * record.sample_rate)), 8))
+
+    def _motion(self, setup: Setup, duration: float, step: float | None) -> tuple[Array, ...] | None:
+        key = (setup.motion_key, duration, step)
+        if key in self._kept:
+            return self._kept[key]
+        if not all(map(np.isfinite, setup.numbers.values())):
+            return None  # friction that never becomes steady, for one
+        law = self.kind.laws.law(setup)
+        rig = with_laws(
+            replace(
+                self.rig,
+                items=setup.items,
+                clamp_stiffness=np.inf if setup.compliance <= 0 else 1 / setup.compliance,
+                excitation=self.rig.excitation.scaled(setup.pulse),
+            ),
+            lambda hinge: law if hinge.name in self.places else hinge.law,
+        )
+        points = tuple(dict.fromkeys(r.point for r in self.records))
+        found: dict[float, dict[str, Array]] = {}
+        try:
+            for rate in {r.sample_rate for r in self.records}:
+                found[rate] = rig.respond(
+                    points=points, duration=duration, sample_rate=rate, modes=min(rig.modes, MODES),
+                    step=rig.step if step is None else step,
+                ).displacement  # fmt: skip
+        except (SimulationError, InputError, np.linalg.LinAlgError):
+            return None
+        motions = tuple(found[r.sample_rate][r.point] for r in self.records)
+        if not all(np.all(np.isfinite(m)) for m in motions):
+            return None
+        if len(self._kept) > 64:
+            self._kept.clear()
+        self._kept[key] = motions
+        return motions
+
+    def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
+        """Return simulated less measured over noise, then the prior rows."""
+        shown = self.simulate(self.setup(x, extra), duration)
+        if shown is None:
+            return None
+        parts = []
+        for i, (record, noise, signal) in enumerate(zip(self.records, self.noise, shown, strict=True)):
+            residual = signal - record.displacement[: signal.size]
+            if self.step_error:
+                residual = residual + float(x[0]) * self.step_error[i][: signal.size]
+            parts.append(residual / noise.weight)
+        return np.concatenate([*parts, x[: self.priors]])
+
+    def derivatives(
+        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
+    ) -> Array:
+        """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
+        low, high = self.bounds(extra)
+        steps = STEP_EFFECT * np.maximum(1.0, 0.1 * (high - low))
+        steps[: self.priors] = STEP_PRIOR
+        steps[high <= low] = 0.0
+        return differences(lambda at: self.residuals(at, duration, extra), x, residual, places, steps, high)
+
+    def prepared(self, x: Array) -> Self:
+        """Return the problem with what the time step does to the response, by Richardson's rule for order two."""
+        setup = self.setup(x)
+        whole = self.simulate(setup, self.duration)
+        half = self.simulate(setup, self.duration, 0.5 * self.rig.step)
+        if whole is None or half is None:
+            return replace(self, step_error=())
+        return replace(self, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
+
+
+def _later(motion: Array, delay: float, sample_rate: float) -> Array:
+    """Return a motion that was at rest before it began, later by a delay, s."""
+    from scipy.interpolate import CubicSpline
+
+    time = np.arange(motion.size) / sample_rate
+    asked = time - delay
+    shown = CubicSpline(time, motion)(np.clip(asked, 0.0, time[-1]))
+    return np.where(asked < 0, 0.0, shown)
+
+
 def separating_pulses(
-    problem: PulseProblem, members: Sequence[FittedChange], period: float, effort: Effort
-) -> tuple[Advice, ...]:
+    problem: PulseProblem, members: Sequence[FittedChange], period: float, search: Portion, say: Say
+) -> tuple[tuple[Advice, ...], int, int]:
     """Return the pulse and the output point that separate the two likeliest members of a class best, if any does.
 
-    The problem holds everything that was named, ``members`` the named effect first; the level that is advised is the
-    peak displacement at the point, m.
+    Beside it how many pulses were tried, and of how many. The problem holds everything that was named, ``members`` the
+    named effect first; the level that is advised is the peak displacement at the point, m.
     """
-    found = _best_pulse(problem, members[0], members[1], effort)
-    if found is None or found[2] < problem.policy.least_confidence:
-        return ()
-    force, point, confidence, level = found
-    pulse = "second record of the same pulse" if force == 1 else f"pulse {force:g} times as strong, measured"
-    names = (members[0].name, members[1].name)
-    frequency, peak = float(f"{1 / period:.3g}"), float(f"{level:.3g}")
-    return (Advice(names, frequency, peak, f"{pulse} at {point!r}", confidence),)
-
-
-def _best_pulse(
-    problem: PulseProblem, mine: FittedChange, rival: FittedChange, effort: Effort
-) -> tuple[float, str, float, float] | None:
-    """Return force, point, expected confidence and peak displacement of the pulse that separates two rivals best."""
+    mine, rival = members[:2]
     base = replace(problem, found=tuple(c for c in problem.found if c is not mine.change), _kept={})
     if mine.x.size != base.base_size + mine.change.size:
-        return None
-    points = [name for name, row in problem.rig.structure().points.items() if row.any() and name != "tip"]
-    points = list(dict.fromkeys([*(r.point for r in problem.records), *points]))
-    rate, duration = problem.records[0].sample_rate, problem.duration
-    answer = None
-    # The pulse, and it again with each of the rival's numbers a little larger.
-    work = duration * rate * (1 + rival.x.size)
-    effort.planned += len(FORCES)
-    for count, force in enumerate(FORCES):
-        effort.report(
-            f"advice: {effort.tried} of {effort.planned} pulses tried",
-            {"pulse": work * (len(FORCES) - count)},
-        )
-        if not effort.allows("pulse", work):
+        return (), 0, len(FORCES)
+    found, tried = list[Advice](), 0
+    for force in FORCES:
+        say(f"advice: {tried} of {len(FORCES)} pulses tried")
+
+        def promised(force: float = force) -> list[Advice]:
+            return _promised(base, mine, rival, force, float(f"{1 / period:.3g}"))
+
+        more = search.do(promised, None, "")
+        if more is None:
             break
-        effort.tried += 1
-        rig = replace(problem.rig, excitation=problem.rig.excitation.scaled(force))
-        blank = tuple(MeasuredResponse(p, np.zeros(round(duration * rate)), rate) for p in points)
-        noise = (problem.noise[0],) * len(points)
-        new = replace(base, rig=rig, records=blank, noise=noise, step_error=(), _kept={})
-        truth = new.simulate(new.setup(mine.x, mine.change), duration)
-        if truth is None:
-            continue
-        measured = tuple(replace(b, displacement=signal) for b, signal in zip(blank, truth, strict=True))
-        new = replace(new, records=measured)
-        residual = new.residuals(rival.x, duration, rival.change)
-        if residual is None:
-            continue
-        columns = new.derivatives(
-            rival.x, residual, duration, range(base.base_size, rival.x.size), rival.change
-        )
-        # The same model-error inflation as in naming; the effect is as large a share of the gap as before.
-        inflated = problem.policy.temper + problem.policy.column_error**2 * mine.gain * force**2
-        for i, point in enumerate(points):
-            rows = slice(i * truth[i].size, (i + 1) * truth[i].size)
-            basis, _ = np.linalg.qr(columns[rows])
-            apart = residual[rows] - basis @ (basis.T @ residual[rows])
-            confidence = float(1 / (1 + np.exp(-min(0.5 * float(apart @ apart) / inflated, 50.0))))
-            if answer is None or confidence > answer[2] + 1e-3:
-                answer = force, point, confidence, float(np.abs(truth[i]).max())
-    return answer
+        found, tried = [*found, *more], tried + 1
+    # The first of those that promise as much: that costs least.
+    best = max(found, key=lambda each: round(each.expected_confidence, 3), default=None)
+    enough = best is not None and best.expected_confidence >= problem.policy.least_confidence
+    return (best,) if best is not None and enough else (), tried, len(FORCES)
+
+
+def _promised(
+    base: PulseProblem, mine: FittedChange, rival: FittedChange, force: float, frequency: float
+) -> list[Advice]:
+    """Return what a pulse of so many times the force is expected to show at each point."""
+    points = [name for name, row in base.rig.structure().points.items() if row.any() and name != "tip"]
+    points = list(dict.fromkeys([*(r.point for r in base.records), *points]))
+    rate, duration = base.records[0].sample_rate, base.duration
+    rig = replace(base.rig, excitation=base.rig.excitation.scaled(force))
+    blank = tuple(MeasuredResponse(p, np.zeros(round(duration * rate)), rate) for p in points)
+    noise = (base.noise[0],) * len(points)
+    new = replace(base, rig=rig, records=blank, noise=noise, step_error=(), _kept={})
+    truth = new.simulate(new.setup(mine.x, mine.change), duration)
+    if truth is None:
+        return []
+    measured = tuple(replace(b, displacement=signal) for b, signal in zip(blank, truth, strict=True))
+    new = replace(new, records=measured)
+    residual = new.residuals(rival.x, duration, rival.change)
+    if residual is None:
+        return []
+    columns = new.derivatives(rival.x, residual, duration, range(base.base_size, rival.x.size), rival.change)
+    pulse = "second record of the same pulse" if force == 1 else f"pulse {force:g} times as strong, measured"
+    found = []
+    for i, point in enumerate(points):
+        rows = slice(i * truth[i].size, (i + 1) * truth[i].size)
+        basis, _ = np.linalg.qr(columns[rows])
+        apart = residual[rows] - basis @ (basis.T @ residual[rows])
+        confidence = float(1 / (1 + np.exp(-min(0.5 * float(apart @ apart), 50.0))))
+        peak = float(f"{np.abs(truth[i]).max():.3g}")
+        found.append(Advice((mine.name, rival.name), frequency, peak, f"{pulse} at {point!r}", confidence))
+    return found

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.structure.output_error import differences, parted
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
@@ -47,6 +50,12 @@ class RecordsProblem(RunsProblem):
     def rows(self, duration: float | None = None) -> float:
         """Return the number of residuals."""
         return super().rows() + sum(record.rows for record in self.records)
+
+    @property
+    def groups(self) -> NDArray[np.intp]:
+        """Of each residual what is predicted together from the others."""
+        steady = super().groups
+        return np.append(steady, len(steady) + 1 + parted([record.rows for record in self.records]))
 
     def residuals(self, x: Array, duration: float = 0.0, extra: Change | None = None) -> Array | None:
         """Return simulated less measured in units of noise, prior rows among them; None without a motion."""
@@ -92,19 +101,17 @@ class RecordsProblem(RunsProblem):
         low, high = self.bounds(extra)
         columns = np.zeros((residual.size, len(places)))
         columns[:first] = super().derivatives(x, residual[:first], duration, places, extra)
-        for column, place in enumerate(places):
-            size = STEP if place < self.priors else STEP_EFFECT * (high - low)[place]
-            step = size if x[place] + size <= high[place] else -size
-            for way in (step, -step):
-                moved = x.copy()
-                moved[place] += way
-                parts = self._segments(moved, extra) if way else None
-                if parts is not None:
-                    columns[first:, column] = (np.concatenate(parts) - residual[first:]) / way
-                    break
+        steps = STEP_EFFECT * (high - low)
+        steps[: self.priors] = STEP
+
+        def segments(at: Array) -> Array | None:
+            parts = self._segments(at, extra)
+            return None if parts is None else np.concatenate(parts)
+
+        columns[first:] = differences(segments, x, residual[first:], places, steps, high)
         return columns
 
-    def near(self, x: Array) -> RunsProblem:
+    def near(self, x: Array) -> Self:
         """Return the problem for a first look round some numbers: itself."""
         return self
 
@@ -222,11 +229,7 @@ def runs_problem(
 def _states(recovery: Recovery) -> list[ForceStates]:
     """Return the states of all joints that move in a run."""
     joints = range(recovery.transfer.angles.shape[1])
-    return [
-        joint_states(recovery, joint, "")
-        for joint in joints
-        if all(k.any() for k in kept_of(recovery, joint))
-    ]
+    return [joint_states(recovery, joint, "") for joint in joints if kept_of(recovery, joint).any()]
 
 
 def _joint_motion(recovery: Recovery) -> Array:

@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.clock import spend
-from sindyjoint.diagnosis.effects.structure import Change, Setup
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
+from sindyjoint.diagnosis.structure.output_error import OutputError, differences, parted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
@@ -42,7 +44,7 @@ BALANCE_SAMPLES = 2e4
 
 
 @dataclass(frozen=True, eq=False)
-class RunsProblem:
+class RunsProblem(OutputError):
     """Runs of a structure, models in its joints, and the effects named so far.
 
     Parameters
@@ -117,6 +119,12 @@ class RunsProblem:
         return float(sum(run.rows for run in self.runs))
 
     @property
+    def groups(self) -> NDArray[np.intp]:
+        """Of each residual what is predicted together from the others: runs, and the priors."""
+        parts = parted([run.rows for run in self.runs])
+        return np.append(parts, np.full(len(range(self.priors)[self._with_prior]), len(parts)))
+
+    @property
     def numbers(self) -> int:
         """How many uncertain numbers the structure has."""
         return len(self.test.uncertain)
@@ -127,23 +135,12 @@ class RunsProblem:
         return self.numbers + sum(kind.size for kind in self.kinds)
 
     @property
-    def base_size(self) -> int:
-        """Numbers of the base."""
-        return self.priors + sum(change.size for change in self.found)
-
-    def start(self) -> Array:
-        """Return the base without anything added."""
-        return np.concatenate([np.zeros(self.priors), *(change.start for change in self.found)])
-
-    def bounds(self, extra: Change | None = None) -> tuple[Array, Array]:
-        """Return lower and upper bounds of the numbers."""
-        changes = (*self.found, *((extra,) if extra is not None else ()))
+    def free(self) -> Array:
+        """How far each number with a prior may move, in its standard errors; laws' numbers without one, further."""
         free = np.full(self.priors, 8.0)
         if not self.known:
             free[self.numbers :] = FREE
-        return np.concatenate([-free, *(c.low for c in changes)]), np.concatenate(
-            [free, *(c.high for c in changes)]
-        )
+        return free
 
     def parts(self, x: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return the numbers of each kind among those of the base."""
@@ -170,11 +167,7 @@ class RunsProblem:
             chain.items if chain else (), 1 / chain.clamp_stiffness if chain else 0.0, {},
             kinds={kind.name: kind.setup(own[kind.name]) for kind in self.kinds},
         )  # fmt: skip
-        at = self.priors
-        for change in (*self.found, *((extra,) if extra is not None else ())):
-            setup = change.apply(setup, x[at : at + change.size])
-            at += change.size
-        return setup
+        return self.changed(setup, x, extra)
 
     def structure(self, setup: Setup, x: Array) -> Structure:
         """Return the structure of a setup."""
@@ -319,10 +312,6 @@ class RunsProblem:
         known = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "_kept"}
         return NearRuns(**known, answers=answers)
 
-    def prepared(self, x: Array) -> RunsProblem:
-        """Return the problem for a search from some numbers; it is weighed as before, so that gains compare."""
-        return self
-
     def whitened(self, x: Array, extra: Change | None = None) -> RunsProblem:
         """Return the problem with residuals whitened at some numbers, and motions sought near those there.
 
@@ -374,17 +363,13 @@ class NearRuns(RunsProblem):
         self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
     ) -> Array:
         """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
-        _, high = self.bounds(extra)
         here = self.residuals(x, duration, extra)
-        columns = np.zeros((residual.size, len(places)))
-        for column, place in enumerate(places):
-            step = STEP if x[place] + STEP <= high[place] else -STEP
-            moved = x.copy()
-            moved[place] += step
-            ahead = self.residuals(moved, duration, extra)
-            if here is not None and ahead is not None:
-                columns[:, column] = (ahead - here) / step
-        return columns
+        if here is None:
+            return np.zeros((residual.size, len(places)))
+        steps = np.full(x.size, STEP)
+        return differences(
+            lambda at: self.residuals(at, duration, extra), x, here, places, steps, self.bounds(extra)[1]
+        )
 
 
 def recorded(run: SteadyRun, shown: Complex, setup: Setup) -> Complex:

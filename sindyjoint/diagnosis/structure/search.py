@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.effects.structure import Change
-from sindyjoint.diagnosis.ranking import EvidenceScale, Ranking, rank
-from sindyjoint.diagnosis.structure.output_error import Fit, PulseProblem, fit
+from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.policy import STRUCTURE
+from sindyjoint.diagnosis.ranking import Ranking, rank
+from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, OutputError, fit, score_of
+from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.numeric import Array
 from sindyjoint.parallel import side_by_side
 
@@ -19,59 +21,11 @@ REFINED = 4
 MOST_LINEARISED = 10
 
 
-@dataclass(frozen=True, eq=False)
-class FittedChange:
-    """A candidate with its best numbers.
-
-    Parameters
-    ----------
-    change : Change
-    x : ndarray
-        Numbers of the base beside it, then its own.
-    gain : float
-        Fall of χ².
-    """
-
-    change: Change
-    x: Array
-    gain: float
-
-    @property
-    def contains(self) -> tuple[str, ...]:
-        """Nothing that matters: numbers of a structure keep their full price anyway."""
-        return ()
-
-    @property
-    def name(self) -> str:
-        """Id of the effect."""
-        return self.change.effect
-
-    @property
-    def family(self) -> str:
-        """Of the effect."""
-        return self.change.family
-
-    @property
-    def own(self) -> Array:
-        """The candidate's own numbers."""
-        return self.x[self.x.size - self.change.size :]
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """The candidate's own numbers by name, SI."""
-        return self.change.report(self.own)
-
-
-def rank_changes(
-    problem: PulseProblem, fitted: Sequence[FittedChange], base_cost: float, explained: float = 0.0
-) -> Ranking[FittedChange]:
-    """Return the candidates with their probabilities, the best variant of each effect alone.
-
-    ``base_cost`` is χ² without any of them, ``explained`` the fall that effects found before have brought.
-    """
-    rows, policy = problem.rows(), problem.policy
-    scale = EvidenceScale(base_cost, rows, rows, policy.column_error, policy.found_error**2 * explained)
-    return rank(fitted, [f.change.size for f in fitted], scale, policy)
+def rank_changes(problem: OutputError, fitted: Sequence[FittedChange], base: Fit) -> Ranking[FittedChange]:
+    """Return the candidates with their probabilities, the best variant of each effect alone."""
+    simplest = sorted(fitted, key=lambda each: each.change.size)
+    scored = [(each, score_of(problem, each)) for each in simplest]
+    return rank(scored, score_of(problem, base), STRUCTURE.rival_nats)
 
 
 def horizons(problem: PulseProblem, period: float) -> tuple[float, ...]:
@@ -107,7 +61,7 @@ def _search(
     steps = horizons(problem, period)
     small = base.cost < problem.policy.linear * problem.rows()
     start = base.x if small else _held(problem, base)
-    say(f"trying {len({c.effect for c in changes})} effects")
+    say(f"trying {len({c.effect.id for c in changes})} effects")
     tried = _begin(problem, start, changes, steps[0])
     if small:
         return _linearised(problem, base, tried)
@@ -116,7 +70,7 @@ def _search(
     fits: list[tuple[Change, Fit]] = []
     for index, horizon in enumerate(steps):
         words = f"over {horizon:.3g} s" if horizon else "in the steady motion"
-        say(f"trying {len({c.effect for c, _ in alive})} effects {words}")
+        say(f"trying {len({c.effect.id for c, _ in alive})} effects {words}")
         jacobian = _base_jacobian(problem, anchor, horizon)
         if jacobian is None:
             jacobian = _base_jacobian(problem, (start, None), horizon)
@@ -206,7 +160,7 @@ def _screened(
     """Return the candidates that lead after a few steps, and all that are close to them."""
     fits = sorted(_fits(problem, alive, horizon, jacobian, SCREEN_STEPS), key=lambda each: each[1].cost)
     policy, least = problem.policy, fits[0][1].cost
-    close = least + policy.behind * 2 * policy.temper * max(1.0, least / problem.rows(horizon))
+    close = least + 2 * policy.behind * max(1.0, least / problem.rows(horizon))
     return [(c, found.x) for i, (c, found) in enumerate(fits) if i < SCREENED or found.cost < close]
 
 
@@ -231,12 +185,11 @@ def _close(
     residual, last = max(1.0, cost / rows), horizon == problem.duration
     kept: dict[str, tuple[float, Change, Fit]] = {}
     for change, found in fits:
-        behind = (found.cost - cost) / (2 * residual * policy.temper)
-        behind += 0.5 * change.size * np.log(rows) / policy.temper
-        if change.effect not in kept or behind < kept[change.effect][0]:
-            kept[change.effect] = behind, change, found
+        behind = (found.cost - cost) / (2 * residual) + 0.5 * change.size * np.log(rows)
+        if change.effect.id not in kept or behind < kept[change.effect.id][0]:
+            kept[change.effect.id] = behind, change, found
     best = min(behind for behind, _, _ in kept.values())
-    limit = best + policy.behind + policy.column_error * cost
+    limit = best + policy.behind + policy.lost_share * cost
     return [(change, found) for behind, change, found in kept.values() if last or behind <= limit]
 
 
@@ -251,7 +204,9 @@ def _refined(problem: PulseProblem, base: Fit, fits: Sequence[tuple[Change, Fit]
 
     again = _parallel(one, first)
     pairs = [(c, f) for (c, _), f in zip(first, again, strict=True)] + list(order[REFINED:])
-    return [FittedChange(change, found.x, max(base.cost - found.cost, 0.0)) for change, found in pairs]
+    return [
+        FittedChange(change, f.x, max(base.cost - f.cost, 0.0), f.residual, f.jacobian) for change, f in pairs
+    ]
 
 
 def _linearised(
@@ -263,36 +218,34 @@ def _linearised(
     assert residual is not None
     columns, near = base.jacobian, problem.near(base.x)
 
-    def score(change: Change, x: Array) -> float:
+    def linear(change: Change, x: Array) -> FittedChange | None:
         places = [base.x.size + i for i in change.linear]
-        if places:
-            at = x.copy()
-            at[places] = 0.0
-            own = near.derivatives(at, residual, duration, places, change)
-            promised, numbers = _linear(np.hstack([columns, own]), residual)
-            number = numbers[base.x.size :]
-            if np.any((number < change.low[: len(places)]) | (number > change.high[: len(places)])):
-                return 0.0
-            return base.cost - promised
-        there = near.residuals(x, duration, change)
-        return 0.0 if there is None else base.cost - _linear(columns, there)[0]
+        at = x.copy()
+        at[places] = 0.0
+        there = near.residuals(at, duration, change) if change.size > len(places) or not places else residual
+        if there is None:
+            return None
+        own = near.derivatives(at, there, duration, places, change)
+        whole = np.hstack([columns, own])
+        least, numbers = _linear(whole, there)
+        number = numbers[base.x.size :]
+        if np.any((number < change.low[: len(places)]) | (number > change.high[: len(places)])):
+            return None
+        at[: base.x.size] += numbers[: base.x.size]
+        at[places] = number
+        nonlinear = np.zeros((there.size, change.size - len(places)))
+        jacobian = np.hstack([whole, nonlinear])
+        return FittedChange(change, at, base.cost - least, there + whole @ numbers, jacobian)
 
-    gains = _parallel(score, tried)
     rows = problem.rows()
-    price = [
-        0.5 * gain - 0.5 * change.size * np.log(rows) for gain, (change, _) in zip(gains, tried, strict=True)
-    ]
-    order = np.argsort(-np.array(price), kind="stable")
-    chosen = [int(i) for i in order[:MOST_LINEARISED] if price[int(i)] > 0]
-    fits = _fits(problem, [_put(base, *tried[i]) for i in chosen], duration, columns, 4)
+    guessed = [each for each in _parallel(linear, tried) if each is not None]
+    guessed.sort(key=lambda each: -(each.gain - each.change.size * np.log(rows)))
+    promising = [f for f in guessed[:MOST_LINEARISED] if f.gain > f.change.size * np.log(rows)]
+    fits = _fits(problem, [_put(base, f.change, f.x) for f in promising], duration, columns, 4)
     found = _refined(problem, base, fits) if fits else []
-    others = [tried[int(i)] + (gains[int(i)],) for i in order if int(i) not in chosen]
-    known = {f.change.effect for f in found}
-    return found + [
-        FittedChange(change, x, max(min(gain, max([f.gain for f in found], default=gain)), 0.0))
-        for change, x, gain in others
-        if change.effect not in known
-    ]
+    known, most = {f.name for f in found}, max([f.gain for f in found], default=np.inf)
+    rest = [replace(f, gain=max(min(f.gain, most), 0.0)) for f in guessed if f not in promising]
+    return found + [each for each in rest if each.name not in known]
 
 
 def _put(base: Fit, change: Change, x: Array) -> tuple[Change, Array]:

@@ -21,7 +21,7 @@ ROLES: dict[Motion, dict[str, str]] = {
     "translation": {"moment": "force", "angle": "displacement", "rate": "velocity"},
 }
 _OWN = {motion: {key for key, _ in keys.values()} - {"acceleration"} for motion, keys in KEYS.items()}
-ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate") + tuple(
+ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate", "runs", "validate") + tuple(
     f"{key}{part}" for key in CHANNEL_KEYS for part in ("", ".unit", ".gain")
 )
 # Never taken for moment or angle, whatever else is missing.
@@ -135,6 +135,7 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
         When a run has too few columns, or an answer names none.
     """
     found: dict[str, Column] = {}
+    answers = dialogue.answers
     clock = _choose(bundle, "time", "time", [c for c in bundle.columns if c.role == "time"], dialogue)
     if clock is None:
         clock = next((c for c in bundle.columns if c.role is None and is_clock(c.values)), None)
@@ -155,9 +156,13 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
             continue
         if chosen is None and quantity != "rate":
             chosen = _guess_by_shape(bundle, quantity, key, free, dialogue)
-        if chosen is not None:
+        # A velocity beside the displacement is welcome, not needed: nobody is asked for its unit.
+        untold = (
+            quantity == "rate" and chosen and not chosen.unit and not {key, f"{key}.unit"} & answers.keys()
+        )
+        if chosen is not None and not untold:
             found[quantity] = chosen
-    if accelerometer is not None and ("angle" not in found or "acceleration" in dialogue.answers):
+    if accelerometer is not None and ("angle" not in found or "acceleration" in answers):
         found["acceleration"] = accelerometer
     return found
 
@@ -215,7 +220,7 @@ def _guess_by_shape(
 ) -> Column:
     """Return the likeliest of columns that no name tells apart: a load jumps and is rough, a motion is smooth."""
     moving = [c for c in free if c.role not in OTHERS and np.ptp(c.values) > 0]
-    open_ones = [c for c in moving if c.role in (None, "position")]
+    open_ones = [c for c in moving if c.role in (None, "position", "command")]
     needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
     if len(open_ones) < needed:
         names = ", ".join(column.title for column in bundle.columns)

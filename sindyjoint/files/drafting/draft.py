@@ -8,7 +8,7 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, nearest
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.assignment import (
     NO_LOAD,
@@ -19,7 +19,7 @@ from sindyjoint.files.drafting.assignment import (
     find_unit,
 )
 from sindyjoint.files.drafting.run import draft_time, find_course, find_frequency, name_levels
-from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files
+from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files, split_runs
 from sindyjoint.files.units import conversion, unit_ratio
 from sindyjoint.files.writers import manifest_text, toml_string
 from sindyjoint.record import Motion
@@ -61,6 +61,8 @@ class DraftedRun:
     samples: int
     frequency: float | None
     level: str
+    run: str
+    """Which of several in the file; else empty."""
     course: str
     """``"3 Hz"``, ``"free decay"``, ``"sweep"``, ``"aperiodic"`` or ``"quasi-static"``."""
 
@@ -134,7 +136,7 @@ def draft_manifest(
     """
     dialogue = Dialogue(dict(answers))
     left = list(left_out)
-    bundles = bundle_files(files)
+    bundles = bundle_files(_split(files, dialogue))
     if not bundles:
         raise InputError(
             "no file holds columns of numbers: " + "; ".join(f"{file}: {why}" for file, why in left[:3])
@@ -167,14 +169,30 @@ def draft_manifest(
     if not runs:
         raise InputError("; ".join(f"{file}: {why}" for file, why in left[:3]))
     peaks = [abs(run.peak / runs[0].factor) for run in runs]
-    levels = name_levels([run.drafted.file for run in runs], peaks, runs[0].unit)
+    levels = name_levels([f"{run.drafted.file} {run.drafted.run}" for run in runs], peaks, runs[0].unit)
     drafted = [replace(run.drafted, level=level) for run, level in zip(runs, levels, strict=True)]
     simulated = any(bundle.simulated for bundle in bundles if bundle.name in {run.file for run in drafted})
     channels = [run.channels for run in runs]
     text = _write(dialogue.answers.get("name", name), motion, drafted, channels, simulated, dialogue, left)
     questions = tuple(dialogue.questions.values())
-    used = _list_used([run.used for run in runs])
+    used = _list_used(runs)
     return Draft(text, motion, channels[0], tuple(drafted), questions, tuple(left), simulated, used)
+
+
+def _split(files: Sequence[Bundle], dialogue: Dialogue) -> list[Bundle]:
+    """Return the runs of all files; where numbers alone tell several in one apart, they may be several joints."""
+    found: list[Bundle] = []
+    for file in files:
+        runs, told = split_runs(file)
+        if not told:
+            names = list_some([run.run for run in runs], "names")
+            text = (
+                f"are {names} in {file.name} runs of one joint (yes), or its columns those of one run (no)?"
+            )
+            if dialogue.ask("runs", text, "yes") == "no":
+                runs = (file,)
+        found += runs
+    return found
 
 
 def _draft_run(
@@ -205,6 +223,7 @@ def _draft_run(
     for column in bundle.columns:
         if column not in columns.values():
             why = f"looks like {column.role}" if column.role else "neither name nor unit tell"
+            why = why if np.ptp(column.values) else f"constant at {column.values[0]:g}"
             used.append(UsedColumn(bundle.name, column.key, UNUSED, column.unit, why))
     of_motion = "angle" if "angle" in columns else "acceleration"
     angle = columns[of_motion]
@@ -214,12 +233,13 @@ def _draft_run(
             raise InputError(f"{bundle.name}: column {column.key} never changes")
     if angle.values.size != moment.size:
         raise InputError(f"{bundle.name}: its channels differ in length")
-    frequency = None if rate is None else find_frequency(angle.values, moment, rate, bundle.name)
+    called = f"{bundle.name} {bundle.run}"
+    frequency = None if rate is None else find_frequency(angle.values, moment, rate, called)
     unit, gain = units[of_motion]
     si, volts = KEYS[motion][of_motion][1], unit_ratio(unit, "V")
     factor = 1.0 if volts and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
     course, samples = find_course(angle.values, rate, frequency), bundle.columns[0].values.size
-    drafted = DraftedRun(bundle.name, rate, samples, frequency, "", course)
+    drafted = DraftedRun(bundle.name, rate, samples, frequency, "", bundle.run, course)
     shown = (si, 1.0) if volts else (unit, factor)
     return _Run(drafted, channels, factor * float(np.ptp(angle.values)) / 2, *shown, tuple(used))
 
@@ -237,17 +257,32 @@ def _used_time(file: str, column: Column | None, channels: dict[str, str], dialo
 def _why(column: Column, key: str, unit: str, dialogue: Dialogue) -> str:
     """Return why a column is a channel, and in that unit."""
     by_file = "its name" if column.role else "its values"
-    of_unit = "the file" if column.unit and column.unit == unit else "its size"
+    of_unit = (
+        "the file" if column.unit and column.unit == unit else "as usual" if key == "time" else "its size"
+    )
     return f"column: {dialogue.why(key, by_file)}; unit: {dialogue.why(f'{key}.unit', of_unit)}"
 
 
-def _list_used(runs: Sequence[Sequence[UsedColumn]]) -> tuple[UsedColumn, ...]:
-    """Return the columns of runs, those that are the same in several as one; the unused ones last."""
+def _list_used(runs: Sequence[_Run]) -> tuple[UsedColumn, ...]:
+    """Return the columns of runs, those that are the same in several as one; the unused ones last.
+
+    A star stands for what a file with several runs calls each of them.
+    """
     same: dict[UsedColumn, list[str]] = {}
-    for used in (column for run in runs for column in run):
-        same.setdefault(replace(used, file=""), []).append(used.file)
+    for run in runs:
+        for used in run.used:
+            called = run.drafted.run
+            column = (
+                str(used.column).replace(called, "*") if called and used.column is not None else used.column
+            )
+            same.setdefault(replace(used, file="", column=column), []).append(used.file)
     merged = [
-        replace(used, file=f"all {len(files)}" if len(files) == len(runs) > 1 else list_some(files, "files"))
+        replace(
+            used,
+            file=f"all {len(files)}"
+            if len(files) == len(runs) > 1
+            else list_some(list(dict.fromkeys(files)), "files"),
+        )
         for used, files in same.items()
     ]
     return tuple(sorted(merged, key=lambda used: used.quantity == UNUSED))
@@ -283,14 +318,21 @@ def _write(
         else f'# {inertia} = "0.02 {unit}"  # moving with the joint; left out: identified as a term'
     )
     stems = [str(PurePosixPath(run.file).with_suffix("")) for run in runs]
+    once = len({run.run for run in runs}) == len(runs)
+    names = [(run.run if once else f"{run.file} {run.run}") if run.run else run.file for run in runs]
+    kept = [each.strip() for each in dialogue.answers.get("validate", "").split(",") if each.strip()]
+    for each in kept:
+        if each not in (*names, *stems):
+            raise InputError(f"validate = {each!r} is no run; {nearest(each, names, 'runs there:')}")
     entries = [
         [
             f"file = {toml_string(run.file)}",
-            *([f"name = {toml_string(run.file)}"] if stems.count(stem) > 1 else []),
+            *([f"name = {toml_string(name)}"] if stems.count(stem) > 1 else []),
             f"# {run.course}: no frequency" if run.frequency is None else f"frequency = {run.frequency!r}",
             f"level = {toml_string(run.level)}",
+            *['use = "validate"'] * (not {name, stem}.isdisjoint(kept)),
         ]
-        for run, stem in zip(runs, stems, strict=True)
+        for run, name, stem in zip(runs, names, stems, strict=True)
     ]
     tail = ["", "# Left out:"] if left_out else []
     tail += [f"#   {' '.join(printable(f'{file}: {why}').split())}" for file, why in left_out]

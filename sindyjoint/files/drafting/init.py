@@ -60,7 +60,8 @@ class Initialised(Described):
             rate = "" if run.rate is None else f" at {run.rate:.6g} Hz"
             repeated = kinds.count((run.frequency, run.level))
             again = f", one of {repeated} that repeat" if repeated > 1 and run.frequency else ""
-            lines.append(f"  {run.file}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
+            called = f"{run.file} {run.run}".strip()
+            lines.append(f"  {called}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
         lines += _more(draft.runs, "")
         lines += [f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]]
         runs = f" for all {len(draft.runs)} runs" if len(draft.runs) > 1 else ""

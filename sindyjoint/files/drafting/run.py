@@ -50,7 +50,7 @@ SAME_LEVEL = 1.15
 SMALL = 0.1
 _HERTZ = re.compile(r"(\d+(?:[.,p]\d+)?)\s*[hH]z")
 _LEVEL_WORD = re.compile(
-    r"(?:^|[^a-z])(low|lo|mid|medium|high|hi|small|large|max|min|full|half)(?![a-z])", re.IGNORECASE
+    r"(?:^|[^a-z])(low|lo|middle|mid|medium|high|hi|small|large|max|min|full|half)(?![a-z])", re.IGNORECASE
 )
 _LEVEL_SIZE = re.compile(
     r"(\d+(?:[.,p]\d+)?)\s*(Nm|N|kN|mm|in|inch|deg|mrad|rad|um|lb|lbf|V|percent|pct)(?![a-zA-Z])"
@@ -211,5 +211,5 @@ def name_levels(names: Sequence[str], peaks: Sequence[float], unit: str) -> list
         stem = _HERTZ.sub(" ", names[i])
         word, size = _LEVEL_WORD.search(stem), _LEVEL_SIZE.search(stem)
         written = word[1].lower() if word else f"{re.sub('[,p]', '.', size[1])} {size[2]}" if size else ""
-        labels[i] = written or f"{lowest:.2g} {unit}"
+        labels[i] = written or f"{float(f'{lowest:.2g}'):g} {unit}"
     return labels

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
 from sindyjoint.files.manifest import natural_order
 from sindyjoint.files.readers import READERS, open_blocks, read_table
-from sindyjoint.files.units import unit_in_name, unit_ratio
+from sindyjoint.files.units import KNOWN, LETTERS, unit_in_name, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES
 from sindyjoint.text import control_character
@@ -34,6 +35,7 @@ BY_UNIT = {
 SI_UNITS = {role: unit for unit, role in BY_UNIT.items()}
 # Words in names of columns and files, in the order in which they decide: "angle rate" is a rate.
 WORDS = {
+    "command": {"command", "cmd", "setpoint", "soll", "target", "desired", "demand", "ref", "nominal"},
     "velocity": {"velocity", "vel", "speed", "v", "xdot", "geschwindigkeit", "vitesse"},
     "angular rate": {"rate", "omega", "gyro", "thetadot", "phidot", "drehzahl", "winkelgeschwindigkeit"},
     "acceleration": {"acceleration", "acc", "accel", "beschleunigung"},
@@ -52,6 +54,8 @@ WORDS = {
 LOADS = {"moment", "force"}
 MOTIONS = {"angle", "displacement", "position"}
 _CHANNEL_WORDS = frozenset().union(*WORDS.values()) | {"data", "channel", "ch", "signal"}
+# Words that number runs: what stands beside them is no number of a sensor.
+_RUN_WORDS = {"run", "test", "trial", "versuch", "lauf", "essai", "rec", "record", "messung", "exp", "hz"}
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_A-Za-z]+")
 _PER = re.compile(r"_([a-z]+)_per_([a-z]+)$", re.IGNORECASE)
 
@@ -99,6 +103,8 @@ class Bundle:
         Whether one of its files says that it comes from a virtual test.
     scalars : tuple of (str, float)
         Single numbers beside the columns, by their titles, such as a sampling rate.
+    run : str
+        Which of several runs in one file this is.
     """
 
     name: str
@@ -107,6 +113,7 @@ class Bundle:
     remarks: tuple[str, ...] = ()
     simulated: bool = False
     scalars: tuple[tuple[str, float], ...] = ()
+    run: str = ""
 
     def find(self, name: str) -> Column | None:
         """Return the column of a name or number."""
@@ -165,9 +172,57 @@ def _read(path: Path, name: str) -> Bundle:
             columns.append(Column(position if unnamed else title, title, stated[1] if stated else "", values))
     if not columns:
         raise InputError(f"holds no column of {MINIMUM_SAMPLES} numbers or more")
-    longest = max(column.values.size for column in columns)
-    kept = tuple(column for column in columns if column.values.size == longest)
-    return Bundle(name, table.names, kept, table.remarks, table.simulated, tuple(scalars))
+    return Bundle(name, table.names, tuple(columns), table.remarks, table.simulated, tuple(scalars))
+
+
+def split_runs(file: Bundle) -> tuple[tuple[Bundle, ...], bool]:
+    """Return the runs of a file that holds several, and whether names or groups say so; else the file itself.
+
+    Columns that are called alike but for a name or number belong to runs of that name, where each of these has a load
+    and a motion; what has no such name, as the time, is of all.
+    """
+    marks = [_marks(column.title) for column in file.columns]
+    own: dict[tuple[str, ...], set[str]] = {}
+    for mark, column in zip(marks, file.columns, strict=True):
+        own.setdefault(mark, set()).add(role_of(column.title, column.unit) or "")
+    whole = [mark for mark, roles in own.items() if mark and LOADS & roles and MOTIONS & roles]
+    if len(whole) < 2:
+        return (_of_one_length(file),), True
+    runs = []
+    for mark in whole:
+        rest = {word for other in whole if other != mark for word in other} - set(mark)
+        columns = [c for c, words in zip(file.columns, marks, strict=True) if words == mark]
+        called = os.path.commonprefix([c.title for c in columns]).strip("/._- ") or " ".join(mark)
+        # Without the run, the unit may stand at the end.
+        stated = [unit_in_name(c.title.replace(called, "").strip("/._- ")) for c in columns]
+        columns = [
+            replace(c, unit=c.unit or (s[0] if s else "")) for c, s in zip(columns, stated, strict=True)
+        ]
+        shared = [c for c, words in zip(file.columns, marks, strict=True) if words not in whole]
+        scalars = tuple(each for each in file.scalars if not rest & {*_marks(each[0])})
+        made = replace(file, columns=(*columns, *shared), scalars=scalars, run=called)
+        runs.append(_of_one_length(made, columns[0].values.size))
+    told = all({word.lower() for word in mark} & _RUN_WORDS or not mark[0].isdigit() for mark in whole)
+    return tuple(runs), told
+
+
+def _of_one_length(file: Bundle, length: int | None = None) -> Bundle:
+    """Return a run without the columns of another length than its channels have: by default than the longest."""
+    size = max(column.values.size for column in file.columns) if length is None else length
+    return replace(file, columns=tuple(column for column in file.columns if column.values.size == size))
+
+
+def _marks(text: str) -> tuple[str, ...]:
+    """Return the words and numbers of a name that stand for no channel and no unit.
+
+    Examples
+    --------
+    >>> _marks("run 2 torque (N*m)"), _marks("low/angle"), _marks("0.5Hz_1in-Kraft"), _marks("M_Nm")
+    (('run', '2'), ('low',), ('0.5', '1'), ())
+    """
+    parts = re.findall(r"[^\W\d_]+|\d+(?:[.,]\d+)?", re.sub(r"[\[({].*?[\])}]", " ", text))
+    channel = [part in KNOWN | LETTERS or {part.lower(), *_words(part)} & _CHANNEL_WORDS for part in parts]
+    return tuple(part for part, known in zip(parts, channel, strict=True) if not known)
 
 
 def bundle_files(files: Sequence[Bundle]) -> tuple[Bundle, ...]:
@@ -191,10 +246,8 @@ def bundle_files(files: Sequence[Bundle]) -> tuple[Bundle, ...]:
     groups: dict[tuple[object, ...], list[Bundle]] = {}
     for file in told:
         # What is left of its name without words for channels.
-        path = PurePosixPath(file.name).with_suffix("").as_posix()
-        parts = [part for part in re.split(r"[^\w.]+|_", path) if part]
-        tokens = [part for part in parts if not {part.lower(), *_words(part)} & _CHANNEL_WORDS]
-        groups.setdefault((*tokens, file.columns[0].values.size), []).append(file)
+        marks = _marks(PurePosixPath(file.name).with_suffix("").as_posix())
+        groups.setdefault((*marks, file.columns[0].values.size), []).append(file)
     return tuple(
         replace(
             group[0],
@@ -241,9 +294,11 @@ def role_of(title: str, unit: str) -> str | None:
     >>> role_of("force_N", "N"), role_of("pulses_N", "N"), role_of("pulses [N]", "N")
     ('force', 'counter', 'force')
     """
-    words = role_of_words(title)
+    bare = unit_in_name(title)
+    # The V of supply_V is no velocity.
+    words = role_of_words(re.sub(r"[\s_/]+[^\s_/]+$", "", title) if bare and bare[1] else title)
     # The ending of a name is a unit only where the name can be that of a quantity: pulses_N is a number of pulses.
-    if not unit or (words == "counter" and unit_in_name(title) == (unit, True)):
+    if not unit or words == "command" or (words == "counter" and unit_in_name(title) == (unit, True)):
         return words
     return next((role for si, role in BY_UNIT.items() if unit_ratio(unit, si)), words)
 

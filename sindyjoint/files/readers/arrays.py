@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.files.readers.table import (
     MOST_COLUMNS,
+    UNIT_KEYS,
     Table,
     check_array,
     check_bytes,
@@ -135,12 +136,13 @@ def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Ta
     h5py = library(f"{path}: reading", "h5py")
     kind, separator, subscript = ("MATLAB v7.3", ".", "(:,{})") if matlab else ("HDF5", "/", "[:,{}]")
     columns: dict[str, Callable[[int, int], NDArray]] = {}
+    units: list[str] = []
     sizes = [0]
     with foreign(path, kind):
         # Of bytes in memory HDF5 makes a file of its own: through a file object it would ask for each number.
         file = h5py.File(path if data is None else h5py.h5f.open_file_image(data), "r")
         remark = file.attrs.get("remark")
-        for found, shape, item, get in _vectors(file, h5py, path):
+        for found, shape, item, get, unit in _vectors(file, h5py, path):
             name = found.replace("/", separator)
             check_array(path, shape, item, f"data set {found!r:.60}")
             # Of a scalar, or a stack of matrices, no rows can be cut: it is refused when it is asked for.
@@ -152,6 +154,7 @@ def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Ta
                     columns[name + subscript.format(position + matlab)] = partial(
                         _cut, get, 2, along, position
                     )
+            units += [unit] * (len(columns) - len(units))
             sizes.append(shape[along] if len(shape) in (1, 2) else 0)
     cuts = list(columns.values())
 
@@ -162,14 +165,14 @@ def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Ta
 
     return Table(
         path, tuple(columns), load, short_names(tuple(columns), separator), count=lambda: max(sizes),
-        remarks=(remark,) if isinstance(remark, str) else (),
+        units=tuple(units), remarks=(remark,) if isinstance(remark, str) else (),
     )  # fmt: skip
 
 
 def _vectors(
     group: Any, h5py: Any, path: Path, prefix: str = "", above: tuple[Any, ...] = ()
-) -> Iterator[tuple[str, tuple[int, ...], int, Callable[[Any], NDArray]]]:
-    """Yield name, shape, bytes of a number and access to numeric data sets and fields of compounds.
+) -> Iterator[tuple[str, tuple[int, ...], int, Callable[[Any], NDArray], str]]:
+    """Yield name, shape, bytes of a number, access and unit of numeric data sets and fields of compounds.
 
     Names that begin with # are reserved by MATLAB.
     """
@@ -196,10 +199,12 @@ def _vectors(
                 raise InputError(f"{path}: data set {name!r:.60} is empty")
             check_array(path, item.chunks or (), item.dtype.itemsize, f"a chunk of {name!r:.60}")
             if not item.dtype.names:
-                yield name, item.shape, item.dtype.itemsize, partial(_get, path, name, item, None)
+                unit = next((item.attrs[key] for key in UNIT_KEYS if key in item.attrs), "")
+                access = partial(_get, path, name, item, None)
+                yield name, item.shape, item.dtype.itemsize, access, unit if isinstance(unit, str) else ""
             for field in item.dtype.names or ():
                 size = item.dtype[field].itemsize
-                yield f"{name}/{field}", item.shape, size, partial(_get, path, name, item, field)
+                yield f"{name}/{field}", item.shape, size, partial(_get, path, name, item, field), ""
 
 
 def _get(path: Path, name: str, dataset: Any, field: str | None, index: Any) -> NDArray:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import refuse
 from sindyjoint.files.readers.table import (
     MOST_COLUMNS,
     Table,
@@ -69,13 +69,10 @@ def read_feather(path: Path, data: bytes | None = None) -> Table:
     arrow = library(f"{path}: reading", "pyarrow")
     start = (begins(path) if data is None else data)[:6]
     # Of the first version the reader ends the process on many a damaged file.
-    if start[:4] == b"FEA1":
-        raise InputError(
-            f"{path}: is Feather of version 1, which is no longer read; write it again with "
-            "pyarrow.feather.write_feather(pyarrow.feather.read_table(old), new)"
-        )
-    if start != b"ARROW1":
-        raise InputError(f"{path}: cannot be read as Feather; it may be damaged or of another format")
+    again = "pyarrow.feather.write_feather(pyarrow.feather.read_table(old), new)"
+    of_version_1 = f"{path}: is Feather of version 1, which is no longer read; write it again with {again}"
+    damaged = f"{path}: cannot be read as Feather; it may be damaged or of another format"
+    refuse([(start[:4] == b"FEA1", of_version_1), (start != b"ARROW1", damaged)])
 
     def reader(fields: list[int]) -> Any:
         return arrow.ipc.open_file(file, options=arrow.ipc.IpcReadOptions(included_fields=fields))

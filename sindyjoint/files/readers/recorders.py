@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.files.readers.fields import is_number
-from sindyjoint.files.readers.table import Table, check_bytes, foreign, library, short_names
+from sindyjoint.files.readers.table import UNIT_KEYS, Table, check_bytes, foreign, library, short_names
 from sindyjoint.files.readers.text import decode_text
 
 END = "***End_of_Header***"
@@ -150,7 +150,9 @@ def read_tdms(path: Path, data: bytes | None = None) -> Table:
     names = tuple(name for name, _ in channels)
     aliases, rows = short_names(names, "/"), max((len(channel) for _, channel in channels), default=0)
     clocked = any(steps) and "time" not in names and "time" not in aliases
-    return Table(path, (*names, "time") if clocked else names, load, aliases, count=lambda: rows)
+    stated = [[c.properties[key] for key in UNIT_KEYS if key in c.properties] for _, c in channels]
+    units = tuple(str(own[0]) if own else "" for own in stated)
+    return Table(path, (*names, "time") if clocked else names, load, aliases, units=units, count=lambda: rows)
 
 
 @contextmanager
@@ -216,7 +218,9 @@ def read_uff(path: Path, data: bytes) -> Table:
             raise InputError(f"{path}: its functions have different abscissas; expected the same instants")
         return [sets[position]["data"] if position < len(sets) else time for position in wanted]
 
-    return Table(path, (*names, "time"), load, aliases)
+    units = [str(function.get("ordinate_axis_units_lab", "")).strip() for function in sets]
+    stated = tuple("" if unit == "NONE" else unit for unit in units)
+    return Table(path, (*names, "time"), load, aliases, units=stated)
 
 
 def _candidates(function: dict[str, Any]) -> list[str]:

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
+from sindyjoint.errors import InputError, MissingExtraError, SindyJointError, refuse
 from sindyjoint.files.units import unit_in_name
 from sindyjoint.numeric import Array
 
@@ -31,6 +31,8 @@ VARIABLE = "SINDYJOINT_LARGEST"
 DEFAULT = 1 << 30
 MOST_COLUMNS = 10_000
 LARGEST_ITEM = 1 << 16
+# What programs call the unit of a column in its attributes.
+UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string", "NI_UnitDescription")
 _SIZE = re.compile(r"\s*(\d{1,15}(?:\.\d{1,3})?)\s*([kMGT]?)(i?)B?\s*", re.IGNORECASE)
 
 
@@ -291,12 +293,15 @@ def check_array(path: Path, shape: Sequence[int], item: int, what: str = "an arr
     """
     size = math.prod(shape) * item
     wide = len(shape) > 1 and min(shape) > MOST_COLUMNS
-    if wide or not 1 <= item <= LARGEST_ITEM or any(n < 0 for n in shape):
-        raise InputError(
-            f"{path}: {what} of shape {tuple(shape)!s:.60} with {item} bytes an entry is no table of numbers"
-        )
+    no_table = wide or not 1 <= item <= LARGEST_ITEM or any(n < 0 for n in shape)
     # An array without a single number still has as many columns as its shape states.
-    if size == 0 and len(shape) > 1 and max(shape) > MOST_COLUMNS:
-        raise InputError(f"{path}: {what} of shape {tuple(shape)!s:.60} holds nothing")
+    empty = size == 0 and len(shape) > 1 and max(shape) > MOST_COLUMNS
+    shown = f"{path}: {what} of shape {tuple(shape)!s:.60}"
+    refuse(
+        [
+            (no_table, f"{shown} with {item} bytes an entry is no table of numbers"),
+            (empty, f"{shown} holds nothing"),
+        ]
+    )
     check_bytes(path, size, what)
     return size

@@ -11,28 +11,33 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.discovery.frequency import FrequencyTest
-from sindyjoint.discovery.policy import POLICY as DISCOVERY
-from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, GivenModel
+from sindyjoint.judgement.comparison import Choice, Comparison
 from sindyjoint.judgement.headlines import judge_comparison
-from sindyjoint.reporting.equation import interval_text, mathml, superscripted
+from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section, sentence
+from sindyjoint.reporting.results.comparison_tables import (
+    against_terms_table,
+    choices_table,
+    coefficients_table,
+    folds_table,
+    given_model_table,
+    seconds,
+    tests_table,
+)
 from sindyjoint.reporting.results.discovery_terms import dependence
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, shortened
 from sindyjoint.reporting.tables import (
-    DASH,
     Console,
     TextTable,
     aligned,
     csv_records,
     print_table,
-    short_number,
     tabulate,
 )
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.text import quantities, rounded, spelled
+from sindyjoint.text import quantities, spelled
 from sindyjoint.trust import Trust
 
 
@@ -40,28 +45,29 @@ def _inclusion_rows(result: Comparison) -> list[tuple[str, list[float]]]:
     """Return label and share of each term: of the resampled campaigns first, then of every choice."""
     terms = result.shown_ids
     share = dict(zip(result.ids, result.inclusion, strict=True))
-    choices = (*result.methods, *result.frequencies, *result.libraries)
+    choices = [choice for group in result.groups.values() for choice in group]
     chosen = [(choice.name, [float(choice[term] is not None) for term in terms]) for choice in choices]
     return [("resampled campaigns", [share.get(term, 0.0) for term in terms]), *chosen]
 
 
 def inclusion(result: Comparison, ax: Axes) -> Axes:
-    """Draw which term is chosen by what: one row for each method, frequency, library, and the resampled campaigns."""
+    """Draw which term is chosen by what: a row for each choice, and for the resampled campaigns."""
     from matplotlib.patches import Rectangle
 
     terms, rows = result.shown_ids, _inclusion_rows(result)
     for y, (_, values) in enumerate(rows):
         for x, value in enumerate(values):
             # Area shows the share of replicates; a full square is a certain choice.
-            side, colour = 0.86 * np.sqrt(value), PALETTE[0] if terms[x] in result.wanted else PALETTE[1]
+            side, colour = 0.86 * np.sqrt(value), PALETTE[0] if terms[x] in result.reference else PALETTE[1]
             if value > 0:
                 ax.add_patch(Rectangle((x - side / 2, y - side / 2), side, side, color=colour, linewidth=0))
-    for end in np.cumsum([1, len(result.methods), len(result.frequencies)]):
+    for end in np.cumsum([1, *map(len, result.groups.values())])[:-1]:
         ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
-    ax.axvline(len(result.wanted) - 0.5, color=INK, linewidth=0.8)
+    ax.axvline(len(result.reference) - 0.5, color=INK, linewidth=0.8)
+    whose = "the paper's five" if result.of_paper else "the model's terms"
     ax.set(
         xlim=(-0.5, len(terms) - 0.5), ylim=(len(rows) - 0.5, -0.5), yticks=range(len(rows)),
-        yticklabels=[plain(shortened(name, 20)) for name, _ in rows], title="left of the line: the paper's five",
+        yticklabels=[plain(shortened(name, 20)) for name, _ in rows], title=f"left of the line: {whose}",
     )  # fmt: skip
     names = [spelled(term, result.motion) for term in terms]
     ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
@@ -82,8 +88,8 @@ KINDS = by_name(
     Kind(
         "dependence",
         "Coefficients by frequency",
-        "Each coefficient at each single frequency with its 95 % interval; line and grey band: their mean and the "
-        "margin within which they count as the same. Crosses: the paper's tables, where the joint is one of them.",
+        "Each coefficient at each single frequency with its 95 % interval.{crosses} Line and grey band: their "
+        "mean and the margin within which they count as the same.",
         lambda result: [partial(dependence, test=test) for test in result.tests],
     ),
 )
@@ -103,20 +109,18 @@ class ComparisonView(
     """A comparison."""
 
     def tables(self, result: Comparison) -> tuple[TextTable, ...]:
-        """Return the tables of a comparison."""
-        tables = [_against_terms("methods", "Methods against terms", result, _best_first(result.methods))]
-        if result.frequencies:
-            title = f"Each single {result.parts} against terms"
-            tables.append(_against_terms(result.several, title, result, result.frequencies))
-        libraries = _best_first(result.libraries)
-        tables.append(_against_terms("libraries", "Libraries against terms", result, libraries))
-        tables.append(_coefficients(result))
+        """Return the tables of a comparison, that of all choices first."""
+        tables = [choices_table(result)]
+        tables += [
+            against_terms_table(by, result, choices) for by, choices in result.groups.items() if choices
+        ]
+        tables.append(coefficients_table(result))
         if result.tests:
-            tables.append(_tests(result.tests, result.motion))
+            tables.append(tests_table(result.tests, result.motion))
         if result.left_out:
-            tables.append(_folds(result))
+            tables.append(folds_table(result))
         if result.given is not None:
-            tables.append(_given_model(result.given, result.motion))
+            tables.append(given_model_table(result.given, result.motion))
         return tuple(tables)
 
     def page(self, result: Comparison, data: Comparison, show: Blocks, folder: Path | None) -> Page:
@@ -124,40 +128,38 @@ class ComparisonView(
         model = None if result.discovery is None else result.discovery.model
         found = (
             show.equation(markup(mathml(model))) if model and model.terms else "",
-            show.verdict(sentence(result.agreement)),
+            show.verdict(sentence(result.agreement)) if result.of_paper else "",
         )
-        about = f"Model by {result.methods[0].name}: {result.model.reason}."
+        load = quantities(result.motion).moment.lower()
+        about = (
+            f"Sorted by the error of the {load} that was left out, with its standard error. Model by "
+            f"{result.methods[0].name}: {result.model.reason}."
+        )
         answers = [
             f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests
         ]
-        below = {"frequency-dependence": (show.items(answers), show.pictures("dependence"))}
+        above = {"choices": show.paragraph(about, "reason")}
+        below = {
+            "choices": (show.pictures("inclusion"),),
+            "frequency-dependence": (show.items(answers), show.pictures("dependence")),
+        }
         sections = [
             section(
                 table.name,
                 table.title,
                 table.name.replace("-", " ").capitalize(),
+                above.get(table.name, ""),
                 show.table(table),
                 *below.get(table.name, ()),
             )
             for table in self.tables(result)
         ]
-        warnings = show.items(list(map(sentence, self.warnings(result))), heading="", kind="warnings")
         return Page(
             _title(result),
             "Term selection compared",
             result.joint,
-            (show.answers(self.headline(result), self.question, self.hero(show, data, "inclusion"), found),),
-            (
-                section(
-                    "map",
-                    "Which terms are chosen by what",
-                    "Map",
-                    show.paragraph(about, "reason"),
-                    show.pictures("inclusion"),
-                ),
-                *sections,
-                section("warnings", "To be aware of", "", warnings),
-            ),
+            (show.answers(self.headline(result), self.question, "", found),),
+            (*sections, section("warnings", "To be aware of", "", show.warnings(self.warnings(result), ""))),
         )
 
     def origin(self, result: Comparison, command_line: Any, seed: object, files: Any) -> Provenance:
@@ -166,12 +168,7 @@ class ComparisonView(
 
     def records(self, result: Comparison) -> list[dict[str, Any]]:
         """Return every choice, term by term, numbers in SI units."""
-        groups = {
-            "method": result.methods,
-            result.parts: result.frequencies,
-            "library": result.libraries,
-            "model": (result.model,),
-        }
+        groups = {**result.groups, "model": (result.model,)}
         missing = float("nan")
         none = SimpleNamespace(coefficient=missing, standard_error=missing, interval95=(missing, missing))
         return [
@@ -208,9 +205,9 @@ class ComparisonView(
     def about(self, result: Comparison) -> str:
         """Return the joint, and how much is compared."""
         simulated = " (simulated)" if result.simulated else ""
-        apart = f", {len(result.frequencies)} {result.several}" if result.frequencies else ""
-        many = f"{len(result.methods)} methods{apart}, {len(result.libraries)} libraries"
-        return f"{escape(result.joint)}{simulated}: terms by {many}"
+        plural = {"method": "methods", "library": "libraries", result.parts: result.several}
+        many = [f"{len(each)} {plural.get(by, f'{by}s')}" for by, each in result.groups.items() if each]
+        return f"{escape(result.joint)}{simulated}: terms by {', '.join(many)}"
 
     def show_result(self, result: Comparison, console: Console) -> None:
         """Print the model, what every choice leads to, and whether coefficients change with frequency."""
@@ -218,11 +215,12 @@ class ComparisonView(
         known = result.discovery is not None and result.model.terms
         said = result.discovery.model.equation() if known else names or result.model.reason
         console.print(f"  {escape(said)}\n")
-        print_table(_choices(result), console, "lrrrrl", wraps=True)
-        console.print(f"\n{escape(result.agreement)}")
+        print_table(choices_table(result).headed(), console, "llrrrrl", wraps=True)
+        if result.of_paper:
+            console.print(f"\n{escape(result.agreement)}")
         if result.tests:
             console.print()
-            tests = _tests(result.tests, result.motion).take(
+            tests = tests_table(result.tests, result.motion).take(
                 "term", "trend over band", "at most", "p", "answer"
             )
             heads = ("over the tested band", "trend", "at most", "p", "answer")
@@ -236,132 +234,17 @@ class ComparisonView(
         """Yield how long each method took, and what it led to."""
         columns: dict[str, Callable[[Choice], str]] = {
             "method": lambda choice: choice.name,
-            "time": lambda choice: _seconds(choice.seconds),
-            "held out": lambda choice: short_number(choice.held_out),
-            "response": lambda choice: short_number(choice.response),
+            "time": lambda choice: seconds(choice.seconds),
             "terms": lambda choice: " ".join(term.id for term in choice.terms) or "none",
         }
-        choices = (*result.methods, *result.frequencies, *result.libraries)
+        choices = [choice for group in result.groups.values() for choice in group]
         yield from aligned(tabulate("choices", "", choices, columns))
-        yield from (f"{stage}: {_seconds(spent)}" for stage, spent in result.seconds.items())
+        yield from (f"{stage}: {seconds(spent)}" for stage, spent in result.seconds.items())
 
 
 def _title(result: Comparison) -> str:
-    apart = f"{result.parts} and " if result.frequencies else "and "
-    return f"{result.joint}: terms by method, {apart}library"
-
-
-def _best_first(choices: Sequence[Choice]) -> list[Choice]:
-    """Return choices by what they err on what was left out, then on the response, then on what was fitted.
-
-    Those that are equal as far as is shown keep their order.
-    """
-    worst = float("inf")
-
-    def errors(choice: Choice) -> list[float]:
-        known = (choice.held_out, choice.response, choice.residual)
-        return [round(value, 4) if choice.terms and np.isfinite(value) else worst for value in known]
-
-    return sorted(choices, key=errors)
-
-
-def _named(result: Comparison, term: str) -> str:
-    return f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})"
-
-
-def _against_terms(name: str, title: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
-    """Return a row for each term, and for what each choice errs; a column for each choice."""
-    load = quantities(result.motion).moment.lower()
-    terms = [t for t in result.shown_ids if t in result.wanted or any(choice[t] for choice in choices)]
-    rows: dict[str, Callable[[Choice], str]] = {
-        **{_named(result, term): partial(_cell, term=term) for term in terms},
-        "terms": lambda choice: str(len(choice.terms)),
-        "the paper's set": lambda choice: "yes" if choice.agrees else "no",
-        "residual": lambda choice: _percent(choice.residual),
-        f"error of left-out {load}": lambda choice: _percent(choice.held_out),
-        "error of left-out response": lambda choice: _percent(choice.response),
-        "time of the path, s": lambda choice: (
-            f"{choice.seconds:.2f}" if np.isfinite(choice.seconds) else DASH
-        ),
-        "its search is not given": lambda choice: ", ".join(choice.not_given) or DASH,
-    }
-    cells = {called: tuple(map(cell, choices)) for called, cell in rows.items()}
-    # Of terms all are shown, of what is not known of any choice nothing.
-    shown = list(cells.items())[: len(terms)]
-    shown += [row for row in list(cells.items())[len(terms) :] if set(row[1]) != {DASH}]
-    columns = ("term", *(choice.name for choice in choices))
-    return TextTable(name, title, columns, tuple((called, *row) for called, row in shown))
-
-
-def _coefficients(result: Comparison) -> TextTable:
-    """List each term of the model: inclusion, value and interval."""
-    share = dict(zip(result.ids, result.inclusion, strict=True))
-
-    columns: dict[str, Callable[[ChosenTerm], str]] = {
-        "term": lambda term: _named(result, term.id),
-        "in resampled campaigns": lambda term: _percent(share.get(term.id, float("nan"))),
-        "value": lambda term: _value(term.coefficient, term.standard_error),
-        "95 % interval": lambda term: interval_text(*term.interval95, term.standard_error),
-    }
-    return tabulate("coefficients", "Coefficients", result.model.terms, columns)
-
-
-def _tests(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
-    def estimate(test: FrequencyTest, at: int) -> str:
-        return _value(test.estimates[at], test.standard_errors[at])
-
-    def answer(test: FrequencyTest) -> str:
-        small = test.answer == "independent within margin" and test.p_value < DISCOVERY.frequency_level
-        return test.answer + (f"; a change of {_trend(test)} is significant" if small else "")
-
-    columns: dict[str, Callable[[FrequencyTest], str]] = {
-        "term": lambda test: spelled(test.name, motion),
-        **{f"{f:.4g} Hz": partial(estimate, at=at) for at, f in enumerate(tests[0].frequencies)},
-        "Q": lambda test: f"{test.q:.1f}",
-        "I²": lambda test: f"{100 * test.i_squared:.0f} %",
-        "τ / mean": lambda test: _percent(test.tau / abs(test.mean)),
-        "trend over band": _trend,
-        "p": lambda test: f"{test.p_value:.2g}",
-        "at most": lambda test: _percent(test.change_bound),
-        "answer": answer,
-    }
-    return tabulate(
-        "frequency-dependence", "Are the coefficients the same at every frequency?", tests, columns
-    )
-
-
-def _trend(test: FrequencyTest) -> str:
-    """Return the change over the tested band, of the mean."""
-    return f"{100 * test.change:+.1f} %".replace("-", "−")
-
-
-def _folds(result: Comparison) -> TextTable:
-    rows = [
-        (
-            f"{kind}: {', '.join(fold.left_out)}",
-            _percent(fold.moment_error),
-            "the same"
-            if fold.kept == result.model.ids
-            else ", ".join(spelled(term, result.motion) for term in fold.kept) or "none",
-        )
-        for kind, validation in result.left_out.items()
-        for fold in validation.folds
-    ]
-    single = set(result.left_out) == {"time"}
-    kinds = " or ".join(
-        kind if kind in ("frequency", "level") else f"level of {kind}" for kind in result.left_out
-    )
-    apart = (
-        "one run"
-        if set(result.left_out) == {"run"}
-        else f"the runs of one {kinds}".replace("level of run", "run")
-    )
-    return TextTable(
-        "left-out",
-        "Without one part of the run" if single else f"Without {apart}",
-        ("left out", f"error of its {quantities(result.motion).moment.lower()}", "terms found"),
-        tuple(rows),
-    )
+    *first, last = (by for by, choices in result.groups.items() if choices)
+    return f"{result.joint}: terms by {', '.join(first)} and {last}"
 
 
 def _markdown(result: Comparison, tables: Sequence[TextTable], warnings: Sequence[str]) -> str:
@@ -374,72 +257,3 @@ def _markdown(result: Comparison, tables: Sequence[TextTable], warnings: Sequenc
         *([f"## To be aware of\n\n{notes}"] if notes else []),
     ]
     return "\n\n".join(parts) + "\n"
-
-
-def _choices(result: Comparison) -> TextTable:
-    """Return what every choice leads to, by method, frequency (level) and library, best first; and the floor."""
-    groups = {"method": result.methods, result.parts: result.frequencies, "library": result.libraries}
-    rows: list[tuple[str, ...]] = []
-    for group, choices in groups.items():
-        rows += [(f"by {group}", "", "", "", "", "")] * bool(choices)
-        for choice in _best_first(choices):
-            errors = map(_percent, (choice.residual, choice.held_out, choice.response))
-            named = f"  {shortened(choice.name)}", str(len(choice.terms))
-            rows.append((*named, *errors, _difference(choice, result.motion)))
-    given = result.given
-    if given is not None:
-        left_out = DASH if given.seen else _percent(given.residual)
-        held = _percent(given.residual), left_out, _percent(given.response)
-        rows.append(("given model", str(len(given.terms)), *held, _elements(given, result.motion)))
-    floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
-    rows.append(("noise floor", "", floor, "", "", ""))
-    instead = f"instead of {result.paper_set.removesuffix(' terms')}"
-    load = quantities(result.motion).moment.lower()
-    columns = ("", "terms", "residual", f"left-out {load}", "response", instead)
-    return TextTable("choices", "", columns, tuple(rows))
-
-
-def _elements(given: GivenModel, motion: str) -> str:
-    names = ", ".join(spelled(name, motion) for name in given.elements)
-    return f"its own, with {names}" if names else "its own"
-
-
-def _given_model(given: GivenModel, motion: str) -> TextTable:
-    """Return a model that was there before, beside the others."""
-    load = quantities(motion).moment.lower()
-    rows = (
-        ("terms", ", ".join(spelled(term, motion) for term in given.terms) or DASH),
-        ("elements", ", ".join(spelled(name, motion) for name in given.elements) or DASH),
-        (f"error of the {load}", _percent(given.residual)),
-        ("error of the simulated response", _percent(given.response)),
-        ("its numbers were fitted to this campaign", "yes" if given.seen else "no"),
-    )
-    return TextTable("given-model", "The given model", ("", "given model"), rows)
-
-
-def _difference(choice: Choice, motion: str) -> str:
-    """Return what a choice has instead of the paper's terms."""
-    if not choice.terms:
-        return "no model"
-    if choice.agrees:
-        return "the same"
-    parts = [f"+ {spelled(term, motion)}" for term in choice.extra]
-    return ", ".join([*parts, *(f"− {spelled(term, motion)}" for term in choice.missing)])
-
-
-def _cell(choice: Choice, term: str) -> str:
-    held = choice[term]
-    return DASH if held is None else _value(held.coefficient, held.standard_error)
-
-
-def _value(value: float, error: float) -> str:
-    return superscripted(rounded(value, error)) if np.isfinite(error) else f"{value:.4g}".replace("-", "−")
-
-
-def _percent(value: float) -> str:
-    digits = 2 if value < 0.1 else 0
-    return f"{100 * value:.{digits}f} %" if np.isfinite(value) else DASH
-
-
-def _seconds(value: float) -> str:
-    return "–" if not np.isfinite(value) else f"{value:.2f} s"

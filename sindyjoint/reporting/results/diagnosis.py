@@ -17,8 +17,16 @@ from sindyjoint.reporting.equation import effect_mathml, mathml, model_table
 from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
 from sindyjoint.reporting.results import diagnosis_campaign, diagnosis_structure
-from sindyjoint.reporting.style import amount, pretty_unit
-from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, tabulate, terminal_table
+from sindyjoint.reporting.style import pretty_unit
+from sindyjoint.reporting.tables import (
+    DASH,
+    Console,
+    TextTable,
+    aligned,
+    print_table,
+    tabulate,
+    terminal_table,
+)
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
 from sindyjoint.trust import Trust
@@ -109,8 +117,6 @@ class DiagnosisView(
             show.equation(markup("".join(lines))),
         )
         steps, parameters, terms = self.tables(result)
-        levels = [amount(advice.level, result.level_unit) for advice in result.advice]
-        advices = [sentence(advice_words(*pair, motion)) for pair in zip(result.advice, levels, strict=True)]
         hidden = markup("Hidden in this virtual test was: <b>{}</b>.").format(
             spelled(result.hidden or "", motion)
         )
@@ -132,8 +138,7 @@ class DiagnosisView(
                     show.table(steps),
                     show.pictures("maps", "overlay", "cycles", "envelope", "rivals"),
                     show.table(parameters) if parameters.rows else "",
-                    show.items(advices, "A run that would decide"),
-                    show.paragraph(sentence(_not_sought(result))),
+                    show.items(list(map(sentence, _notes(result)))),
                 ),
                 section(
                     "where",
@@ -162,34 +167,23 @@ class DiagnosisView(
         return f"{escape(result.model.joint.name)}{virtual}: [bold]{result.verdict.replace('_', ' ')}[/]"
 
     def show_result(self, result: Diagnosis, console: Console) -> None:
-        """Print gap by step, where it lies, advice and warnings."""
-        motion = result.model.joint.motion
-        gap = f"{quantities(motion).moment.lower()} gap"
-        columns = ("", gap, "response gap", "probability", "indistinguishable from")
-        steps = TextTable("steps", "", columns, _step_rows(result, dropped=False))
-        console.print(terminal_table(steps, "lrrrl", wraps=True))
-        for step in result.steps:
-            values = ", ".join(
-                f"{name} = {value:.4g} {parameter_unit(step, name)}".rstrip()
-                for name, value in step.parameters.items()
-            )
-            named = spelled(step.effect, motion)
-            console.print(f"\n{named}: {escape(values)}{_dropped(step, motion)}", soft_wrap=False)
+        """Print gap by step, the parameters of the effects, where the gap lies, advice."""
+        steps, parameters, _ = self.tables(result)
+        console.print(terminal_table(steps.headed("", *steps.headed().columns[1:]), "lrrrl", wraps=True))
+        if parameters.rows:
+            console.print()
+            print_table(parameters.headed(), console, "llrl")
         budget = result.budget
         if budget.total > 0:
             parts = ", ".join(
                 f"{name} {percent(round(getattr(budget, name) / budget.total, 2))}" for name in PARTS
             )
             console.print(f"\nthe first gap in mean square: {parts}")
-        for region in result.where:
-            console.print(f"- {escape(region.words)}")
-        for advice in result.advice:
-            level = f"{advice.level:.3g} {result.level_unit}"
-            console.print(escape(advice_words(advice, level, motion)))
-        if _not_sought(result):
-            console.print(_not_sought(result))
+        for words in (*(region.words for region in result.where), *_notes(result)):
+            console.print(f"- {escape(words)}")
         if result.hidden is not None:
-            console.print(f"\nhidden in this virtual test was: [bold]{spelled(result.hidden, motion)}[/]")
+            hidden = spelled(result.hidden, result.model.joint.motion)
+            console.print(f"\nhidden in this virtual test was: [bold]{hidden}[/]")
 
     def details(self, result: Diagnosis) -> Iterator[str]:
         """Yield the rivals of each step, the budget in numbers, and the gap of each record."""
@@ -212,6 +206,21 @@ class DiagnosisView(
             yield from aligned(tabulate("records", "", result.records, columns))
 
 
+def _notes(result: Diagnosis) -> list[str]:
+    """Return which terms no longer count, and advice that is no next step."""
+    motion = result.model.joint.motion
+    needless = [spelled(term, motion) for step in result.steps for term in step.terms_dropped]
+    notes = [f"no longer needed beside the effects: {', '.join(needless)}"] if needless else []
+    notes += [
+        advice_words(each, f"{each.level:.3g} {result.level_unit}", motion)
+        for place, each in enumerate(result.advice)
+        if place or not each.frequency
+    ]
+    if any(len(step.members) > 1 for step in result.steps) and result.search.status == NOT_SOUGHT:
+        notes.append("runs that would tell rivals apart have not been sought")
+    return notes
+
+
 def advice_words(advice: Advice, level: str, motion: str) -> str:
     """Return in a sentence which run to make, at a level in its unit, or that none would help."""
     *first, last = (spelled(name, motion) for name in advice.separates)
@@ -222,60 +231,36 @@ def advice_words(advice: Advice, level: str, motion: str) -> str:
     return f"{apart}: {run}; the true one should then have a probability of {advice.expected_confidence:.2f}"
 
 
-def _not_sought(result: Diagnosis) -> str:
-    """Return that runs were not sought, where a class has rivals that one might separate."""
-    rivals = any(len(step.members) > 1 for step in result.steps)
-    return (
-        "runs that would tell rivals apart have not been sought"
-        if rivals and result.search.status == NOT_SOUGHT
-        else ""
-    )
-
-
 def parameter_unit(step: Step, name: str) -> str:
     """Return the unit of a parameter for people; nothing for a plain number."""
     unit = step.units.get(name, "1")
     return "" if unit == "1" else pretty_unit(unit)
 
 
-def _step_rows(result: Diagnosis, dropped: bool = True) -> tuple[tuple[str, ...], ...]:
+def _step_rows(result: Diagnosis) -> tuple[tuple[str, ...], ...]:
     """Return the gap of the model alone, after each step, and the noise floor."""
     rows: list[tuple[str, ...]] = [("model alone", *_gap(result.initial), "", "")]
     motion = result.model.joint.motion
     for group in reported_together(result.steps):
         for step in group:
             others = ", ".join(spelled(member, motion) for member in step.members if member != step.effect)
-            named = f"+ {spelled(step.effect, motion)}{_dropped(step, motion) if dropped else ''}"
-            last = step is group[-1]
-            named = named if last else f"{named} (helps only with the next)"
-            gap = _gap(step.gap_after) if last else (DASH, DASH)
+            named = (
+                f"+ {spelled(step.effect, motion)}{' (helps only with the next)' * (step is not group[-1])}"
+            )
+            gap = _gap(step.gap_after) if step is group[-1] else (DASH, DASH)
             rows.append((named, *gap, f"{step.probability:.2f}", others or DASH))
-    floors = (_floor(result.noise_floor.moment), _floor(result.noise_floor.response))
-    shown = (
-        floor if np.isfinite(gap) else DASH for floor, gap in zip(floors, _pair(result.initial), strict=True)
-    )
+    floor, first = result.noise_floor, result.initial
+    pairs = (floor.moment, first.moment), (floor.response, first.response)
+    # A floor that could not be measured is unknown, where there is a gap beside it.
+    shown = (percent(x) if np.isfinite(x) else "unknown" if np.isfinite(gap) else DASH for x, gap in pairs)
     rows.append(("noise floor", *shown, "", ""))
-    if any(_pair(result.uncertainty)):
-        unsure = (percent(part) if part else DASH for part in _pair(result.uncertainty))
-        rows.append(("uncertainty of numbers and drive", *unsure, "", ""))
+    unsure = result.uncertainty.moment, result.uncertainty.response
+    if any(unsure):
+        rows.append(
+            ("uncertainty of numbers and drive", *(percent(x) if x else DASH for x in unsure), "", "")
+        )
     return tuple(rows)
 
 
-def _dropped(step: Step, motion: str) -> str:
-    """Return which terms a step made needless, to stand behind its name."""
-    terms = ", ".join(spelled(term, motion) for term in step.terms_dropped)
-    return f"; no longer needed: {terms}" if terms else ""
-
-
 def _gap(gap: Gap) -> tuple[str, str]:
-    moment, response = map(percent, _pair(gap))
-    return moment, response
-
-
-def _pair(gap: Gap) -> tuple[float, float]:
-    return gap.moment, gap.response
-
-
-def _floor(value: float) -> str:
-    """Return a noise floor in per cent, or that it could not be measured."""
-    return percent(value) if np.isfinite(value) else "unknown"
+    return percent(gap.moment), percent(gap.response)

@@ -12,7 +12,7 @@ from sindyjoint.diagnosis.result import Diagnosis, RecordGap
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, Scale, by_name, each, scaled
 from sindyjoint.reporting.results.diagnosis_campaign import KINDS as DIAGNOSIS
-from sindyjoint.reporting.results.verification import KEPT_SAMPLES
+from sindyjoint.reporting.results.verification_pictures import KEPT_SAMPLES
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, legend_above, plain, shortened
 from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
 

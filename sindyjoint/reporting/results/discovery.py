@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.equation.model import INERTIA, ModelTerm
+from sindyjoint.discovery.delay import ChannelDelay
+from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
@@ -31,7 +32,6 @@ from sindyjoint.reporting.tables import (
     print_table,
     short_number,
     tabulate,
-    terminal,
     terminal_table,
 )
 from sindyjoint.reporting.view import FINDING, View
@@ -43,22 +43,29 @@ from sindyjoint.trust import Trust
 NO_INERTIA = "its load is too small on these runs to be told from the other terms"
 
 
-def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
-    """Return what the first screen states in numbers: (label, value, explanation)."""
-    fitted, q = data.model.fitted, quantities(data.model.joint.motion)
-    factor, unit = _residual_scale(data)
+def key_facts(model: JointModel) -> list[tuple[str, str, str]]:
+    """Return how well a model fits, its inertia, and what was tested: (label, value, explanation)."""
+    fitted, q = model.fitted, quantities(model.joint.motion)
+    factor, unit = _residual_scale(model)
     explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2 if fitted.moment_rms > 0 else math.nan
     floor = f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
     frequencies = ", ".join(f"{f:.4g}" for f in fitted.frequencies)
-    inertia = data.model.inertia
-    known = "declared" if data.model.joint.inertia is not None else "identified"
-    facts = [
+    if fitted.quasi_static:
+        inertia = (f"{q.inertia}, damping, frequency", "not applicable", "the samples have no time")
+    elif model.joint.inertia is None and INERTIA not in model:
+        inertia = (q.inertia, "not found", NO_INERTIA)
+    else:
+        known = "declared" if model.joint.inertia is not None else "identified"
+        known += ": negative, which is impossible" if model.inertia < 0 else ""
+        inertia = (q.inertia, f"{model.inertia:.4g} {pretty_unit(q.inertia_unit)}", known)
+    return [
         (
             f"{q.moment} explained",
-            f"{100 * explained:.2f} %" if data.model.terms else "none",
+            f"{100 * explained:.2f} %" if model.terms else "none",
             "of the mean square, where it moves",
         ),
         ("Residual", f"{fitted.residual_rms * factor:.3g} {unit} RMS", f"noise floor {floor}"),
+        inertia,
         (
             "Tested",
             f"{fitted.runs} run{'s' if fitted.runs != 1 else ''}",
@@ -70,14 +77,6 @@ def key_facts(data: ReportData) -> list[tuple[str, str, str]]:
             f"{100 * fitted.moving_fraction:.0f} % of all; the others stick or reverse",
         ),
     ]
-    if fitted.quasi_static:
-        facts.append((f"{q.inertia}, damping, frequency", "not applicable", "the samples have no time"))
-    elif data.model.joint.inertia is None and INERTIA not in data.model:
-        facts.append((q.inertia, "not found", NO_INERTIA))
-    else:
-        known += ": negative, which is impossible" if inertia < 0 else ""
-        facts.append((q.inertia, f"{inertia:.4g} {pretty_unit(q.inertia_unit)}", known))
-    return facts
 
 
 HEADLINES = {
@@ -86,7 +85,6 @@ HEADLINES = {
     "undecided": "These data do not decide whether the paper’s five terms describe this joint.",
 }
 NO_MODEL = "No set of terms passed: these data give no model of this joint."
-WITHOUT_TIME = "not applicable, the samples have no time"
 # Steps of a path shown on either side of the chosen one.
 NEIGHBOURS = 3
 
@@ -135,26 +133,22 @@ class DiscoveryView(
         """Return the equation, its terms, the map, loops, residual, why these terms, and the runs."""
         model, q = data.model, quantities(data.model.joint.motion)
         found, name = bool(model.terms), model.joint.name
-        badge, word = (data.verdict, data.verdict) if found else ("undecided", "no model")
-        question = (
-            ""
-            if data.paper
-            else markup(" The question is that of <cite>{}</cite>, doi:{}.").format(TITLE, DOI)
-        )
+        none = show.verdict(NO_MODEL, "undecided", "no model")
+        source = markup(" The five terms are those of <cite>{}</cite>, doi:{}.").format(TITLE, DOI)
         paper = (
-            show.verdict(HEADLINES[data.verdict] if found else NO_MODEL, badge, word),
-            show.paragraph(markup("{}").format(sentence(data.verdict_reason)) + question, "reason"),
+            show.verdict(HEADLINES[data.verdict], data.verdict, data.verdict) if found else none,
+            show.paragraph(markup("{}").format(sentence(data.verdict_reason)) + source, "reason"),
         )
         answers = (
             self.headline(result),
             self.question,
             show.pictures("fit"),
-            (show.equation(markup(mathml(model))),),
+            (show.equation(markup(mathml(model))) if found or data.paper else none,),
         )
         texts = show.copyable(model.equation()), show.copyable(model.latex())
         terms, *over = self.tables(data)
         listed = (show.table(terms), show.folded("The equation as text and LaTeX", texts))
-        none = (show.paragraph(f"None: {data.selection_reason}."),)
+        empty = (show.paragraph(f"None: {data.selection_reason}."),)
         reasons = [
             f"{row.symbol}: {row.answer} ({row.reason})"
             for each in data.over
@@ -173,10 +167,10 @@ class DiscoveryView(
             f"{name}: terms of the joint",
             "Joint identification",
             name,
-            (*(paper if data.paper else ()), show.answers(*answers), show.facts(key_facts(data))),
+            (*(paper if data.paper else ()), show.answers(*answers), show.facts(key_facts(data.model))),
             (
                 section(
-                    "terms", "Terms", "Terms", *(listed if found else none), show.warnings(data.warnings)
+                    "terms", "Terms", "Terms", *(listed if found else empty), show.warnings(data.warnings)
                 ),
                 section("inputs", "Over the inputs", "", *inputs),
                 section(
@@ -199,7 +193,6 @@ class DiscoveryView(
                     path,
                     show.folded(f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]),
                 ),
-                section("paper", "The paper’s five terms", "", *(() if data.paper else paper)),
                 section("runs", "Runs", "Runs", show.table(runs_table(data))),
             ),
             {"map": map_payload(data), "loops": loops_payload(data)},
@@ -223,14 +216,12 @@ class DiscoveryView(
         simulated = " (simulated)" if fitted.simulated else ""
         at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
         title = f"[bold]{escape(model.joint.name + simulated)}[/]"
-        line = f"{title}: {fitted.runs} run(s){at}, {fitted.samples} moving samples"
-        return f"{line}\n{_paper_lines(result)}" if result.leads_with_paper else line
-
-    def show(self, result: Discovery) -> None:
-        """Print the question of the paper's terms in the end where it does not lead."""
-        super().show(result)
+        moving = f"{fitted.samples} moving samples, {100 * fitted.moving_fraction:.0f} % of all"
+        line = f"{title}: {fitted.runs} run(s){at}, {moving}"
         if not result.leads_with_paper:
-            terminal().print(_paper_lines(result))
+            return line
+        verdict = result.verdict
+        return f"{line}\n\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}"
 
     def show_result(self, result: Discovery, console: Console) -> None:
         """Print equation, terms and fit."""
@@ -246,7 +237,11 @@ class DiscoveryView(
             for each in over:
                 console.print(f"\n[bold]{escape(each.title)}[/]")
                 print_table(each, console, "ll" + "r" * (len(each.columns) - 3) + "l")
-        _show_fit(result, console)
+        # What was tested stands in the first line.
+        for label, value, note in key_facts(model)[:-2]:
+            console.print(escape(f"{label[:1].lower()}{label[1:]} {value}, {note}"))
+        if result.skew is not None:
+            console.print(_delay_words(result.skew, model.joint.motion))
         if result.warnings:
             console.print("\n[bold]What to know before using it[/]")
 
@@ -255,9 +250,6 @@ class DiscoveryView(
         model = result.model
         load = quantities(model.joint.motion).moment.lower()
         yield from state_lines(result.states, model.joint.motion)
-        if result.skew is not None and not result.skew.at_limit:
-            late, error = 1e3 * result.skew.time, 1e3 * result.skew.standard_error
-            yield f"the {load} {'lags' if late >= 0 else 'leads'} by {abs(late):.4f} ms ± {error:.4f} ms"
         path, chosen = result.selection.path, result.selection.chosen
         yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
         near = range(len(path)) if chosen is None else range(chosen - NEIGHBOURS, chosen + NEIGHBOURS + 1)
@@ -299,7 +291,7 @@ def over_table(over: OverInput) -> TextTable:
 
 def runs_table(data: ReportData) -> TextTable:
     """Return one row for each run."""
-    factor, unit = _residual_scale(data)
+    factor, unit = _residual_scale(data.model)
     columns: dict[str, Callable[[Loop], str]] = {
         "Run": lambda loop: loop.run,
         "Frequency (Hz)": lambda loop: number(loop.frequency, 4),
@@ -316,7 +308,7 @@ def runs_table(data: ReportData) -> TextTable:
 
 def path_table(data: ReportData) -> TextTable:
     """Return the models of the path, the chosen one marked, with what each has beyond the next smaller one."""
-    factor, unit = _residual_scale(data)
+    factor, unit = _residual_scale(data.model)
     terms = [*(step.terms for step in data.path), ()]
 
     def beyond(i: int, j: int) -> str:
@@ -336,16 +328,8 @@ def path_table(data: ReportData) -> TextTable:
     return tabulate("path", title, range(len(data.path)), columns, marked=data.chosen)
 
 
-def _residual_scale(data: ReportData) -> tuple[float, str]:
-    return prefixed(data.model.fitted.residual_rms, quantities(data.model.joint.motion).moment_unit)
-
-
-def _paper_lines(result: Discovery) -> str:
-    """Return whether the joint has the paper's five terms, with markup."""
-    line = f"\n[bold]paper's term set {result.verdict.verdict}[/]: {escape(result.verdict.reason)}"
-    if result.leads_with_paper:
-        return line
-    return f"{line}\n  the five terms of {TITLE}, doi:{DOI}; --paper puts this first"
+def _residual_scale(model: JointModel) -> tuple[float, str]:
+    return prefixed(model.fitted.residual_rms, quantities(model.joint.motion).moment_unit)
 
 
 def _fitting(terms: TextTable, console: Console) -> TextTable:
@@ -358,32 +342,13 @@ def _fitting(terms: TextTable, console: Console) -> TextTable:
     return whole.take(*heads[:4], heads[5])
 
 
-def _show_fit(result: Discovery, console: Console) -> None:
-    """Print the inertia, how well the model fits, and the delay between the channels."""
-    model, fitted = result.model, result.model.fitted
-    q = quantities(model.joint.motion)
-    what, unit = q.moment.lower(), pretty_unit(q.moment_unit)
-    if fitted.quasi_static:
-        console.print(f"{q.inertia.lower()}, viscous damping, dependence on frequency: {WITHOUT_TIME}")
-    elif model.joint.inertia is not None:
-        console.print(f"{q.inertia.lower()} {model.joint.inertia:g} {pretty_unit(q.inertia_unit)}, declared")
-    elif model.terms and INERTIA not in model:
-        console.print(f"{q.inertia.lower()}: not declared; looked for and not found: {NO_INERTIA}")
-    floor = f"{fitted.noise_floor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
-    console.print(
-        f"{what} {fitted.moment_rms:.4g} {unit} RMS, residual {fitted.residual_rms:.3g} "
-        f"({100 * (fitted.residual_rms / fitted.moment_rms if fitted.moment_rms else 0):.2f} %), "
-        f"noise floor {floor}, moving {100 * fitted.moving_fraction:.0f} % of the time"
-    )
-    delay = result.skew
-    if delay is not None:
-        other = q.angle.lower()
-        size = rounded(1e3 * abs(delay.time), 1e3 * delay.standard_error)
-        console.print(
-            f"the delay between {what} and {other} is not determined within {1e3 * abs(delay.time):.0f} ms"
-            if delay.at_limit
-            else f"the {what} {'lags' if delay.time >= 0 else 'leads'} the {other} by {size} ms"
-        )
+def _delay_words(delay: ChannelDelay, motion: str) -> str:
+    """Return by how much one channel lags the other, or that this is not determined."""
+    load, path = (name.lower() for name in (quantities(motion).moment, quantities(motion).angle))
+    if delay.at_limit:
+        return f"the delay between {load} and {path} is not determined within {1e3 * abs(delay.time):.0f} ms"
+    size = rounded(1e3 * abs(delay.time), 1e3 * delay.standard_error)
+    return f"the {load} {'lags' if delay.time >= 0 else 'leads'} the {path} by {size} ms"
 
 
 def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iterator[str]:

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.independence import estimates_by_group
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
@@ -99,7 +99,7 @@ class GroupFit:
     ----------
     group : str
     coefficients, standard_errors : ndarray, shape (k,)
-        In the order of the model's terms, SI; NaN where the group does not determine it.
+        In the order of the model's terms, SI.
     """
 
     group: str
@@ -191,7 +191,7 @@ def gather(result: Discovery) -> ReportData:
         ),
         chosen=selection.chosen,
         candidates=tuple(ids),
-        groups=_fit_groups(result.regressor.evidence_, model),
+        groups=_fit_groups(result),
         paper=result.leads_with_paper,
         over=result.over_inputs,
         trust=result.trust,
@@ -286,23 +286,16 @@ def _over_phase(state: ForceStates, residual: Array) -> Array:
     return np.where(count >= 0.5 * np.median(count[count > 0]), mean, np.nan)
 
 
-def _fit_groups(evidence: Evidence, model: JointModel) -> tuple[GroupFit, ...]:
-    """Fit the model's terms to each single group where there are several."""
-    from sindyjoint.discovery.evidence import Evidence as Problem
-
-    if len(evidence.groups) < 2 or not model.terms:
+def _fit_groups(result: Discovery) -> tuple[GroupFit, ...]:
+    """Return the model's terms fitted to each single group where there are several and each determines them."""
+    if len(result.regressor.evidence_.groups) < 2 or not result.model.terms:
         return ()
-    columns = [evidence.ids.index(term) for term in model.ids]
-    fits = []
-    for group in evidence.groups:
-        single = Problem(evidence.ids, tuple(run for run in evidence.runs if run.group == group))
-        try:
-            fit = fit_columns(single, columns)
-            values, errors = fit.coefficients, fit.standard_errors
-        except np.linalg.LinAlgError:
-            values = errors = np.full(len(columns), np.nan)
-        fits.append(GroupFit(group, values, errors))
-    return tuple(fits)
+    try:
+        found = estimates_by_group(result)
+    except np.linalg.LinAlgError:
+        return ()
+    fits = map(GroupFit, found.groups, found.coefficients, found.standard_errors)
+    return tuple(fits) if found.ids == result.model.ids else ()
 
 
 def run_labels(loops: Sequence[Loop]) -> list[str]:

@@ -329,7 +329,7 @@ _WHOLE = (
         "coefficients",
         "Coefficients by frequency, or by part of the record",
         "The chosen terms fitted to each single frequency (or part), with 95 % intervals. Line: all "
-        "together. Grey: ±10 %. Crosses: the paper's tables, where the joint is one of the paper's.",
+        "together.{crosses} Grey: ±10 %.",
         lambda data: [partial(coefficient, term=term) for term in data.model.ids if data.groups],
     ),
     Kind(

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.planning.plan import Now, Plan, Prediction, Step
+from sindyjoint.planning.plan import TELL_APART, Plan
 from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, run_name
-from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import PAPER
-from sindyjoint.planning.separation import TELL_APART, Separation
 from sindyjoint.reporting.figure import Axes, Kind, by_name
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, legend_above, prefixed, pretty_unit
-from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_columns
+from sindyjoint.reporting.tables import DASH, TextTable, csv_columns
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, percent, spelled
 
@@ -29,25 +26,7 @@ GOALS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class PlanFigures:
-    """What the pictures of a plan are drawn from; see :class:`~sindyjoint.planning.plan.Plan`."""
-
-    joint: str
-    motion: str
-    goal: str
-    terms: tuple[str, ...]
-    runs: tuple[PlannedRun, ...]
-    grid_runs: tuple[PlannedRun, ...]
-    predicted: tuple[Prediction, ...]
-    grid: tuple[Prediction, ...]
-    curve: tuple[Step, ...]
-    until: float | None
-    now: Now | None = None
-    apart: Separation | None = None
-
-
-def draw_runs(data: PlanFigures, ax: Axes) -> Axes:
+def draw_runs(data: Plan, ax: Axes) -> Axes:
     """Draw level over frequency: the plan's runs with how often each is made, the grid's behind them."""
     factor, unit = prefixed(max(run.level for run in data.runs), data.runs[0].unit)
     if data.grid_runs:
@@ -74,18 +53,13 @@ def draw_runs(data: PlanFigures, ax: Axes) -> Axes:
     return ax
 
 
-def _spans(numbers: list[int]) -> str:
+def _spans(numbers: Sequence[int]) -> str:
     """Return numbers in words: 1, 4–9."""
-    spans = [[numbers[0], numbers[0]]]
-    for place in numbers[1:]:
-        if place == spans[-1][1] + 1:
-            spans[-1][1] = place
-        else:
-            spans.append([place, place])
-    return ", ".join(str(a) if a == b else f"{a}–{b}" for a, b in spans)
+    parts = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    return ", ".join(f"{part[0]}" if part.size == 1 else f"{part[0]}–{part[-1]}" for part in parts)
 
 
-def draw_curve(data: PlanFigures, ax: Axes) -> Axes:
+def draw_curve(data: Plan, ax: Axes) -> Axes:
     """Draw what is made small over the time of the runs, of the plan and of the grid's first runs."""
     for index, (name, label) in enumerate(
         (("widest", "plan"), ("highest", "plan, 95 of 100 tests lie below"), ("grid", "grid, run by run"))
@@ -105,7 +79,7 @@ def draw_curve(data: PlanFigures, ax: Axes) -> Axes:
     return ax
 
 
-def draw_complete(data: PlanFigures, ax: Axes) -> Axes:
+def draw_complete(data: Plan, ax: Axes) -> Axes:
     """Draw the share of the joints of which a discovery takes every term that matters, over the time of the runs."""
     ax.plot(
         [step.seconds for step in data.curve], [100 * step.complete for step in data.curve],
@@ -117,7 +91,7 @@ def draw_complete(data: PlanFigures, ax: Axes) -> Axes:
     return ax
 
 
-def draw_separation(data: PlanFigures, ax: Axes) -> Axes:
+def draw_separation(data: Plan, ax: Axes) -> Axes:
     """Draw the probability of the true effect, before and after each run that tells effects apart."""
     assert data.apart is not None
     values = [data.apart.before, *data.apart.after]
@@ -134,7 +108,7 @@ def draw_separation(data: PlanFigures, ax: Axes) -> Axes:
     return ax
 
 
-def draw_widths(data: PlanFigures, ax: Axes) -> Axes:
+def draw_widths(data: Plan, ax: Axes) -> Axes:
     """Draw the relative half-width of each term: median and 90 % band of the plan, and the grid's median."""
     rows = range(len(data.predicted))
     for row, each in zip(rows, data.predicted, strict=True):
@@ -148,7 +122,7 @@ def draw_widths(data: PlanFigures, ax: Axes) -> Axes:
     ax.set(
         xscale="log",
         yticks=list(rows),
-        yticklabels=[spelled(each.id, data.motion) for each in data.predicted],
+        yticklabels=[spelled(each.id, data.model.joint.motion) for each in data.predicted],
         ylim=(len(data.predicted) - 0.5, -1.3),
         xlabel="Half-width of the 95 % interval (% of the coefficient)",
     )
@@ -192,21 +166,17 @@ KINDS = by_name(
 
 
 class PlanView(
-    View[Plan, PlanFigures],
-    results=(Plan, PlanFigures),
-    data=PlanFigures,
+    View[Plan, Plan],
+    results=(Plan,),
+    data=Plan,
     kind="Plan",
     kinds=KINDS,
     record_file="plan.json",
     judged_by=("planning",),
     records_key="runs",
+    unsaved={"actuator": None, "sensors": None, "stop": "", "warnings": ()},
 ):
     """A plan of runs."""
-
-    def drawn_from(self, result: Plan) -> PlanFigures:
-        """Return what is drawn of a plan."""
-        joint, names = result.model.joint, [field.name for field in fields(PlanFigures)][2:]
-        return PlanFigures(joint.name, joint.motion, *(getattr(result, name) for name in names))
 
     def tables(self, result: Plan) -> tuple[TextTable, ...]:
         """Return the runs in their order, and what is expected of each coefficient."""
@@ -242,7 +212,7 @@ class PlanView(
             TextTable("widths", what, heads, widths),
         )
 
-    def page(self, result: Plan, data: PlanFigures, show: Blocks, folder: Path | None) -> Page:
+    def page(self, result: Plan, data: Plan, show: Blocks, folder: Path | None) -> Page:
         """Return what the plan promises, its runs, and what they are expected to tell."""
         runs, widths = self.tables(result)
         files = markup(
@@ -252,9 +222,9 @@ class PlanView(
         expected = (show.table(widths), show.pictures("widths")) if result.predicted else ()
         reason = f"{sentence(result.stop)} {sentence(undetermined_words(result))}".rstrip()
         return Page(
-            f"{data.joint}: which runs to make",
+            f"{data.model.joint.name}: which runs to make",
             "Which runs to make, before they are made",
-            data.joint,
+            data.model.joint.name,
             (
                 show.verdict(capital(headline(result))),
                 show.paragraph(reason, "reason"),
@@ -272,7 +242,7 @@ class PlanView(
             ),
         )
 
-    def files(self, result: Plan, data: PlanFigures) -> dict[str, str]:
+    def files(self, result: Plan, data: Plan) -> dict[str, str]:
         """Return the plan as a virtual test plays it, its table, and what drives each run, over time."""
         if not result.runs:
             return {}
@@ -287,14 +257,9 @@ class PlanView(
         """Return the joint and what the plan promises."""
         return f"{escape(result.model.joint.name)}: {escape(headline(result))}"
 
-    def show_result(self, result: Plan, console: Console) -> None:
-        """Print the runs, the precision expected of them, and when to stop."""
-        super().show_result(result, console)
-        console.print(sentence(result.stop), markup=False)
-
     def warnings(self, result: Plan) -> list[str]:
-        """Return what stays undetermined, too."""
-        return [text for text in (undetermined_words(result), *result.warnings) if text]
+        """Return when to stop and what stays undetermined, too."""
+        return [text for text in (result.stop, undetermined_words(result), *result.warnings) if text]
 
     def details(self, result: Plan) -> Iterator[str]:
         """Yield the range of every coefficient."""

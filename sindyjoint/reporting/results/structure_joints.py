@@ -215,7 +215,8 @@ class StructureJointsView(
         for law in result.laws:
             console.print(f"\n[bold]{escape(law.kind)}[/]: {escape(law_words(law))}")
             if law.discovery is not None and law.found:
-                console.print(f"  {law.discovery.model.equation()}\n  {verdict_words(law)}", markup=False)
+                lines = law.discovery.model.equation(), verdict_words(law)
+                console.print("\n".join(f"  {line}" for line in lines if line), markup=False)
         for table in self.tables(result):
             if table.rows:
                 console.print(f"\n[bold]{escape(table.title)}[/]")
@@ -259,8 +260,8 @@ def law_words(law: JointLaw) -> str:
 
 
 def verdict_words(law: JointLaw) -> str:
-    """Return what becomes of the paper's terms in a kind of joint, and why; empty without a model."""
-    if law.discovery is None or not law.found:
+    """Return what becomes of the paper's terms in a kind of joint that is one of its, and why."""
+    if law.discovery is None or not law.found or not law.discovery.leads_with_paper:
         return ""
     verdict = law.discovery.verdict
     return f"paper's term set {verdict.verdict}: {verdict.reason}"

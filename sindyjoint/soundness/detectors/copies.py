@@ -127,7 +127,7 @@ def _between(one: Record, other: Record, found: dict[str, list[Block]], words: W
             name,
             "stops",
             f"{100 * share:.3g} % of the {words.of(name)} are those of run {one.name!r}, the other channels are not",
-            "two runs are mixed: the law is fitted to the load of another motion, and no coefficient can be trusted",
+            "two runs are mixed: the load of one is fitted to the motion of another, and no coefficient can be trusted",
             "put in the columns that were meant, or leave the run out",
         )
 
@@ -151,7 +151,7 @@ def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
                 two.name,
                 "stops",
                 f"the {words.of(two.name)} is the {words.of(one.name)}{times}",
-                "one sensor stands for two places: what is recovered bends the structure to make them move alike",
+                "one sensor stands for two places: what is recovered moves both alike, which the structure does not",
                 "put in the column that was meant, or leave that sensor out",
             )
     for before, after in combinations(loud, 2):

@@ -117,7 +117,7 @@ def find_offsets(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "biases" if all(r.frequency for r, _ in some) else "note",
             f"the middle of the {angle} is at {usual:.3g} {unit}, {100 * abs(usual) / typical:.3g} % of its amplitude "
             "from zero",
-            "k1, k2 and k3 are those of a Taylor series about a point that is not the middle: even terms appear",
+            "k1, k2 and k3 belong to a series about a point beside the middle: even terms appear",
             f"give the {angle} channel an offset that makes the unloaded position zero",
         )
     for i, (record, channel) in enumerate(some if len(some) >= POLICY.fewest else ()):
@@ -130,7 +130,7 @@ def find_offsets(records: Sequence[Record], words: Words) -> Iterator[Finding]:
                 "biases",
                 f"the middle of its {angle} is {middles[i] - usual:.3g} {unit} from that of the other runs, "
                 f"{100 * away / channel.amplitude:.3g} % of its amplitude",
-                "k2 and the unequal parts of M_F are drawn towards that run, k3 is blurred",
+                "pulls k2 and the unequal parts of M_F towards that run and makes k3 unsure",
                 "zero the sensor before each run, or give that run an offset",
             )
 

@@ -213,8 +213,7 @@ def find_lost(record: Record, words: Words) -> Iterator[Finding]:
         f"{sum(lengths)} samples in {len(spans)} place(s) are missing, {100 * sum(lengths) / record.n_samples:.2g} % "
         f"of the run, the first after {spans[0][0] / record.sample_rate:.3g} s, at most "
         f"{1e3 * max(lengths) / record.sample_rate:.3g} ms in a row",
-        "read as if they followed each other, the samples beside a gap have a rate and a phase that never was: c1, M_F "
-        "and k1",
+        "samples beside a gap are read as neighbours: their rate and phase are wrong, and with them c1, M_F and k1",
         remedy,
         spans,
         masked,

@@ -69,7 +69,7 @@ def find_signs(
             "stops",
             f"this run gives off energy ({100 * loss[i]:.2g} % of the product of the RMS of {load_name} and "
             f"{words.of('rate')}) while the others dissipate",
-            "c1 and M_F are drawn towards zero" + ", and so is k1" * flipped,
+            "pulls c1 and M_F towards zero" + ", and k1 with them" * flipped,
             "reverse one channel of that run" if flipped else "the record may run backwards: leave it out",
         )
 

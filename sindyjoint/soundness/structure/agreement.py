@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.recovery import BLIND, Recovery
+from sindyjoint.substructure.recovery import Recovery, solved
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.transfer import jump_columns, open_joints
 from sindyjoint.substructure.update import with_numbers
@@ -175,10 +175,7 @@ def _designs(test: RigTest, angular: Array) -> tuple[Complex, Complex, Complex]:
 
     def design_of(there: RigTest) -> tuple[Complex, Complex]:
         transfer = open_joints(there.structure, there.at, there.sensors, angular)
-        design = np.zeros((angular.size, 1 + len(test.sensors), 1 + test.structure.n_joints), dtype=complex)
-        design[:, 0, 0] = 1.0
-        design[:, 1:] = transfer.sensors
-        return design, transfer.angles
+        return transfer.design, transfer.angles
 
     design, angles = design_of(test)
     units = STEP * np.eye(len(test.uncertain))
@@ -188,13 +185,9 @@ def _designs(test: RigTest, angular: Array) -> tuple[Complex, Complex, Complex]:
 
 def _solved(equations: Equations) -> tuple[Complex, Complex, Complex]:
     """Return the residual of equations, the unknowns, and what projects on what the unknowns can show."""
-    weighted = equations.design / equations.sigma[:, :, None]
-    norms = np.linalg.norm(weighted, axis=1, keepdims=True)
-    norms[norms == 0] = 1.0
-    inverse = np.linalg.pinv(weighted / norms, rcond=BLIND)
-    onto = (weighted / norms) @ inverse
-    y = (equations.values / equations.sigma)[:, :, None]
-    return (y - onto @ y)[:, :, 0], (inverse @ y)[:, :, 0] / norms[:, 0], onto
+    sigma = equations.sigma
+    estimator, unknowns, left = solved(equations.design, sigma, equations.values)
+    return left, unknowns, (equations.design / sigma[:, :, None]) @ (estimator * sigma[:, None, :])
 
 
 def unknowns_of(equations: Equations) -> tuple[Complex, Complex]:

@@ -10,9 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sindyjoint.diagnosis.campaign.numbers.whole import is_element
-from sindyjoint.diagnosis.campaign.regression import wrong_signs
-from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
+from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
+from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refine_effect, refit
+from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
@@ -82,26 +85,29 @@ def refined_problem(
 def _in_other_forms(problem: CampaignProblem) -> list[CampaignProblem]:
     """Return the problem with an element in another form, or range, of the catalogue's, fitted to the rows."""
     work, repaired, found = problem.work, problem.repaired, []
+    reference = reference_scales(work.rows)
     for place, each in enumerate(repaired.effects):
         for other in each.effect.variants if is_element(each) else ():
             if other == each.variant or other.names != each.variant.names:
                 continue
             effects = list(repaired.effects)
-            effects[place] = replace(each, variant=other, within=None)
-            fitted = _fitted(problem, effects)
+            values = np.clip(each.values, *other.bounds(reference).T)
+            effects[place] = replace(each, variant=other, values=values, within=None)
+            fitted = _fitted(problem, effects, place)
             if not wrong_signs(other, fitted.effects[place].coefficients):
                 found.append(replace(problem, repaired=fitted, work=replace(work, model=fitted.model)))
     return found
 
 
-def _fitted(problem: CampaignProblem, effects: Sequence[FittedEffect]) -> Repaired:
-    """Return the repaired model with other forms of its effects, all numbers fitted to the rows."""
+def _fitted(problem: CampaignProblem, effects: Sequence[FittedEffect], place: int) -> Repaired:
+    """Return the repaired model with another form of one of its effects, all numbers fitted to the rows."""
     work, policy = problem.work, keeping(problem.policy)
     model = problem.repaired.model
-    shifts = [e for e in effects if e.shifts]
-    adding = refit_nonlinear(work.rows, model, [e for e in effects if not e.shifts], policy)
-    later = refit(work.rows, model, adding, policy)
-    by_name = {e.name: e for e in (*shifts, *later.effects)}
+    adding = [e for e in effects if not e.shifts]
+    others = [e for e in adding if e is not effects[place]]
+    new = refine_effect(GapRegression.build(work.rows, model, others, policy), effects[place])
+    later = refit(work.rows, model, [new if e is effects[place] else e for e in adding], policy)
+    by_name = {e.name: e for e in (*effects, *later.effects)}
     return replace(later, effects=tuple(by_name[e.name] for e in effects), dropped=problem.repaired.dropped)
 
 

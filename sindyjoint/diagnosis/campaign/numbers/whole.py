@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
+from typing import cast
 
 import numpy as np
 
@@ -19,10 +20,9 @@ from sindyjoint.diagnosis.campaign.repair import (
 )
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.effects.parts import element_of, parts_of_law
-from sindyjoint.equation.element import JointElement, Value
+from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.test_record import Nuisance, TestNuisances
+from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.numeric import Array
 from sindyjoint.response.model_law import with_coefficients
 
@@ -131,16 +131,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
     for each in effects:
         if not each.is_term:
             continue
-        parted, _ = parts_of_law(
-            each.name,
-            each.family,
-            each.variant,
-            each.coefficients,
-            each.values,
-            name=each.effect.name,
-            motion=motion,
-        )
-        for new in parted:
+        for new in each.terms(motion):
             terms.setdefault(new.id, new)
     parts = _parts_of_whole(repaired, numbers)
     shares = unique_shares(runs, model, [e for e in effects if not e.shifts])
@@ -148,7 +139,7 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
         replace(term, unique_share=float(shares[part[0]]))
         for term, part in zip(terms.values(), parts, strict=False)
     )
-    elements = tuple(_element(each, motion) for each in effects if is_element(each))
+    elements = tuple(each.element(motion) for each in effects if is_element(each))
     sums = np.array([np.isin(np.arange(numbers.values.size), part) for part in parts], dtype=np.float64)
     whole = replace(model, terms=known, elements=elements, covariance=())
     return whole.with_numbers(sums @ numbers.values, sums @ numbers.covariance @ sums.T)
@@ -242,11 +233,11 @@ def nuisances_of(
             symbol = each.variant.columns[0].symbol
             blank = Value(symbol, 0.0, 0.0, (0.0, 0.0), each.variant.units(motion)[symbol])
             number = blank.renewed(*numbers.value(numbers.coefficients[each.name].start))
-            found.append(Nuisance(each.name, enters, number))
+            found.append(Nuisance(each.name, cast(Enters, enters), number))
         elif not each.is_term and not is_element(each):
             places = (numbers.coefficients[each.name], numbers.inner[each.name])
             sure = [numbers.value(at) for place in places for at in _indices(place)]
-            moments.append(_element(each, motion).with_numbers(sure))
+            moments.append(each.element(motion).with_numbers(sure))
     return TestNuisances(
         campaign="",
         nuisances=tuple(found),
@@ -254,11 +245,6 @@ def nuisances_of(
         slopes={} if drift is None else dict(drift.slopes),
         moments=tuple(moments),
     )
-
-
-def _element(fitted: FittedEffect, motion: str) -> JointElement:
-    name, variant = fitted.effect.name, fitted.variant
-    return element_of(fitted.name, name, variant, fitted.coefficients, fitted.values, motion)
 
 
 def _indices(places: slice) -> range:

@@ -103,21 +103,6 @@ class HalfCycles:
         return solution.reshape(rows.shape)
 
 
-def correlation(rows: Array, policy: DiagnosisPolicy) -> float:
-    """Return the integrated correlation time of rows, in half-cycles: how many of them say the same thing.
-
-    An error of the model goes on from half-cycle to half-cycle, so that their number is not the number of observations.
-    """
-    pairs = rows.reshape(-1, 2)
-    total, time = float(np.sum(pairs**2)), 1.0
-    for lag in range(1, pairs.shape[0] // 2):
-        share = abs(float(np.sum(pairs[lag:] * pairs[:-lag]))) / max(total, 1e-300)
-        if share < policy.least_correlation:
-            break
-        time += 2 * share
-    return min(time, pairs.shape[0] / policy.fewest_half_cycles)
-
-
 def reversals(rate: Array, limit: float) -> NDArray[np.intp]:
     """Return the first samples after the rate has changed its sign for good: it passed ``limit`` on both sides."""
     sign = np.where(np.abs(rate) > limit, np.sign(rate), 0)

@@ -1,0 +1,164 @@
+"""Folders of run files in the formats of measuring programs; each writer gives a campaign in one form.
+
+As those of ``odd_folders``, a writer fills a folder and returns what a person must answer where the files do not tell.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import made_files
+import numpy as np
+import pytest
+from odd_folders import files, rows
+
+from sindyjoint.record import Campaign
+
+
+def mat_structs(folder: Path, truth: Campaign) -> dict[str, str]:
+    """MATLAB v5: a struct for each file with a scalar sampling rate, and a constant channel beside."""
+    from scipy.io import savemat
+
+    for name, run in files(truth):
+        held = {"torque_Nm": run.moment, "theta_deg": np.degrees(run.angle), "fs": run.sample_rate}
+        savemat(
+            folder / f"{name}.mat",
+            {"rec": held | {"supply_V": np.full(run.n_samples, 24.0)}, "note": "bench"},
+        )
+    return {}
+
+
+def mat_v73(folder: Path, truth: Campaign) -> dict[str, str]:
+    """MATLAB v7.3 with the sampling interval beside the channels."""
+    h5py = pytest.importorskip("h5py")
+    for name, run in files(truth):
+        buffer = io.BytesIO()
+        with h5py.File(buffer, "w", userblock_size=512) as file:
+            for title, values in (("M_Nm", run.moment), ("phi_mrad", 1e3 * run.angle)):
+                file[title] = values[None, :]
+            file["dt"] = [[1 / run.sample_rate]]
+        data = bytearray(buffer.getvalue())
+        head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64"
+        data[: len(head)] = head
+        (folder / f"{name}.mat").write_bytes(bytes(data))
+    return {}
+
+
+def hdf5_groups(folder: Path, truth: Campaign) -> dict[str, str]:
+    """One file with a group for each run."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(folder / "joint.h5", "w") as file:
+        for name, run in files(truth):
+            for title, unit, values in (
+                ("time", "s", run.time),
+                ("moment", "N*m", run.moment),
+                ("angle", "rad", run.angle),
+            ):
+                file[f"{name}/{title}"] = values
+                file[f"{name}/{title}"].attrs["unit"] = unit
+    return {}
+
+
+def npz_runs(folder: Path, truth: Campaign) -> dict[str, str]:
+    """One archive with all runs, called after their number."""
+    arrays: dict[str, object] = {"fs": truth.runs[0].sample_rate}
+    for number, run in enumerate(truth.runs, start=1):
+        arrays |= {f"torque_Nm_{number}": run.moment, f"angle_urad_{number}": 1e6 * run.angle}
+    np.savez_compressed(folder / "all.npz", **arrays)  # type: ignore[arg-type]
+    return {"runs": "yes"}
+
+
+def wide_table(folder: Path, truth: Campaign) -> dict[str, str]:
+    """One sheet: the time, then moment and angle of each run, in pairs."""
+    columns, titles = [truth.runs[0].time], ["time (s)"]
+    for number, run in enumerate(truth.runs, start=1):
+        columns += [run.moment, np.degrees(run.angle)]
+        titles += [f"run {number} torque (N*m)", f"run {number} angle (deg)"]
+    (folder / "all.csv").write_text(",".join(titles) + "\n" + rows(columns, ","))
+    return {}
+
+
+def universal(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Universal files (58, binary) with units of their ordinates."""
+    pytest.importorskip("pyuff")
+    for name, run in files(truth):
+        parts = [(run.moment, "Moment", "N*m"), (1e3 * run.angle, "Angle", "mrad")]
+        text = b"".join(
+            made_files.data_set_58(values, 12, 6, label, binary=True, step=1 / run.sample_rate, unit=unit)
+            for values, label, unit in parts
+        )
+        (folder / f"{name}.uff").write_bytes(text)
+    return {}
+
+
+def tdms(folder: Path, truth: Campaign) -> dict[str, str]:
+    """TDMS with LabVIEW's increment and units in properties."""
+    nptdms = pytest.importorskip("nptdms")
+    for name, run in files(truth):
+        clock = {"wf_increment": 1 / run.sample_rate, "wf_start_offset": 0.0}
+        channels = [("Torque", "N*m", run.moment), ("Angle", "mrad", 1e3 * run.angle)]
+        with nptdms.TdmsWriter(folder / f"{name}.tdms") as writer:
+            writer.write_segment(
+                [
+                    nptdms.ChannelObject("bench", title, values, properties=clock | {"unit_string": unit})
+                    for title, unit, values in channels
+                ]
+            )
+    return {}
+
+
+def parquet(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Parquet, a constant temperature among its columns."""
+    pa = pytest.importorskip("pyarrow")
+    import pyarrow.parquet as pq
+
+    for name, run in files(truth):
+        columns = {"t_s": run.time, "torque_Nm": run.moment, "theta_mrad": 1e3 * run.angle}
+        pq.write_table(pa.table(columns | {"temp_degC": 21 + 0 * run.time}), folder / f"{name}.parquet")
+    return {}
+
+
+def rate_above(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Semicolons and a header block with the rate; units in a row of their own."""
+    for name, run in files(truth):
+        head = f"# rig: bench 4\n# operator: K.\n# sample rate: {run.sample_rate:g} Hz\nM;phi\n[N*m];[mrad]\n"
+        (folder / f"{name}.txt").write_text(head + rows([run.moment, 1e3 * run.angle], ";"))
+    return {}
+
+
+def arm_and_stroke(folder: Path, truth: Campaign) -> dict[str, str]:
+    """The same joint as one that slides: pounds and millimetres, a command beside the measured stroke."""
+    for name, run in files(truth):
+        stroke = 1e3 * run.angle
+        columns = [run.time, run.moment / 4.4482216152605, np.round(stroke, 3), stroke]
+        head = "Time (sec),Load (lbf),Stroke command (mm),Stroke (mm)\n"
+        (folder / f"{name}.csv").write_text(head + rows(columns, ","))
+    return {}
+
+
+def free_swings(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Three free decays in degrees without a moment, the rate in a header block: 9 Hz, 2 % of critical damping."""
+    rng, turn = np.random.default_rng(3), 2 * np.pi * 9.0
+    for number, size in enumerate((4.0, 6.0, 8.0), start=1):
+        time = np.arange(0, 3, 1e-3)
+        angle = size * np.exp(-0.02 * turn * time) * np.cos(turn * np.sqrt(1 - 0.02**2) * time)
+        noisy = angle + 5e-3 * size * rng.standard_normal(time.size)
+        head = "Recorder 7\nSampling rate: 1000 Hz\n\ntheta [deg]\n"
+        (folder / f"swing{number}.txt").write_text(head + rows([noisy], ","))
+    return {"moment": "0 N*m"}
+
+
+LAB: list[Callable[[Path, Campaign], dict[str, str]]] = [
+    mat_structs,
+    mat_v73,
+    hdf5_groups,
+    npz_runs,
+    wide_table,
+    universal,
+    tdms,
+    parquet,
+    rate_above,
+    arm_and_stroke,
+]
