@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SimulationError
 from sindyjoint.measurement.noise import signal_end
+from sindyjoint.measurement.policy import POLICY as MEASUREMENT
 from sindyjoint.mechanics.excitation import repeated
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
@@ -66,7 +67,7 @@ def _completed(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     if not law.inertia > 0:
         return state
     try:
-        better = _of_period(law, run, state, between) if state.series else _of_record(law, run, state)
+        better = (_of_period if state.series else _of_record)(law, run, state, between)
     except SimulationError:
         return state
     return state if better is None or not _agrees(better, run, state) else better
@@ -174,21 +175,46 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
     """Return the inertia between a smooth exciter and the sensor, kg·m² (kg); zero where none is detected.
 
     An exciter whose moment is smooth drives inertia J and joint: M + J·θ̈ at the sensor has few harmonics, though M has
-    the friction's steps. J = −Σ|M|² / Re Σ θ̈*·M over kept harmonics beyond the first.
+    the friction's steps. J = −Σ|M|² / Re Σ θ̈*·M over kept harmonics beyond the first, or over the upper half of the
+    band of what was smoothed, where no more than noise may be left of M + J·θ̈.
     """
-    accelerations, moments = [np.empty(0, dtype=complex)], [np.empty(0, dtype=complex)]
+    accelerations, moments, values = [np.empty(0)], [np.empty(0)], 0.0
+    noise = np.zeros(2)
     for run, state in zip(runs, states, strict=True):
         if state.series and state.frequency is not None:
             orders, moment, angle, _, _ = _spectrum(run, state)
             later = (angle != 0) & (orders > 1)
-            accelerations.append(-((2 * np.pi * state.frequency * orders[later]) ** 2) * angle[later])
-            moments.append(moment[later])
+            acceleration, moment = -((2 * np.pi * state.frequency * orders) ** 2) * angle, moment[later]
+            accelerations.append(acceleration[later].view(float))
+            moments.append(moment.view(float))
+            values += moment.size
+        elif state.method == "broadband":
+            moment = state.moment if state.repeated else run.moment[span_of(run, state)]
+            lower, band = POLICY.inertia_band, 2 * state.bandwidth / state.sample_rate
+            accelerations.append(_upper(state.acceleration, state))
+            # The acceleration went through the kernel once already.
+            moments.append(_upper(_low_passed(moment, state, state.bandwidth), state))
+            part = np.array([(1 - lower) * band, 1 - lower**5])
+            levels = np.array([state.noise.moment, state.noise.acceleration])
+            noise += moment.size * part * np.nan_to_num(levels) ** 2
+            values += moment.size * part[0] / 2
     x, y = np.concatenate(accelerations), np.concatenate(moments)
-    both, size = -float(np.real(np.vdot(x, y))), float(np.linalg.norm(x) * np.linalg.norm(y))
-    if not size > 0:
+    both, square = -float(x @ y), float(y @ y) - noise[0]
+    size = float(np.linalg.norm(x) * np.linalg.norm(y))
+    if not (size > 0 and square > 0):
         return 0.0
-    least = max(POLICY.inertia_correlation, POLICY.inertia_significance / np.sqrt(2 * x.size))
-    return float(np.linalg.norm(y)) ** 2 / both if both > least * size else 0.0
+    least = max(POLICY.inertia_correlation, POLICY.inertia_significance / np.sqrt(2 * max(values, 1)))
+    if not both > least * size:
+        return 0.0
+    inertia = square / both
+    left, noise_left = float(np.sum((y + inertia * x) ** 2)), noise[0] + inertia**2 * noise[1]
+    return inertia if not noise_left > 0 or left <= MEASUREMENT.signal_to_noise * noise_left else 0.0
+
+
+def _upper(signal: Array, state: ForceStates) -> Array:
+    """Return what of a signal lies in the upper part of the band of a run's motion."""
+    band = state.bandwidth
+    return _low_passed(signal, state, band) - _low_passed(signal, state, POLICY.inertia_band * band)
 
 
 def _drive(run: Run, state: ForceStates, between: float) -> Array | None:
@@ -212,7 +238,7 @@ def _drive(run: Run, state: ForceStates, between: float) -> Array | None:
     return np.fft.irfft(spectrum, DRIVE_POINTS)
 
 
-def _of_record(law: Law, run: Run, state: ForceStates) -> ForceStates | None:
+def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceStates | None:
     """Return the states of a run that was smoothed, completed; None where a simulation does not follow it.
 
     Of a simulated motion x they are x + K·(measured − x), K a kernel that ends where the angle is known to a tenth.
@@ -221,7 +247,7 @@ def _of_record(law: Law, run: Run, state: ForceStates) -> ForceStates | None:
     """
     if state.method != "broadband" or state.fusion is not None:
         return None
-    drive, between = _drive_of_record(run, state)
+    drive = _drive_of_record(run, state, between)
     measured = np.array([state.angle, state.rate, state.acceleration])
     if drive is None:
         moved = 2 * measured - _smoothed(state, state.bandwidth, measured)
@@ -262,21 +288,19 @@ def _convolved(signal: Array, kernel: Array, state: ForceStates) -> Array:
     return np.asarray(fftconvolve(np.pad(signal, half, **mode), kernel, mode="valid"))
 
 
-def _drive_of_record(run: Run, state: ForceStates) -> tuple[Array | None, float]:
-    """Return the moment that drove a run over the span of its states, M + J·θ̈, free of its noise, and J.
-
-    Above half of the angle's band, beyond its lines, M follows −J·θ̈ where the exciter's moment is smooth:
-    J = −Σ M² / Σ θ̈·M.
-    """
+def _drive_of_record(run: Run, state: ForceStates, between: float) -> Array | None:
+    """Return the moment that drove a run over the span of its states, M + J·θ̈, free of its noise."""
     moment = state.moment if state.repeated else run.moment[span_of(run, state)]
-    high = [
-        x - _low_passed(x, state, POLICY.inertia_band * state.bandwidth) for x in (state.acceleration, moment)
-    ]
-    both, size = -float(high[0] @ high[1]), float(np.linalg.norm(high[0]) * np.linalg.norm(high[1]))
-    between = float(high[1] @ high[1]) / both if both > POLICY.inertia_correlation * size > 0 else 0.0
     drive = moment + between * state.acceleration
-    end = signal_end(drive, state.sample_rate).bandwidth
-    return (_low_passed(drive, state, end) if end < POLICY.drive_band * state.bandwidth else None), between
+    band, noise = state.bandwidth, between * state.noise.acceleration
+
+    def of_acceleration(frequency: Array) -> Array:
+        """The noise of an angle, differentiated twice within the band."""
+        return np.where(frequency < band, 5 * noise**2 * frequency**4 / band**5, 0.0)
+
+    end = signal_end(drive, state.sample_rate, rising=of_acceleration).bandwidth
+    drives = between > 0 or end < POLICY.drive_band * band
+    return _low_passed(drive, state, min(end, band)) if drives else None
 
 
 def _low_passed(signal: Array, state: ForceStates, band: float) -> Array:
