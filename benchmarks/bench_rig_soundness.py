@@ -32,7 +32,7 @@ SOUND = ("sound", "undeclared")
 
 def one(test, kind: str, seed: int) -> dict:
     """Return what the check finds with a fault put in, or of a sound test."""
-    from sindyjoint.soundness.faults import find_rig_faults
+    from sindyjoint.soundness.check import find_rig_faults
     from tests.soundness.rig_faults import found, inject
 
     run, channel, put = None, None, test

@@ -7,7 +7,7 @@ python benchmarks/bench_soundness.py run --out verdicts.jsonl --seeds 100 101 --
 python benchmarks/bench_soundness.py show verdicts.jsonl
 
 ``run`` appends one line per joint and kind and skips those that the file holds already. Names: faults of
-tests/soundness/faults.py, ``sound`` (the same joints as they are), ``law`` (each seed another effect of
+tests/soundness/check.py, ``sound`` (the same joints as they are), ``law`` (each seed another effect of
 tests/diagnosis/hidden_effects.py: a law that is no fault), ``multisine`` and ``sweep``. With ``--verdicts`` discovery
 and diagnosis answer, too (or discovery alone, much sooner), whatever stops them accepted: ``show`` then lists each
 *confirmed* or *refuted* that the sound campaign denies (``sound`` must be among the names), and each law above 0.8 that
@@ -62,7 +62,7 @@ def one_joint(seed: int, names: list[str], verdicts: str | None = None) -> list[
 
 def one(name: str, seed: int, clean, verdicts: str | None = None) -> dict:
     from sindyjoint.errors import SimulationError
-    from sindyjoint.soundness.faults import find_faults
+    from sindyjoint.soundness.check import find_faults
     from tests.soundness.faults import found, inject
 
     run = None

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from sindyjoint.reporting.figure import Kind, drawn
 from sindyjoint.reporting.registry import draw
-from sindyjoint.reporting.results.diagnosis_campaign import gap_by_step, overlays
+from sindyjoint.reporting.results.diagnosis_pictures import gap_by_step, overlays
 from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
 from sindyjoint.workflows.plan import plan

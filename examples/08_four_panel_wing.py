@@ -12,7 +12,7 @@ import sindyjoint
 from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 
 # Two joints are tested one by one; the models found take their places in the wing.
 laws = {

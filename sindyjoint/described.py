@@ -1,4 +1,4 @@
-"""A result is described once, by its record: dictionary, JSON and JSON Schema are made from that description.
+"""A result is described once, by its record: dictionary, JSON, JSON Schema and what it shows are made from that.
 
 A record is a frozen dataclass; each of its fields is an entry of its dictionary. Where the two differ, ``WRITTEN`` says
 which attribute stands under which key, or which keys of its own a key holds::
@@ -13,6 +13,7 @@ of the docstrings.
 from __future__ import annotations
 
 import math
+import os
 import re
 import sys
 from collections.abc import Mapping
@@ -21,9 +22,14 @@ from functools import cache, reduce
 from inspect import cleandoc
 from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+
+from sindyjoint.hooks import supplied
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # A number that need not be known: NaN in a record, null in its dictionary.
 Maybe = Annotated[float, "null where it is not known"]
@@ -191,3 +197,84 @@ def _words(kind: type) -> dict[str, tuple[str, str]]:
     text = cleandoc(kind.__doc__ or "").partition("Parameters\n----------\n")[2]
     entry = re.compile(r"^(\w[\w, ]*?)(?: : (.*))?$((?:\n(?: .*)?)*)", re.MULTILINE)
     return {name: (type, words) for names, type, words in entry.findall(text) for name in names.split(", ")}
+
+
+class Shown(Described):
+    """A result that shows itself.
+
+    ``str`` gives what the command line prints, a notebook shows the equation and the main table, and ``figures`` lists
+    what :meth:`plot` draws.
+    """
+
+    def __str__(self) -> str:
+        return str(supplied("display").text_of(self))
+
+    def __repr__(self) -> str:
+        return str(supplied("display").line_of(self))
+
+    def _repr_html_(self) -> str:
+        return str(supplied("display").html_of(self))
+
+    def _repr_latex_(self) -> str | None:
+        found: str | None = supplied("display").latex_of(self)
+        return found
+
+    @property
+    def figures(self) -> tuple[str, ...]:
+        """Names of the figures that :meth:`plot` draws of this result."""
+        return tuple(supplied("display").figures_of(self))
+
+    def plot(self, kind: str | None = None, ax: Axes | None = None) -> Any:
+        """Draw a figure of the result.
+
+        Parameters
+        ----------
+        kind : str, optional
+            One of ``figures``. Default: the first of them.
+        ax : matplotlib Axes, optional
+            Draw into these axes, for kinds that have one panel.
+
+        Returns
+        -------
+        matplotlib Figure, or the axes that were given
+
+        Raises
+        ------
+        UnknownNameError
+            For an unknown kind, or one that the result cannot show.
+        InputError
+            For axes and a kind with several panels.
+        """
+        return supplied("display").plot(self, kind, ax)
+
+    def to_frame(self) -> Any:
+        """Return the main table as a pandas data frame, numbers in SI units.
+
+        Raises
+        ------
+        MissingExtraError
+            Without pandas.
+        """
+        return supplied("display").frame_of(self)
+
+    def report(self, folder: str | os.PathLike[str], force: bool = False) -> Path:
+        """Write page, record, tables and figures into a folder, as the command line does with ``--out``.
+
+        Parameters
+        ----------
+        folder : path
+        force : bool
+            Replace files of the same names that were not written so, or were changed since.
+
+        Returns
+        -------
+        Path
+            The folder that they stand in: one within, where results of another kind came first.
+
+        Raises
+        ------
+        OutputError
+            If the folder cannot be written, or holds other files of these names.
+        """
+        path: Path = supplied("display").report(self, folder, force)
+        return path

@@ -3,7 +3,7 @@
 A task is a picklable function of one picklable argument and knows its own seed; results come back with the task's
 number, so what is merged in that order does not depend on who worked when. Linear algebra runs on one thread within a
 task: threads would change the order of sums, and the tasks already keep every core busy. Matrices are small here; the
-threads that linear algebra would have had are given to blocks of rows instead (:func:`sindyjoint.threads.on_threads`).
+threads that linear algebra would have had are given to blocks of rows instead (:func:`sindyjoint.clock.on_threads`).
 
 A worker that dies (out of memory) costs no result: its task is done again, and given up (:class:`Lost`) after three.
 """
@@ -19,9 +19,15 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, TypeVar
 
-from sindyjoint.clock import allowance, clocks_running, run_on_clocks, run_timed
+from sindyjoint.clock import (
+    allowance,
+    clocks_running,
+    interruption_held,
+    run_on_clocks,
+    run_timed,
+    single_threaded,
+)
 from sindyjoint.errors import InputError, MissingExtraError, WorkerError, refuse
-from sindyjoint.threads import interruption_held, single_threaded
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -13,11 +13,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.described import Shown
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.hooks import supplied
 from sindyjoint.inputs import FileUnit, Input, LongRecord, Source, check_inputs, signals_of
 from sindyjoint.rig import Fusion, SensorNoise, unknown_means
-from sindyjoint.shown import Shown
 from sindyjoint.text import control_character, printable, quantities
 
 Motion = Literal["rotation", "translation"]

@@ -19,13 +19,12 @@ BASE = {
     "documents",
     "hooks",
     "described",
-    "shown",
     "trust",
     "rig",
     "measurement",
 }
 DOOR = BASE | {"files"}
-DATA = BASE | {"parallel", "threads", "clock", "states", "equation"}
+DATA = BASE | {"parallel", "clock", "states", "equation"}
 EXPLAINS = DATA | {"discovery", "files"}
 RESPONDS = DATA | DOOR | {"mechanics", "discovery", "response"}
 DIAGNOSES = RESPONDS | {"soundness", "evidence", "diagnosis"}
@@ -33,13 +32,12 @@ ALLOWED = {
     "errors": set(),
     "text": set(),
     "hooks": set(),
-    "described": set(),
-    "shown": {"described", "hooks"},  # what shows results is supplied at the root
+    "described": {"hooks"},  # what shows results is supplied at the root
     "policy": set(),
     "numeric": set(),
     "inputs": {"errors"},
     "rig": {"errors", "text"},
-    "record": {"errors", "hooks", "text", "inputs", "shown", "rig"},
+    "record": {"errors", "text", "inputs", "described", "hooks", "rig"},
     "measurement": {
         "errors",
         "numeric",
@@ -49,9 +47,8 @@ ALLOWED = {
         "record",
     },  # runs are made of what sensors measured
     "documents": {"errors", "text"},
-    "threads": set(),
     "clock": set(),
-    "parallel": {"errors", "threads", "clock"},
+    "parallel": {"errors", "clock"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
     "files": BASE,
     "states": BASE,

@@ -7,23 +7,12 @@ from typing import Annotated, Any
 
 import typer
 
-from sindyjoint.cli.batch import batch
-from sindyjoint.cli.changed import changed
-from sindyjoint.cli.check import check
-from sindyjoint.cli.compare import compare
-from sindyjoint.cli.curves import curves
-from sindyjoint.cli.diagnose import diagnose
-from sindyjoint.cli.discover import discover
-from sindyjoint.cli.export import export
-from sindyjoint.cli.init import init
+from sindyjoint.cli.files import export, init, limits, plot, schema
+from sindyjoint.cli.find import diagnose, discover
 from sindyjoint.cli.libraries import app as libraries
-from sindyjoint.cli.plan import plan
-from sindyjoint.cli.plot import plot
-from sindyjoint.cli.reproduce import app as reproduce
-from sindyjoint.cli.rig import rig
-from sindyjoint.cli.schema import limits, schema
+from sindyjoint.cli.quantities import curves, plan
 from sindyjoint.cli.simulate import simulate
-from sindyjoint.cli.verify import verify
+from sindyjoint.cli.verbs import batch, changed, check, compare, reproductions, rig, verify
 
 app = typer.Typer(
     name="sindyjoint",
@@ -63,7 +52,7 @@ def options(
     if largest is not None:
         import os
 
-        from sindyjoint.files.readers.table import VARIABLE, parse_size
+        from sindyjoint.files.readers import VARIABLE, parse_size
 
         # Worker processes have it from here as well.
         os.environ[VARIABLE] = str(parse_size(largest))
@@ -77,7 +66,7 @@ COMMANDS = (
 NEED_ARGUMENTS = {init, batch, simulate, verify, rig, curves, changed, export, plot}
 for each in COMMANDS:
     app.command(each.__name__, no_args_is_help=each in NEED_ARGUMENTS)(each)
-app.add_typer(reproduce, name="reproduce")
+app.add_typer(reproductions, name="reproduce")
 app.add_typer(libraries, name="libraries")
 
 

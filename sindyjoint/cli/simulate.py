@@ -9,8 +9,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sindyjoint.cli.defaults import default_of
-from sindyjoint.cli.options import AtOption, ForceOption, given_inputs, refuse_other_options, with_blocks
+from sindyjoint.cli.options import (
+    AtOption,
+    ForceOption,
+    default_of,
+    given_inputs,
+    refuse_other_options,
+    with_blocks,
+)
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
@@ -131,7 +137,7 @@ def simulate(
     """
     if rig is not None:
         refuse_other_options(context, OF_A_RIG, "stands in the file of a rig; leave it out")
-        from sindyjoint.cli.structure import simulate_structure
+        from sindyjoint.cli.find import simulate_structure
 
         record = simulate_structure(rig, model, out, format.value, random_state, force, progress)
         _print_record(record, "a structure", as_json)
@@ -142,7 +148,7 @@ def simulate(
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import virtual_test
-    from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.laws import model_law
     from sindyjoint.workflows.simulate import WrittenRun, WrittenTest
 
     known = None if model is None else read_model(model)

@@ -7,13 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from sindyjoint.described import Maybe, same
+from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.numeric import Array
-from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.substructure.update import Update, UpdatedNumber

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
+from sindyjoint.equation.candidates import linear_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue, term_columns
-from sindyjoint.equation.dependences import linear_dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
@@ -216,6 +216,7 @@ def _error_by_lacking(
     values = [
         _independent_values(target - columns @ coefficients, s)
         for (columns, target), s in zip(parts, states, strict=True)
+        if target.size
     ]
     return beyond / (unique * float(np.sqrt(np.median(values))))
 

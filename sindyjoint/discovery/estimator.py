@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.choice import SelectionRules
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
@@ -20,15 +21,14 @@ from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, row_weights, state_columns
+from sindyjoint.equation.candidates import with_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
-from sindyjoint.equation.dependences import with_dependences
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 from sindyjoint.numeric import Array
 from sindyjoint.record import Joint, Motion
-from sindyjoint.threads import single_threaded
 
 
 class JointRegressor(RegressorMixin, BaseEstimator):

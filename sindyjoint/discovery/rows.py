@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.clock import on_threads
 from sindyjoint.discovery.accumulate import Base, FactorSum, GramSum, Tiles, accurate
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
@@ -17,7 +18,6 @@ from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
-from sindyjoint.threads import on_threads
 
 Index = slice | NDArray[np.intp]
 

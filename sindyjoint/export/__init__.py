@@ -25,8 +25,7 @@ from sindyjoint.documents import refuse_foreign_file
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError, nearest
-from sindyjoint.export.fidelity import Cycles, shares
-from sindyjoint.export.text import ALL_TERMS, Fidelity, not_carried
+from sindyjoint.export.fidelity import ALL_TERMS, Cycles, Fidelity, not_carried, shares
 from sindyjoint.files.atomic import output_folder, write_bytes
 from sindyjoint.inputs import Input
 from sindyjoint.numeric import Array
@@ -53,6 +52,7 @@ HOMES = {
     "c": ("code", "export_c"),
     "latex": ("documents", "export_latex"),
     "json": ("documents", "export_json"),
+    "samples": ("documents", "export_samples"),
 }
 # Decks over the tested range of an input, where it is the only one, and where there are more.
 POINTS, POINTS_OF_SEVERAL = 5, 3

@@ -13,9 +13,17 @@ from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import Gap, Kind, Maxwell, Slider, written_as
-from sindyjoint.export.fidelity import Cycles, Represented, Rows, fidelity_table
+from sindyjoint.export.fidelity import (
+    Cycles,
+    Represented,
+    Rows,
+    comment,
+    fidelity_table,
+    number,
+    preamble,
+    words_of,
+)
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
-from sindyjoint.export.text import comment, number, preamble, words_of
 
 POINTS = 41
 # Numbers that a model rarely uses: of the first element, and of the first node inside a Maxwell branch.

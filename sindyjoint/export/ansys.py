@@ -20,9 +20,19 @@ from sindyjoint.errors import InputError
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import Gap, Kind, Maxwell, Slider, written_as
-from sindyjoint.export.fidelity import Cycles, Represented, Rows, fidelity_table
+from sindyjoint.export.fidelity import (
+    Cycles,
+    Represented,
+    Rows,
+    ascii_line,
+    comment,
+    fidelity_table,
+    heading,
+    number,
+    preamble,
+    words_of,
+)
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
-from sindyjoint.export.text import ascii_line, comment, heading, number, preamble, words_of
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.rigs import load_rig

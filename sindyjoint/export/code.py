@@ -25,9 +25,18 @@ from sindyjoint.equation.formula import parameter_symbol, state_symbol, variable
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.export import Export
 from sindyjoint.export.elements import speeds
-from sindyjoint.export.fidelity import Cycles, Represented, fidelity_table
+from sindyjoint.export.fidelity import (
+    Cycles,
+    Fidelity,
+    Represented,
+    ascii_line,
+    comment,
+    fidelity_table,
+    number,
+    preamble,
+    words_of,
+)
 from sindyjoint.export.parts import Parts, corners, softening_limits, steepness
-from sindyjoint.export.text import Fidelity, ascii_line, comment, number, preamble, words_of
 from sindyjoint.inputs import Input
 
 DIRECTION = sympy.Symbol("direction", real=True)

@@ -19,9 +19,19 @@ from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, Slider, speeds, written_as
-from sindyjoint.export.fidelity import Cycles, Represented, Rows, fidelity_table
+from sindyjoint.export.fidelity import (
+    Cycles,
+    Fidelity,
+    Represented,
+    Rows,
+    ascii_line,
+    comment,
+    fidelity_table,
+    number,
+    preamble,
+    words_of,
+)
 from sindyjoint.export.parts import Parts, steepness
-from sindyjoint.export.text import Fidelity, ascii_line, comment, number, preamble, words_of
 from sindyjoint.numeric import Array
 
 # Largest impedance of a constraint that MuJoCo allows (mjMAXIMP): the closer to one, the less friction creeps.

@@ -16,9 +16,8 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import Gap, Kind, Maxwell, Slider, written_as
-from sindyjoint.export.fidelity import Cycles, fidelity_table
+from sindyjoint.export.fidelity import Cycles, comment, fidelity_table, preamble, words_of
 from sindyjoint.export.parts import GIVE, Curve, Parts, total
-from sindyjoint.export.text import comment, preamble, words_of
 
 POINTS = 41
 # Numbers that a model rarely uses; the notes say to change them where they are taken.

@@ -10,9 +10,16 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import BoucWen, Gap, Kind, Maxwell, Slider, written_as
-from sindyjoint.export.fidelity import Cycles, Represented, fidelity_table
+from sindyjoint.export.fidelity import (
+    Cycles,
+    Represented,
+    comment,
+    fidelity_table,
+    number,
+    preamble,
+    words_of,
+)
 from sindyjoint.export.parts import GIVE, Parts, power_law
-from sindyjoint.export.text import comment, number, preamble, words_of
 from sindyjoint.numeric import Array
 
 POINTS = 201

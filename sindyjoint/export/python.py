@@ -24,7 +24,15 @@ from sindyjoint.export.code import (
     template,
     written,
 )
-from sindyjoint.export.text import Fidelity, comment, fidelity_lines, not_carried, number, preamble, words_of
+from sindyjoint.export.fidelity import (
+    Fidelity,
+    comment,
+    fidelity_lines,
+    not_carried,
+    number,
+    preamble,
+    words_of,
+)
 
 
 def export(model: JointModel) -> Export:

@@ -17,9 +17,18 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.code import DIRECTION, law_of_elements, template
-from sindyjoint.export.fidelity import Cycles, Represented, Rows, fidelity_table
+from sindyjoint.export.fidelity import (
+    Cycles,
+    Represented,
+    Rows,
+    ascii_line,
+    comment,
+    fidelity_table,
+    number,
+    preamble,
+    words_of,
+)
 from sindyjoint.export.parts import RAMP, Curve, Parts
-from sindyjoint.export.text import ascii_line, comment, number, preamble, words_of
 from sindyjoint.numeric import Array
 
 POINTS = 41

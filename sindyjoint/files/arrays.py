@@ -13,7 +13,7 @@ from sindyjoint.files.channels import KEYS
 from sindyjoint.files.drafting.assignment import Dialogue, assign_columns, find_motion
 from sindyjoint.files.drafting.run import find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, role_of
-from sindyjoint.files.readers.table import UNIT_KEYS
+from sindyjoint.files.readers import UNIT_KEYS
 from sindyjoint.files.timeaxis import check_order, uniform_rate
 from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
 from sindyjoint.measurement.runs import measured_run, travelled_run

@@ -23,8 +23,7 @@ from sindyjoint.files.channels import (
     declared_noise,
 )
 from sindyjoint.files.manifest import Channels, InputTable, JointTable, Manifest, RunTable, read_manifest
-from sindyjoint.files.readers import open_blocks, read_table, sha256_of
-from sindyjoint.files.readers.table import Table
+from sindyjoint.files.readers import Table, open_blocks, read_table, sha256_of
 from sindyjoint.files.timeaxis import check_frequency
 from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
 from sindyjoint.inputs import Input, LongRecord, Source, lagged

@@ -12,7 +12,7 @@ import numpy as np
 
 from sindyjoint.errors import InputError, UnitError, refuse
 from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
-from sindyjoint.files.readers.table import Table
+from sindyjoint.files.readers import Table
 from sindyjoint.files.timeaxis import (
     advanced,
     check_order,

@@ -16,7 +16,7 @@ from sindyjoint.errors import refuse
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.channels import KEYS
 from sindyjoint.files.manifest import MANIFEST_NAME
-from sindyjoint.files.readers.table import SIMULATED, library
+from sindyjoint.files.readers import SIMULATED, library
 from sindyjoint.inputs import Input
 from sindyjoint.record import Campaign, Joint, Motion, Run
 from sindyjoint.rig import SensorRig

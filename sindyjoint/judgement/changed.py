@@ -12,12 +12,11 @@ from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from sindyjoint.described import Maybe, same
+from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.equation.calibration import gain_errors
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.policy import POLICY
-from sindyjoint.shown import Shown
 
 Answer = Literal["changed", "changed within margin", "the same within margin", "cannot tell", "not compared"]
 # Degrees of freedom that are as good as any number of them.

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
-from sindyjoint.described import Maybe, same
+from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.shown import Shown
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.trust import Trust
 

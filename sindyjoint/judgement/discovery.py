@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from sindyjoint.described import same
+from sindyjoint.described import Shown, same
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.discovery.uncertainty import in_words, inseparable
 from sindyjoint.equation.calibration import gain_moves
@@ -20,7 +20,6 @@ from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
 from sindyjoint.judgement.versions import versions
 from sindyjoint.record import Campaign
-from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
@@ -156,7 +155,7 @@ class Discovery(Shown):
     def sindy(self) -> JointSINDy:
         """The model as a fitted ``pysindy.SINDy``, in physical units; its ``simulate`` knows sticking."""
         from sindyjoint.discovery.sindy import JointSINDy
-        from sindyjoint.response.model_law import simulated_states
+        from sindyjoint.response.laws import simulated_states
 
         return JointSINDy.of(self.regressor, self.model, partial(simulated_states, self.model))
 

@@ -8,19 +8,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from sindyjoint.described import Maybe, same
+from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_refinement import RigRefinement
 from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
-from sindyjoint.shown import Shown
 from sindyjoint.soundness.check import RigCheck
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
+from sindyjoint.substructure.states import JointSeen
 from sindyjoint.substructure.update import Update, UpdatedNumber, with_numbers
 
 

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import signals_of
-from sindyjoint.measurement.fusion import fuse
 from sindyjoint.measurement.policy import POLICY
+from sindyjoint.measurement.sensors import fuse
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, MINIMUM_SAMPLES, Run, checked_signal
 from sindyjoint.rig import SensorNoise

@@ -44,7 +44,7 @@ from sindyjoint.record import MINIMUM_SAMPLES
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from sindyjoint.files.readers.table import Table
+    from sindyjoint.files.readers import Table
 
 # Of a chain, and of a simulation, so that they take minutes.
 MOST_ELEMENTS_OF_ALL, MOST_STEPS = 600, 10_000_000

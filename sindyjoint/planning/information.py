@@ -22,7 +22,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import POINTS, PlannedRun, motion
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 from sindyjoint.states import Harmonics
 from sindyjoint.states.harmonics import significant_harmonics
 from sindyjoint.states.mask import moving_mask, rate_limit

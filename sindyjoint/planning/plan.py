@@ -7,12 +7,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from sindyjoint.described import Maybe, same
+from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
 from sindyjoint.planning.runs import Actuator, PlannedRun
-from sindyjoint.shown import Shown
 
 TELL_APART = "tell-apart"
 

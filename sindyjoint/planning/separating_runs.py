@@ -25,7 +25,7 @@ from sindyjoint.planning.plan import Separation
 from sindyjoint.planning.plan_file import UNITS, play
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 from sindyjoint.text import list_some, percent, spelled
 
 Say = Callable[[str], None]

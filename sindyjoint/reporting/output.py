@@ -116,7 +116,7 @@ def figures_of(result: Any) -> list[str]:
 
 
 def plot(result: Any, kind: str | None, ax: Axes | None) -> Any:
-    """Draw a figure of a result; see :meth:`sindyjoint.shown.Shown.plot`."""
+    """Draw a figure of a result; see :meth:`sindyjoint.described.Shown.plot`."""
     kind_of_result, result = type(result).__name__, _drawn(result)
     names = drawable(result)
     if not names:

@@ -24,10 +24,10 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
-from sindyjoint.response.law_in_run import held_laws
+from sindyjoint.response.drive import steady_start
+from sindyjoint.response.laws import held_laws
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import RTOL, angle_limits, simulate_motion, span_of
-from sindyjoint.response.start import steady_start
 from sindyjoint.states import ForceStates, Harmonics
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics

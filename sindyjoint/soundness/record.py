@@ -14,11 +14,10 @@ from sindyjoint.measurement.runs import white_noise, with_channels
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import Run
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.finding import Finding, Spans
 from sindyjoint.soundness.policy import POLICY
 
 Mask = NDArray[np.bool_]
-Spans = tuple[tuple[int, int], ...]
 
 
 def spans_of(marked: Mask) -> Spans:

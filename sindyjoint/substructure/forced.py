@@ -9,10 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.described import Maybe, same
+from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
-from sindyjoint.shown import Shown
 from sindyjoint.substructure.continuation import (
     FREQUENCY_SHARE,
     STEP,

@@ -9,12 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.described import same
+from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY
 from sindyjoint.numeric import Array
-from sindyjoint.response.model_law import model_law
-from sindyjoint.shown import Shown
+from sindyjoint.response.laws import model_law
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.period import steady_states
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.errors import checks_options
 from sindyjoint.mechanics.rig_file import is_rig_test
@@ -13,7 +14,6 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
-from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 
 

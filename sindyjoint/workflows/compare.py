@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.methods import METHODS
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import inclusion
@@ -40,7 +41,6 @@ from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 from sindyjoint.soundness.check import require_sound
 from sindyjoint.states import campaign_states
 from sindyjoint.states.floor import moment_floor
-from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.verify import given_model
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_models
 from sindyjoint.errors import InputError, checks_options, refuse
@@ -19,15 +20,13 @@ from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.models_by_kind import place_by_kind
-from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels
+from sindyjoint.response.laws import model_law
+from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, place_by_kind
 from sindyjoint.substructure.continuation import FOLLOWED
 from sindyjoint.substructure.forced import ForcedResponse, StructureCurves, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import JointCurves, Varied, model_curve
 from sindyjoint.substructure.modes import ModeCurve, mode_over_amplitude, point_of_mode
-from sindyjoint.threads import single_threaded
 
 Say = Callable[[str], None]
 Model = JointModel | str | Path

@@ -10,14 +10,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.diagnosis.effects.catalogue import OF_JOINT, Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, IN_PLACE, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.discovery.delay import delay_to_remove, without_delay
+from sindyjoint.equation.candidates import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.tested import Tested, followed, no_surer_than, stopped
 from sindyjoint.mechanics.rig_test import RigTest
@@ -25,7 +26,6 @@ from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.substructure.recovery import recover
-from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import discover_rig, laws_of_rig, the_campaign
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def diagnose(
     """
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.diagnosis.campaign.start import kept_out
-    from sindyjoint.response.nuisances import carried_errors, corrected
+    from sindyjoint.response.compared import carried_errors, corrected
     from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 
     say = progress or (lambda stage: None)

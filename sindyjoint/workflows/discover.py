@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.calibration import with_gain_uncertainty
+from sindyjoint.equation.candidates import NO_DELAY, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
-from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
@@ -37,7 +38,6 @@ from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
-from sindyjoint.threads import single_threaded
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
@@ -313,8 +313,8 @@ def laws_of_rig(
     """Return the laws of the joints of a structure's test that was checked."""
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
     from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
-    from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
     from sindyjoint.substructure.recovery import recover
+    from sindyjoint.substructure.states import joints_seen, worth_of_sensors
     from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 
     runs = test.identification_runs

@@ -8,6 +8,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.discovery.large.segments import LONGEST
@@ -43,7 +44,6 @@ from sindyjoint.planning.separating_runs import (
     simulate_hypotheses,
 )
 from sindyjoint.record import Campaign
-from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
 from sindyjoint.workflows.discover import discover, the_campaign
 

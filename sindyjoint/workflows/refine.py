@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
@@ -18,17 +19,16 @@ from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.refined import estimated_errors
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import corrected, put_right
-from sindyjoint.response.output_error_parts import Nuisance as Kind
-from sindyjoint.response.refine import Refinement
-from sindyjoint.response.refine import refine as refine_response
+from sindyjoint.response.compared import corrected, put_right
+from sindyjoint.response.output_error_runs import Nuisance as Kind
+from sindyjoint.response.refinement import Refinement
+from sindyjoint.response.refinement import refine as refine_response
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
 from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
-from sindyjoint.threads import single_threaded
 from sindyjoint.workflows.discover import the_campaign
 from sindyjoint.workflows.verify import CheckedVerification
 
@@ -111,7 +111,7 @@ def refine(
         Fitted are the runs that may be used for identification; compared are those marked ``use = "validate"``, or all
         where none is. ``None``: the built-in virtual test.
     nuisance : sequence of {"delay", "gain", "offset"}
-        What to estimate with the numbers; see :func:`sindyjoint.response.refine.refine`. They become a part of the
+        What to estimate with the numbers; see :func:`sindyjoint.response.refinement.refine`. They become a part of the
         model's ``test``.
     accept, align, window, tolerance, draws, random_state, progress
         As in :func:`~sindyjoint.workflows.verify.verify`.

@@ -18,8 +18,8 @@ from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
 from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import with_coefficients
-from sindyjoint.response.oscillation import Oscillation
+from sindyjoint.response.laws import with_coefficients
+from sindyjoint.response.oscillations import Oscillation
 from sindyjoint.response.verification import Verification
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.surface import ForceStateMap, SurfaceFit, fit_surface, map_of_states

@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from sindyjoint.described import same
+from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
 from sindyjoint.mechanics.pulse_test import hinges
@@ -17,7 +17,6 @@ from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
 from sindyjoint.numeric import Array
 from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, joint_range_warnings
-from sindyjoint.shown import Shown
 
 MODES = 4
 

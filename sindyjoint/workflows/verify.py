@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import align_channels
+from sindyjoint.equation.candidates import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model, read_models
 from sindyjoint.equation.test_record import TestNuisances
-from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError, checks_options, refuse
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
@@ -25,7 +26,7 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import put_right
+from sindyjoint.response.compared import put_right
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import seen_runs, verify_campaign
@@ -34,7 +35,6 @@ from sindyjoint.soundness.check import check_campaign, check_rig_test, require_s
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.text import percent
-from sindyjoint.threads import single_threaded
 from sindyjoint.trust import Trust
 from sindyjoint.workflows.discover import the_campaign
 

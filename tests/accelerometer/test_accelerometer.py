@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.measurement.fusion import averaged, fuse
 from sindyjoint.measurement.runs import measured_run, with_channels
-from sindyjoint.measurement.sensors import disagreement, integrated_twice, sensor_noise
+from sindyjoint.measurement.sensors import averaged, disagreement, fuse, integrated_twice, sensor_noise
 from sindyjoint.record import MEASURED_ANGLE, Campaign, Joint
 from sindyjoint.soundness.detectors.sizes import find_disagreement
+from sindyjoint.soundness.finding import words_of
 from sindyjoint.soundness.record import record_of
-from sindyjoint.soundness.words import words_of
 from sindyjoint.states import force_states
 
 RATE, FREQUENCY = 1000.0, 4.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.export.samples import batch_samples
+from sindyjoint.export.documents import batch_samples
 from sindyjoint.workflows.joints.population import holm, median_spread, population, random_effects
 from sindyjoint.workflows.joints.record import CampaignRecord
 from sindyjoint.workflows.joints.summary import summarised

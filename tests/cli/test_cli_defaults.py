@@ -7,7 +7,7 @@ import pytest
 import typer
 
 from sindyjoint.cli.app import app
-from sindyjoint.cli.defaults import default_of, given
+from sindyjoint.cli.options import default_of, given
 
 REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sindyjoint.cli import encoding, main
+from sindyjoint import cli
 
 # A name with letters of several scripts, in a campaign whose units and symbols are not ASCII anyway.
 NAME = "Gelenk θ₁ ü 漢"
@@ -43,7 +43,7 @@ def run(monkeypatch):
         with monkeypatch.context() as patch, pytest.raises(SystemExit) as leave:
             patch.setattr(sys, "stdout", streams[0])
             patch.setattr(sys, "stderr", streams[1])
-            main([str(argument) for argument in arguments])
+            cli.main([str(argument) for argument in arguments])
         return answer(console, int(leave.value.code or 0), *(stream.buffer.getvalue() for stream in streams))
 
     return run
@@ -156,7 +156,7 @@ def test_every_other_command_on_a_poor_terminal(run, named, tmp_path, monkeypatc
 
 def spelled(text: str, name: str) -> str:
     stream = io.TextIOWrapper(io.BytesIO(), encoding=name)
-    encoding._spell_stream(stream)
+    cli._spell_stream(stream)
     stream.write(text)
     stream.flush()
     return stream.buffer.getvalue().decode("ascii" if name == "ascii" else name)
@@ -164,7 +164,7 @@ def spelled(text: str, name: str) -> str:
 
 def test_spellings(monkeypatch):
     monkeypatch.setattr(sys, "stdout", None)  # as under pythonw: nothing to do, and no error
-    encoding.spell_output()
+    cli.spell_output()
     assert spelled("−2.7·10⁻⁹ N·m/rad², θ̇ Φ λ", "ascii") == "-2.7*10^-9 N*m/rad^2, theta' Phi lambda"
     assert spelled("−2.7·10⁻⁹", "cp1252") == "-2.7·10^-9"
     assert spelled("θ – 漢", "utf-8") == "θ – 漢"
@@ -172,5 +172,5 @@ def test_spellings(monkeypatch):
     assert spelled("a\udcffb", "utf-8") == spelled("a\udcffb", "ascii") == r"a\udcffb"
     # Whoever asked for question marks gets them.
     stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors="replace")
-    encoding._spell_stream(stream)
+    cli._spell_stream(stream)
     assert stream.errors == "replace" and stream.encoding == "ascii"

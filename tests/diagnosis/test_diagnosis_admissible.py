@@ -10,7 +10,7 @@ from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.mechanics import virtual_campaign
 
 EFFECTS = {effect.id: effect for effect in load_effects()}
 

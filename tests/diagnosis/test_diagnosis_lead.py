@@ -13,12 +13,10 @@ from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, effect_law
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
-from sindyjoint.equation.terms import Reference
-from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import PaperLaw, SumLaw
-from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.equation import Reference
+from sindyjoint.mechanics import PaperLaw, SumLaw, sampled, simulate
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.response.run import simulate_run
+from sindyjoint.response import simulate_run
 from sindyjoint.states import campaign_states, force_states
 
 STEP = 0.002

@@ -12,9 +12,7 @@ from sindyjoint.diagnosis.parts import Budget
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.excitation import harmonic
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.mechanics import INTER_PANEL, harmonic, simulate
 from sindyjoint.reporting.output import figures_of
 from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.handmade_problem import Based, Effect

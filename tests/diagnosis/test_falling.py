@@ -8,7 +8,7 @@ import pytest
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.falling import grows, reported_together, with_falling_gaps
 from sindyjoint.diagnosis.result import Gap, Step
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.mechanics import virtual_campaign
 from sindyjoint.workflows.diagnose import diagnose
 
 

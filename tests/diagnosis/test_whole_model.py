@@ -10,11 +10,9 @@ from typer.testing import CliRunner
 
 from sindyjoint.cli.app import app
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.equation.model_file import read_model
-from sindyjoint.equation.test_record import read_test
+from sindyjoint.equation import read_model, read_test
 from sindyjoint.files import write_campaign
-from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
-from sindyjoint.mechanics.sensors import Channel
+from sindyjoint.mechanics import Channel, MeasuredResponse, load_rig
 from sindyjoint.reporting import write_results
 from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
 from sindyjoint.workflows.verify import verify

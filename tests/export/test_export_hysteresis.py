@@ -7,8 +7,7 @@ import pytest
 from test_export_decks import abaqus_blocks, apdl_elements
 
 from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.equation.element import ElementState, JointElement, Value
-from sindyjoint.equation.formula import formula_text
+from sindyjoint.equation import ElementState, JointElement, Value, formula_text
 from sindyjoint.errors import InputError
 from sindyjoint.export import TARGETS, export_model
 from sindyjoint.export.elements import BoucWen, Gap, LuGre, Maxwell, Slider, kind_of

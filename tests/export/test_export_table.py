@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
+from sindyjoint.equation import list_catalogues, load_catalogue
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.export import TARGETS, export_model
-from sindyjoint.export.fidelity import Cycles, Represented, fidelity_table
+from sindyjoint.export.fidelity import ALL_TERMS, Cycles, Represented, fidelity_table
 from sindyjoint.export.parts import Parts, softening_limits
-from sindyjoint.export.text import ALL_TERMS
 from sindyjoint.mechanics import INTER_PANEL
 
 ANGLE, RATE, RMS = 7.7e-4, 4.4e-2, 3.55

@@ -23,8 +23,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def read_formula(text: str) -> None:
+    from sindyjoint.equation import coefficient_unit
     from sindyjoint.equation import formula as f
-    from sindyjoint.equation.dimensions import coefficient_unit
 
     expression = f.parse_formula(text, ["v_s"], ["z"])
     f.formula_latex(expression)
@@ -34,7 +34,7 @@ def read_formula(text: str) -> None:
 
 
 def read_unit(text: str) -> None:
-    from sindyjoint.equation.dimensions import parse_unit
+    from sindyjoint.equation import parse_unit
     from sindyjoint.errors import SindyJointError
     from sindyjoint.files.units import QUANTITIES, conversion, parse_quantity, unit_ratio
 
@@ -90,7 +90,7 @@ def read_folder(path: Path) -> None:
 
 
 def read_test(path: Path) -> None:
-    from sindyjoint.equation.test_record import read_test as read
+    from sindyjoint.equation import read_test as read
 
     read(path)
 
@@ -102,7 +102,7 @@ def read_manifest(path: Path) -> None:
 
 
 def read_catalogue(path: Path) -> None:
-    from sindyjoint.equation.catalogue import load_catalogue
+    from sindyjoint.equation import load_catalogue
 
     load_catalogue(path)
 
@@ -245,7 +245,7 @@ def made_test() -> Any:
     """Return errors of channels, a drift, and a moment of the frequency."""
     from dataclasses import replace
 
-    from sindyjoint.equation.test_record import Nuisance, TestNuisances
+    from sindyjoint.equation import Nuisance, TestNuisances
     from tests.equation.test_formula_evaluation import JENKINS, value
 
     stiffer = replace(

@@ -10,10 +10,9 @@ from fuzz import made_test
 from made_files import lvm, xlsx
 
 from sindyjoint.documents import SUMS, sums_of, sums_text
-from sindyjoint.equation.test_record import read_test
+from sindyjoint.equation import read_test
 from sindyjoint.errors import InputError
-from sindyjoint.files.readers import read_table
-from sindyjoint.files.readers.table import VARIABLE
+from sindyjoint.files.readers import VARIABLE, read_table
 
 
 def workbook(old: bytes, new: bytes) -> bytes:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.judgement.refined import refined
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.mechanics import virtual_campaign
+from sindyjoint.response import with_coefficients
 from sindyjoint.workflows.discover import discover
 
 

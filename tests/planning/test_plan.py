@@ -13,16 +13,23 @@ from sindyjoint.diagnosis.campaign.designs import PLANNED, designs
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
 from sindyjoint.files.drafting.init import init
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.planning import planner
-from sindyjoint.planning.information import Sensors, half_widths, run_information, stacked
-from sindyjoint.planning.plan_file import plan_text, play, read_plan
-from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.prior import like_law
-from sindyjoint.planning.runs import PlannedRun
-from sindyjoint.planning.separating_runs import rivals_of
+from sindyjoint.mechanics import INTER_PANEL
+from sindyjoint.planning import (
+    POLICY,
+    PlannedRun,
+    Sensors,
+    half_widths,
+    like_law,
+    plan_text,
+    planner,
+    play,
+    read_plan,
+    rivals_of,
+    run_information,
+    stacked,
+)
 from sindyjoint.reporting.packing import record_schema
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response import model_law
 from tests.diagnosis.hidden_effects import hide
 from tests.equation.test_formula_evaluation import JENKINS, with_elements
 

@@ -6,19 +6,27 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.mechanics.excitation import tones
-from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
+from sindyjoint.mechanics import INTER_PANEL, Actuator, PaperLaw, softening_limit, tones
+from sindyjoint.planning import (
+    POLICY,
+    Choice,
+    Information,
+    PlannedRun,
+    Sensors,
+    best_runs,
+    candidates,
+    highest_level,
+    like_law,
+    like_model,
+    motion,
+    play,
+    run_information,
+)
 from sindyjoint.planning import runs as planned_runs
-from sindyjoint.planning.information import Information, Sensors, run_information
-from sindyjoint.planning.plan_file import play
-from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.prior import like_law, like_model
-from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, highest_level, motion
-from sindyjoint.planning.search import Choice, best_runs
 from sindyjoint.record import Campaign, Joint
-from sindyjoint.response.model_law import model_law
-from sindyjoint.soundness.detectors.tones import main_line
-from sindyjoint.soundness.faults import find_faults
+from sindyjoint.response import model_law
+from sindyjoint.soundness.check import find_faults
+from sindyjoint.soundness.detectors.sizes import main_line
 from sindyjoint.soundness.policy import POLICY as SOUNDNESS
 from tests.equation.test_formula_evaluation import JENKINS, with_elements
 from tests.made_models import paper_model

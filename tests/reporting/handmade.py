@@ -5,7 +5,7 @@ from itertools import cycle
 import numpy as np
 
 from sindyjoint import JointModel
-from sindyjoint.equation.model import Fitted, ModelTerm
+from sindyjoint.equation import Fitted, ModelTerm
 from sindyjoint.record import Joint
 from sindyjoint.reporting.page import Provenance
 from sindyjoint.reporting.registry import view_of

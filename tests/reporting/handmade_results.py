@@ -9,8 +9,7 @@ from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.result import Advice, AdviceSearch, Diagnosis, Gap, RecordGap, RunGap, Step
 from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
-from sindyjoint.response.oscillation import Oscillation
-from sindyjoint.response.verification import Band, RunVerification, Verification
+from sindyjoint.response import Band, Oscillation, RunVerification, Verification
 
 
 def verification(name="bench joint", runs=("pulse at tip",), subject="a rig", failed=False):

@@ -7,7 +7,7 @@ import pytest
 
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.files import manifest_schema, write_campaign
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.mechanics import virtual_campaign
 from sindyjoint.reporting.packing import record_names, record_schema
 from sindyjoint.workflows.verify import verify
 from tests.diagnosis.hidden_effects import hide

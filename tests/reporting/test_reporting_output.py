@@ -202,7 +202,7 @@ def test_writing_takes_little_time(written_again):
 
 def test_the_reporting_package_imports_nothing_heavy():
     script = (
-        "import sys, sindyjoint.reporting, sindyjoint.cli.plot; "
+        "import sys, sindyjoint.reporting, sindyjoint.cli.files; "
         "print(sorted({'matplotlib', 'sympy', 'jinja2', 'pysindy', 'numpy'} & set(sys.modules)))"
     )
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -20,7 +20,7 @@ from sindyjoint.reporting import draw, drawable, load_results, write_results
 from sindyjoint.reporting.output import PAGE, place_of
 from sindyjoint.reporting.page import provenance
 from sindyjoint.reporting.registry import draw_all, kinds_of, saved_text, view_of
-from sindyjoint.reporting.results.verification_pictures import KEPT_SAMPLES, thinned
+from sindyjoint.reporting.results.verification import KEPT_SAMPLES, thinned
 from sindyjoint.reporting.style import figure_bytes
 from tests.doors.asked import ask
 

@@ -8,8 +8,7 @@ from sindyjoint.diagnosis.effects.fitted import input_effects
 from sindyjoint.errors import InputError
 from sindyjoint.export import export_model
 from sindyjoint.inputs import Input
-from sindyjoint.response.law_in_run import LawInRun, held_laws, law_in_run
-from sindyjoint.response.run import simulate_run
+from sindyjoint.response import LawInRun, held_laws, law_in_run, simulate_run
 from sindyjoint.states import force_states
 
 T = np.arange(3000) / 500.0

@@ -15,7 +15,7 @@ from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.numeric import Array, main_frequency, rms
-from sindyjoint.response.oscillation import hilbert_envelope
+from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 
 

@@ -14,9 +14,8 @@ from sindyjoint.diagnosis.effects.joint import joint_changes
 from sindyjoint.diagnosis.effects.setup import PLACES, Scales
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind
-from sindyjoint.diagnosis.structure.noise import RecordNoise, record_noise
 from sindyjoint.diagnosis.structure.output_error import Fit, fit
-from sindyjoint.diagnosis.structure.pulses import PulseProblem
+from sindyjoint.diagnosis.structure.pulses import PulseProblem, RecordNoise, record_noise
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, ModelTerm
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
@@ -29,8 +28,8 @@ from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Joint
-from sindyjoint.response.model_law import draw_models, model_law
-from sindyjoint.response.oscillation import main_frequency
+from sindyjoint.response.laws import draw_models, model_law
+from sindyjoint.response.oscillations import main_frequency
 from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.response.verify_rig import (
     MODEL_PLACEHOLDER,

@@ -23,8 +23,7 @@ from sindyjoint.discovery.rows import PARTS, SEGMENTS
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
-from sindyjoint.files.readers import open_blocks
-from sindyjoint.files.readers.table import Table
+from sindyjoint.files.readers import Table, open_blocks
 from sindyjoint.parallel import executor, ordered_map
 
 if TYPE_CHECKING:

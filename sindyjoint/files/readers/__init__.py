@@ -1,6 +1,8 @@
-"""One small reader per file format, chosen by the file's ending.
+"""One small reader per file format, chosen by the ending of the file, and what each of them returns: named columns.
 
-Each returns a :class:`~sindyjoint.files.readers.table.Table` of named columns, or says in one sentence what
+How much memory the content of one file may take is known before anything is allocated for it.
+
+Each returns a :class:`~sindyjoint.files.readers.Table` of named columns, or says in one sentence what
 is wrong with the file. A new format is one function and one line in ``READERS``.
 """
 
@@ -8,16 +10,308 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import math
 import os
-from contextlib import suppress
+import re
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sindyjoint.documents import check_regular, read_regular
-from sindyjoint.errors import InputError, MissingInputError
-from sindyjoint.files.readers.table import Table, check_bytes
+from sindyjoint.errors import InputError, MissingExtraError, MissingInputError, SindyJointError, refuse
+from sindyjoint.files.units import unit_in_name
+from sindyjoint.numeric import Array
+
+# What a file of a virtual test says about itself; its columns are in SI units.
+SIMULATED = "simulated by sindyjoint"
+VARIABLE = "SINDYJOINT_LARGEST"
+"""Environment variable, which worker processes have as well; ``sindyjoint --largest`` sets it."""
+DEFAULT = 1 << 30
+MOST_COLUMNS = 10_000
+LARGEST_ITEM = 1 << 16
+# What programs call the unit of a column in its attributes.
+UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string", "NI_UnitDescription")
+_SIZE = re.compile(r"\s*(\d{1,15}(?:\.\d{1,3})?)\s*([kMGT]?)(i?)B?\s*", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Table:
+    """The columns of one file, or of some of its rows.
+
+    Parameters
+    ----------
+    path : Path
+    names : tuple of str
+        In the order of the file; a name may occur twice, but cannot be asked for then.
+    load : callable
+        From positions in ``names``, first row and end to arrays of shape (n,), of lengths that may differ.
+    aliases : mapping of str to int
+        Further names, such as the name of a data set without its group.
+    name_row : callable
+        How a message names the row of an index in the file.
+    units : tuple of str
+        Unit of each column as the file states it apart from the name; empty where it does not.
+    remarks : tuple of str
+        What the file says above its columns, or about itself.
+    count : callable
+        Returns how many rows there are. Of text files, lines after the header: blank and comment lines count, and give
+        no row when they are read.
+    largest : callable
+        Returns the largest magnitude of a column, if the file states it.
+    first, stop : int
+        Rows that are meant; all of them if omitted.
+    """
+
+    path: Path
+    names: tuple[str, ...]
+    load: Callable[[Sequence[int], int, int], Sequence[NDArray]]
+    aliases: Mapping[str, int] = field(default_factory=dict)
+    name_row: Callable[[int], str] = lambda index: f"row {index + 1}"
+    units: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+    count: Callable[[], int] = lambda: 0
+    largest: Callable[[str | int], float | None] = lambda column: None
+    first: int = 0
+    stop: int | None = None
+
+    @classmethod
+    def of(cls, path: Path, arrays: Mapping[str, NDArray], **known: Any) -> Table:
+        """Return the table of columns that are in memory."""
+        columns = list(arrays.values())
+        return cls(path, tuple(arrays), lambda wanted, start, stop: [columns[at] for at in wanted], **known)
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of the file."""
+        return self.count()
+
+    def table(self, start: int, stop: int) -> Table:
+        """Return a segment of rows."""
+        return replace(self, first=start, stop=stop)
+
+    def row(self, index: int) -> str:
+        """Return how a message names a sample."""
+        return self.name_row(self.first + index)
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the file says that it comes from a virtual test."""
+        return any(SIMULATED in remark for remark in self.remarks)
+
+    def with_column(self, other: Table, column: str | int, name: str) -> Table:
+        """Return this table with a column of another one under a name."""
+        at, own, stated = other._find_column(column), len(self.names), other.stated_unit(column)
+        units = [*self.units, *[""] * (own - len(self.units)), "" if stated is None else stated[1]]
+
+        def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+            mine = iter(self.load([position for position in wanted if position < own], start, stop))
+            return [
+                next(mine) if position < own else other.load([at], 0, other.rows)[0] for position in wanted
+            ]
+
+        remarks = (*self.remarks, *other.remarks)
+        return replace(self, names=(*self.names, name), load=load, units=tuple(units), remarks=remarks)
+
+    def columns(self, wanted: Sequence[str | int]) -> list[Array]:
+        """Return the requested columns as finite float64 arrays.
+
+        Parameters
+        ----------
+        wanted : sequence of str or int
+            Names, or positions counted from 1.
+
+        Raises
+        ------
+        InputError
+            For a column that is missing, named twice, not numeric, or not finite.
+        """
+        positions = [self._find_column(name) for name in wanted]
+        distinct = sorted(set(positions))
+        arrays = self.load(distinct, self.first, self.rows if self.stop is None else self.stop)
+        if len(arrays) != len(distinct):
+            raise InputError(f"{self.path}: holds no rows; it may be damaged")
+        loaded = dict(zip(distinct, arrays, strict=True))
+        return [self._check_column(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
+
+    def stated_unit(self, name: str | int) -> tuple[str, str, bool] | None:
+        """Return a column's name, the unit that the file states for it, and whether only the name's ending does.
+
+        None where the file states no unit. See :func:`sindyjoint.files.units.unit_in_name`.
+        """
+        at = self._find_column(name)
+        title = self.names[at]
+        if at < len(self.units) and self.units[at].strip():
+            return title, self.units[at].strip().strip("[](){}").strip(), False
+        found = unit_in_name(title)
+        return None if found is None else (title, *found)
+
+    def _find_column(self, name: str | int) -> int:
+        if isinstance(name, int):
+            if not 1 <= name <= len(self.names):
+                raise InputError(
+                    f"{self.path}: there is no column {name}; columns 1 to {len(self.names)} are there"
+                )
+            return name - 1
+        count = self.names.count(name)
+        if count > 1:
+            raise InputError(
+                f"{self.path}: column {name!r} is there {count} times; give each column another name"
+            )
+        if count == 1:
+            return self.names.index(name)
+        if name in self.aliases:
+            return self.aliases[name]
+        near = difflib.get_close_matches(name, self.names, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        shown = ", ".join(
+            [*(f"{known!r:.40}" for known in self.names[:20]), *["..."] * (len(self.names) > 20)]
+        )
+        raise InputError(f"{self.path}: column {name!r} is missing; {hint}columns there: {shown or 'none'}")
+
+    def _check_column(self, name: str | int, values: NDArray) -> Array:
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiub":
+            raise InputError(f"{self.path}: column {name!r} holds {array.dtype}; expected real numbers")
+        array = np.ascontiguousarray(array, dtype=np.float64)
+        if array.ndim != 1:
+            raise InputError(f"{self.path}: column {name!r} has shape {array.shape}; expected one dimension")
+        bad = np.flatnonzero(~np.isfinite(array))
+        if bad.size:
+            raise InputError(
+                f"{self.path}: column {name!r} holds {array[bad[0]]} in {self.row(int(bad[0]))}"
+                + (f" and {bad.size - 1} more value(s) that are not finite" if bad.size > 1 else "")
+                + "; remove or repair them"
+            )
+        return array
+
+
+@contextmanager
+def foreign(path: Path, kind: str) -> Iterator[None]:
+    """Turn whatever a library throws at bad bytes into one sentence, and keep its warnings to itself."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except (SindyJointError, ImportError):
+        raise
+    # Parsers of binary formats fail on rubbish with any class there is, MemoryError among them.
+    except Exception as error:
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(
+            f"{path}: cannot be read as {kind} ({reason}); it may be truncated, damaged or of another format"
+        ) from error
+
+
+def library(doing: str, name: str, package: str = "", extra: str = "formats") -> Any:
+    """Return a module that a format needs, or say which extra of this package brings it."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise MissingExtraError(
+            f'{doing} this format needs {package or name}; run: pip install "sindyjoint[{extra}]"'
+        ) from error
+
+
+def begins(path: Path) -> bytes:
+    """Return the first bytes of a file, which hold the version of its format."""
+    with path.open("rb") as file:
+        return file.read(16)
+
+
+def vectors(name: str, array: NDArray, subscript: str, first: int) -> dict[str, NDArray]:
+    """Return a data set as named vectors: itself, or the columns of a matrix.
+
+    Parameters
+    ----------
+    name : str
+    array : ndarray
+    subscript : str
+        What follows the name of a column, such as ``"[:,{}]"``.
+    first : int
+        How the language of the file counts the first column.
+    """
+    if array.ndim == 2 and 1 not in array.shape:
+        return {name + subscript.format(first + position): column for position, column in enumerate(array.T)}
+    return {name: array.ravel() if array.ndim == 2 else array}
+
+
+def short_names(names: Sequence[str], separator: str) -> dict[str, int]:
+    """Return the last parts of grouped names that stand for one data set only, with its position."""
+    last = [name.rsplit(separator, 1)[-1] for name in names]
+    return {name: position for position, name in enumerate(last) if last.count(name) == 1}
+
+
+def parse_size(text: str) -> int:
+    """Return a size such as "4 GB" in bytes.
+
+    Raises
+    ------
+    InputError
+
+    Examples
+    --------
+    >>> parse_size("4 GB"), parse_size("1.5MiB"), parse_size("2000000")
+    (4000000000, 1572864, 2000000)
+    """
+    match = _SIZE.fullmatch(text)
+    factor = (1024 if match[3] else 1000) ** " kmgt".index(match[2].lower() or " ") if match else 0
+    value = int(float(match[1]) * factor) if match else 0
+    if value < 1:
+        raise InputError(f"size is {text!r:.40}; expected a number of bytes, such as '4 GB'")
+    return value
+
+
+def largest_bytes() -> int:
+    """Return how many bytes the content of one file may take in memory."""
+    given = os.environ.get(VARIABLE)
+    return parse_size(given) if given else DEFAULT
+
+
+def check_bytes(path: Path, size: int, what: str = "its content") -> None:
+    """Refuse content beyond the limit.
+
+    Raises
+    ------
+    InputError
+    """
+    largest = largest_bytes()
+    if size > largest:
+        raise InputError(
+            f"{path}: {what} would take {size / 1e6:.6g} MB of memory, beyond the limit of {largest / 1e6:.6g} MB; if "
+            f"it is meant, raise the limit with 'sindyjoint --largest SIZE ...'"
+        )
+
+
+def check_array(path: Path, shape: Sequence[int], item: int, what: str = "an array") -> int:
+    """Return how many bytes an array takes; refuse one beyond the limit, or of more columns than a table has.
+
+    Raises
+    ------
+    InputError
+    """
+    size = math.prod(shape) * item
+    wide = len(shape) > 1 and min(shape) > MOST_COLUMNS
+    no_table = wide or not 1 <= item <= LARGEST_ITEM or any(n < 0 for n in shape)
+    # An array without a single number still has as many columns as its shape states.
+    empty = size == 0 and len(shape) > 1 and max(shape) > MOST_COLUMNS
+    shown = f"{path}: {what} of shape {tuple(shape)!s:.60}"
+    refuse(
+        [
+            (no_table, f"{shown} with {item} bytes an entry is no table of numbers"),
+            (empty, f"{shown} holds nothing"),
+        ]
+    )
+    check_bytes(path, size, what)
+    return size
+
 
 # ending -> module, function; the modules import their libraries when a file of that kind is met.
 READERS = {
@@ -25,9 +319,9 @@ READERS = {
     ".lvm": ("recorders", "read_lvm"),
     ".xlsx": ("sheets", "read_xlsx"),
     ".json": ("sheets", "read_json"),
-    ".parquet": ("arrow", "read_parquet"),
-    ".feather": ("arrow", "read_feather"),
-    ".mat": ("mat", "read_mat"),
+    ".parquet": ("sheets", "read_parquet"),
+    ".feather": ("sheets", "read_feather"),
+    ".mat": ("arrays", "read_mat"),
     **dict.fromkeys((".h5", ".hdf5"), ("arrays", "read_hdf5")),
     ".npz": ("arrays", "read_npz"),
     ".npy": ("arrays", "read_npy"),

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.files.readers.fields import is_number
-from sindyjoint.files.readers.table import UNIT_KEYS, Table, check_bytes, foreign, library, short_names
-from sindyjoint.files.readers.text import decode_text
+from sindyjoint.files.readers import UNIT_KEYS, Table, check_bytes, foreign, library, short_names
+from sindyjoint.files.readers.text import decode_text, is_number
 
 END = "***End_of_Header***"
 TIME = "X_Value"

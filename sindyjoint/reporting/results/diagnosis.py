@@ -16,7 +16,7 @@ from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import effect_mathml, mathml, model_table
 from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
-from sindyjoint.reporting.results import diagnosis_campaign, diagnosis_structure
+from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, STRUCTURE_KINDS, thinned
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import (
     DASH,
@@ -61,7 +61,7 @@ class DiagnosisView(
 
     def kinds_of(self, data: Diagnosis) -> Mapping[str, Kind]:
         """Return the figures of a campaign, or those of a structure."""
-        return (diagnosis_structure if data.source == "structure" else diagnosis_campaign).KINDS
+        return STRUCTURE_KINDS if data.source == "structure" else CAMPAIGN_KINDS
 
     def judges_of(self, result: Diagnosis) -> tuple[str, ...]:
         """Return the policies that decided it; a structure has no force states."""
@@ -70,7 +70,7 @@ class DiagnosisView(
 
     def kept(self, data: Diagnosis) -> Diagnosis:
         """Return it with the model that ``model.json`` holds, and no more samples than a picture shows."""
-        records = tuple(map(diagnosis_structure.thinned, data.records))
+        records = tuple(map(thinned, data.records))
         return replace(data, model=data.whole or data.model, records=records)
 
     def tables(self, result: Diagnosis) -> tuple[TextTable, ...]:

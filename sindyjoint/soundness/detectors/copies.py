@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.finding import Finding, Words
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Channel, Record
-from sindyjoint.soundness.words import Words
 
 Block = tuple[int, int, int]
 # Samples that the search for scaled copies looks at, and the deviation from a constant ratio that rounding leaves.

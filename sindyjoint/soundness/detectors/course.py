@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.finding import Finding, Spans, Words
 from sindyjoint.soundness.policy import POLICY
-from sindyjoint.soundness.record import Record, Spans
-from sindyjoint.soundness.words import Words
+from sindyjoint.soundness.record import Record
 
 Lines = Mapping[str, NDArray[np.complex128]]
 # Periods on either side of a step that are compared, at most and of a record of few; the one that holds it is left out.

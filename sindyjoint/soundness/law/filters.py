@@ -11,11 +11,10 @@ from sindyjoint.discovery.delay import find_delay
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Campaign, Run
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.finding import Finding, Words
 from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Record
-from sindyjoint.soundness.words import Words
 from sindyjoint.states.build import force_states
 from sindyjoint.states.floor import moment_floor
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array, rms
 from sindyjoint.soundness.detectors.course import drift_of
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.finding import Finding, Words
 from sindyjoint.soundness.law.motions import (
     Motions,
     Rows,
@@ -25,7 +25,6 @@ from sindyjoint.soundness.law.motions import (
     solve,
 )
 from sindyjoint.soundness.policy import POLICY
-from sindyjoint.soundness.words import Words
 
 # What units are mistaken by: degrees, thousandths, kgf, lbf, inches.
 MISTAKES = {

@@ -11,12 +11,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sindyjoint.described import Maybe, same
+from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.discovery.evidence import Evidence, fit_columns
 from sindyjoint.discovery.evidence_file import read_evidence
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
-from sindyjoint.shown import Shown
 from sindyjoint.text import spelled
 from sindyjoint.workflows.joints.population import CoefficientScatter, Population, population
 from sindyjoint.workflows.joints.record import FACTORS_FILE, CampaignRecord

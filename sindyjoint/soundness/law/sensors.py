@@ -13,9 +13,8 @@ from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_test import DRIVE, RigTest, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.finding import Finding, Severity
-from sindyjoint.soundness.policy import POLICY
-from sindyjoint.soundness.structure.agreement import (
+from sindyjoint.soundness.finding import Finding, Severity, Words
+from sindyjoint.soundness.law.agreement import (
     SMALLEST,
     Complex,
     Equations,
@@ -28,7 +27,7 @@ from sindyjoint.soundness.structure.agreement import (
     swapped,
     unknowns_of,
 )
-from sindyjoint.soundness.words import Words
+from sindyjoint.soundness.policy import POLICY
 from sindyjoint.substructure.recovery import Recovery
 
 # Runs that may have a fault of their own, at most; faults that are looked for one after the other.

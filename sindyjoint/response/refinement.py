@@ -13,11 +13,9 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.compared import predicts_worse
-from sindyjoint.response.nuisances import law_of_test
+from sindyjoint.response.compared import law_of_test, predicts_worse
 from sindyjoint.response.output_error import OutputError, without_negative_friction
-from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
-from sindyjoint.response.output_error_runs import term_columns
+from sindyjoint.response.output_error_runs import NUISANCE, Nuisance, Parameter, term_columns
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
