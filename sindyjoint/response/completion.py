@@ -182,12 +182,12 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
     noise = np.zeros(2)
     for run, state in zip(runs, states, strict=True):
         if state.series and state.frequency is not None:
-            orders, moment, angle, _, _ = _spectrum(run, state)
+            orders, harmonics, angle, _, _ = _spectrum(run, state)
             later = (angle != 0) & (orders > 1)
-            acceleration, moment = -((2 * np.pi * state.frequency * orders) ** 2) * angle, moment[later]
+            acceleration = -((2 * np.pi * state.frequency * orders) ** 2) * angle
             accelerations.append(acceleration[later].view(float))
-            moments.append(moment.view(float))
-            values += moment.size
+            moments.append(harmonics[later].view(float))
+            values += later.sum()
         elif state.method == "broadband":
             moment = state.moment if state.repeated else run.moment[span_of(run, state)]
             lower, band = POLICY.inertia_band, 2 * state.bandwidth / state.sample_rate
@@ -295,7 +295,7 @@ def _drive_of_record(run: Run, state: ForceStates, between: float) -> Array | No
     band, noise = state.bandwidth, between * state.noise.acceleration
 
     def of_acceleration(frequency: Array) -> Array:
-        """The noise of an angle, differentiated twice within the band."""
+        """Return the noise of an angle that was differentiated twice, within the band."""
         return np.where(frequency < band, 5 * noise**2 * frequency**4 / band**5, 0.0)
 
     end = signal_end(drive, state.sample_rate, rising=of_acceleration).bandwidth
