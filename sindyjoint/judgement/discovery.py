@@ -28,7 +28,7 @@ from sindyjoint.text import in_words_of
 from sindyjoint.trust import Light, Trust
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
     from sindyjoint.discovery.selection import Selection
     from sindyjoint.discovery.sindy import JointSINDy
 
@@ -79,7 +79,7 @@ class Discovery(Shown):
     warnings : tuple of str
     states : tuple of ForceStates
         Completed by the model where the simulation follows a run.
-    regressor : JointRegressor
+    regressor : TermRegression
         Fitted; holds candidates, path and factors.
     campaign : Campaign
         As it was used: without the samples that the check of the data leaves out.
@@ -116,7 +116,7 @@ class Discovery(Shown):
     skew: ChannelDelay | None
     warnings: tuple[str, ...]
     states: tuple[ForceStates, ...] = field(repr=False)
-    regressor: JointRegressor = field(repr=False)
+    regressor: TermRegression = field(repr=False)
     campaign: Campaign = field(repr=False)
     soundness: Soundness = Soundness()
     stopped: Check | None = field(repr=False, default=None)
@@ -178,7 +178,7 @@ class Discovery(Shown):
         )  # fmt: skip
 
 
-def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
+def stopped_by_data(checked: Check, regressor: TermRegression) -> Discovery:
     """Return the result on data of which no model is made."""
     campaign = checked.campaign
     runs = checked.usable.identification_runs

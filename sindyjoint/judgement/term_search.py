@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sindyjoint.discovery.estimator import JointRegressor
 from sindyjoint.discovery.large.segments import SampleCount
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign
@@ -25,13 +25,13 @@ class TermSearch:
 
     Parameters
     ----------
-    regressor : JointRegressor
+    regressor : TermRegression
     model : JointModel
     states : tuple of ForceStates
         As given, or completed by the model.
     """
 
-    regressor: JointRegressor
+    regressor: TermRegression
     model: JointModel
     states: tuple[ForceStates, ...]
 
@@ -56,7 +56,7 @@ def search_completed(
         if not any(state.completed for state in states):
             return found
         say("selecting terms with what the processing cuts off the motion")
-        fitted = JointRegressor(**first.regressor.get_params(deep=False))
+        fitted = first.regressor.again()
         fitted.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
         before, found = found, TermSearch(fitted, campaign_model(fitted, campaign, states, counts), states)
         if _stays(before.model, found.model):
@@ -71,7 +71,7 @@ def _stays(before: JointModel, after: JointModel) -> bool:
 
 
 def campaign_model(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     campaign: Campaign,
     states: Sequence[ForceStates],
     counts: Sequence[SampleCount],

@@ -12,11 +12,11 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law, PaperLaw
-from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import UNKNOWN
 from sindyjoint.mechanics.rigs import Rig
 from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.virtual_rig import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.numeric import Array, main_frequency, rms
 from sindyjoint.response.laws import model_law
 from sindyjoint.response.oscillations import (
@@ -166,7 +166,7 @@ def _provide_pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.
             f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
             "true law; add a [measured] table, or name a shipped joint as the law"
         )
-    return virtual_pulse_test(rig, random_state=generator, **truth)
+    return virtual_pulse_test(rig, rng=generator, **truth)
 
 
 def _compare_pulse(

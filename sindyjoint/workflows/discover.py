@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -14,14 +13,15 @@ import numpy as np
 
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
+from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.candidates import NO_DELAY, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options
-from sindyjoint.files import load_campaign
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.term_search import TermSearch, campaign_model, search_completed
 from sindyjoint.judgement.verdict import (
@@ -32,23 +32,22 @@ from sindyjoint.judgement.verdict import (
     unresolved_delay,
 )
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import RNG
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
+from sindyjoint.workflows.check import the_campaign
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.judgement.rig_discovery import RigDiscovery
 
 
 def regressor_options() -> tuple[str, ...]:
     """Return the names of the options that a discovery passes on to its regressor."""
-    from sindyjoint.discovery.estimator import JointRegressor
-
-    return tuple(inspect.signature(JointRegressor).parameters)
+    return TermRegression.parameters()
 
 
 @checks_options(regressor_options)
@@ -63,7 +62,7 @@ def discover(
     accept: Sequence[str] = (),
     correct: bool = True,
     paper: bool = False,
-    random_state: Any = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
     workers: int | None = None,
@@ -93,7 +92,7 @@ def discover(
         motion that their processing cuts off.
     paper : bool
         Put the question of the paper's five terms first, as for the paper's joints.
-    random_state : int, Generator or None
+    rng : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
@@ -111,15 +110,12 @@ def discover(
     InputError, UnknownNameError
         For data or options that cannot be used.
     """
-    from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.discovery.foreign_library import catalogue_of
-
     say = progress or (lambda stage: None)
     catalogue = catalogue_of(library)
     check_accepted(accept)
     if campaign is None:
         say("simulating the virtual test")
-    campaign = the_campaign(campaign, random_state, LONGEST)
+    campaign = the_campaign(campaign, rng, LONGEST)
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
     unused = unused and f"{unused}: not used, for no run is too long for the memory of this process"
     options.setdefault("inputs", campaign.inputs)
@@ -127,7 +123,7 @@ def discover(
         if align:
             raise InputError(f"align: {NO_DELAY}")
         catalogue, correct = rate_free(catalogue), False
-    regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
+    regressor = TermRegression(catalogue, motion=campaign.joint.motion, random_state=rng, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
     if checked.stopping:
@@ -178,7 +174,7 @@ class _Prepared(NamedTuple):
 
 def _prepare(
     campaign: Campaign,
-    regressor: JointRegressor,
+    regressor: TermRegression,
     library: Any,
     make_states: Callable[[Campaign], tuple[ForceStates, ...]],
     align: bool,
@@ -191,14 +187,14 @@ def _prepare(
     if isinstance(library, str) and library == DEFAULT:
         largest = max(float(np.abs(s.angle).max()) for s in made)
         found = default_candidates(largest, campaign.joint.motion)
-        regressor.set_params(library=rate_free(found) if campaign.quasi_static else found)
+        regressor.library = rate_free(found) if campaign.quasi_static else found
     if campaign.quasi_static:
         return _Prepared(campaign, made, None, 0.0, ())
     lags = find_lags(made, inertia, campaign.inputs)
     if lags:
         campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
         made = make_states(campaign)
-        regressor.set_params(inputs=campaign.inputs)
+        regressor.inputs = campaign.inputs
     say("time delay between the channels")
     delay = find_delay(made, inertia, campaign.inputs)
     lag = delay.time if align and delay is not None and delay.significant else 0.0
@@ -206,7 +202,7 @@ def _prepare(
 
 
 def _select_terms(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     prepared: _Prepared,
     here: Executor | None,
     bandwidth: float | None,
@@ -234,33 +230,14 @@ def _judge_terms(found: TermSearch, prepared: _Prepared) -> tuple[Verdict, Chann
     return (undecided_without_time(verdict) if prepared.campaign.quasi_static else verdict), left
 
 
-def the_campaign(
-    campaign: Campaign | str | Path | Any, random_state: Any = None, longest: int | None = None
-) -> Campaign:
-    """Return a campaign from itself, a file, data frames, or the built-in virtual test.
-
-    Of runs in files that are longer than ``longest`` only a segment is read.
-    """
-    if isinstance(campaign, Campaign):
-        return campaign
-    if campaign is None:
-        from sindyjoint.mechanics.virtual import virtual_campaign
-
-        return virtual_campaign(
-            "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
-        )
-
-    if isinstance(campaign, str | Path):
-        return load_campaign(campaign, longest)
-    return Campaign.from_frames(campaign)
-
-
+@checks_options(regressor_options)
 def discover_rig(
     rig: RigTest | str | Path,
     library: Any = "extended",
     *,
     accept: Sequence[str] = (),
     refine: bool | None = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> RigDiscovery:
@@ -278,9 +255,10 @@ def discover_rig(
         Fit the laws' numbers, and the structure's uncertain ones, to the simulated response of the runs in the end;
         their intervals are then those of that fit. Default: where no run repeats, as then those of the regression are
         too narrow; from one start instead of three.
+    rng : int, Generator or None
     progress : callable, optional
     **options
-        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, random_state, ...
+        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, ...
 
     Returns
     -------
@@ -293,7 +271,6 @@ def discover_rig(
     UnsoundError
         Where findings of the check stop the work.
     """
-    from sindyjoint.discovery.foreign_library import catalogue_of
     from sindyjoint.judgement.rig_discovery import of_data
     from sindyjoint.mechanics.rig_test_file import load_rig_test
 
@@ -304,7 +281,7 @@ def discover_rig(
     catalogue_of(library)  # before work that takes seconds
     say("checking the data")
     checked = require_sound(check_rig_test(test, accept))
-    return of_data(laws_of_rig(checked.usable, library, refine, say, **options), checked)
+    return of_data(laws_of_rig(checked.usable, library, refine, say, random_state=rng, **options), checked)
 
 
 def laws_of_rig(
@@ -313,9 +290,14 @@ def laws_of_rig(
     """Return the laws of the joints of a structure's test that was checked."""
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
     from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
-    from sindyjoint.substructure.recovery import recover
+    from sindyjoint.substructure.recovery import (
+        held_spectra,
+        held_warnings,
+        recover,
+        update_structure,
+        with_numbers,
+    )
     from sindyjoint.substructure.states import joints_seen, worth_of_sensors
-    from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
 
     runs = test.identification_runs
     say("recovering angles and moments of the joints")

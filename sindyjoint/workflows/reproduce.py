@@ -10,12 +10,13 @@ import numpy as np
 
 from sindyjoint.described import Described, same
 from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import checks_options
 from sindyjoint.judgement.paper_tables import TableCheck, check_tables, table_findings
 from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
-from sindyjoint.numeric import Array
+from sindyjoint.mechanics.virtual_rig import hinges
+from sindyjoint.numeric import RNG, Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
 from sindyjoint.record import Campaign
 from sindyjoint.response.laws import with_coefficients
@@ -193,17 +194,18 @@ class Reproduction(Described):
     statements: tuple[str, ...]
 
 
-def reproduce(random_state: int = 0, progress: Callable[[str], None] | None = None) -> Reproduction:
+@checks_options()
+def reproduce(rng: RNG = 0, progress: Callable[[str], None] | None = None) -> Reproduction:
     """Make what can be made of the paper's tables and figures.
 
     Parameters
     ----------
-    random_state : int
+    rng : int, Generator or None
         Seed of the sensors' noise.
     progress : callable, optional
     """
     say = progress or (lambda stage: None)
-    generator = np.random.default_rng(random_state)
+    generator = np.random.default_rng(rng)
     joints = []
     for table in TABLES:
         say(f"virtual tests of the {table.joint}")
@@ -268,17 +270,17 @@ def _build_linear_map(law: PaperLaw, generator: np.random.Generator) -> ForceSta
 
 def _fit_five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel:
     """Fit Eq. 6 to the runs of one frequency."""
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
     rows = regression_rows(states, campaign.joint.inertia)
-    fitted = JointRegressor("paper", forced=TERMS, motion=campaign.joint.motion).fit(**rows.fit_arguments())
+    fitted = TermRegression("paper", forced=TERMS, motion=campaign.joint.motion).fit(**rows.fit_arguments())
     return replace(fitted.model_, joint=campaign.joint)
 
 
 def _reproduce_pulse(model: JointModel, generator: np.random.Generator) -> PulseReproduction:
     rig = load_rig("pulse-rig")
-    plain = verify(model, rig, draws=0, random_state=generator)
-    richer = verify(model, rig, draws=0, presliding=PRESLIDING, random_state=generator)
+    plain = verify(model, rig, draws=0, rng=generator)
+    richer = verify(model, rig, draws=0, presliding=PRESLIDING, rng=generator)
     stuck = rig.respond().stuck[[hinge.name for hinge in hinges(rig)].index("joint")]
     slipping = np.flatnonzero(~stuck)
     return PulseReproduction(
