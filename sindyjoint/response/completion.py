@@ -242,30 +242,27 @@ def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     """Return the states of a run that was smoothed, completed; None where a simulation does not follow it.
 
     Of a simulated motion x they are x + K·(measured − x), K a kernel that ends where the angle is known to a tenth.
-    Where the moment was no drive that ends well below the band of the angle, the motion was prescribed: what the kernel
-    took of it is what it takes of the smoothed motion once more.
+    Where the moment was no drive that ends well below the band of the angle, the motion was prescribed: its band is
+    that of an actuator, and the kernel takes little of it.
     """
     if state.method != "broadband" or state.fusion is not None:
         return None
     drive = _drive_of_record(run, state, between)
-    measured = np.array([state.angle, state.rate, state.acceleration])
     if drive is None:
-        moved = 2 * measured - _smoothed(state, state.bandwidth, measured)
-    else:
-        moment = run.moment.copy()
-        if not state.repeated:
-            moment[span_of(run, state)] = drive
-        driven, options = replace(state, moment=drive), {"rtol": RTOL, "beam_inertia": between}
-        motion = simulate_motion(
-            law, replace(run, moment=moment), driven, "moment", None, 0, np.zeros((law.n_states, 1)), options
-        )
-        if not _follows(motion.angle, state):
-            return None
-        moved = np.array([motion.angle, motion.rate, motion.acceleration])
-        known = signal_end(
-            state.angle, state.sample_rate, POLICY.harmonic_as_measured * state.noise.angle / 2
-        )
-        moved += _smoothed(state, min(known.bandwidth, state.bandwidth), measured - moved)
+        return None
+    moment = run.moment.copy()
+    if not state.repeated:
+        moment[span_of(run, state)] = drive
+    driven, options = replace(state, moment=drive), {"rtol": RTOL, "beam_inertia": between}
+    motion = simulate_motion(
+        law, replace(run, moment=moment), driven, "moment", None, 0, np.zeros((law.n_states, 1)), options
+    )
+    if not _follows(motion.angle, state):
+        return None
+    moved = np.array([motion.angle, motion.rate, motion.acceleration])
+    known = signal_end(state.angle, state.sample_rate, POLICY.harmonic_as_measured * state.noise.angle / 2)
+    measured = np.array([state.angle, state.rate, state.acceleration])
+    moved += _smoothed(state, min(known.bandwidth, state.bandwidth), measured - moved)
     return replace(state, angle=moved[0], rate=moved[1], acceleration=moved[2], completed=True)
 
 
