@@ -44,12 +44,28 @@ class PulseTest(MeasuredResponse):
 
 
 def hinges(rig: Rig) -> tuple[Hinge, ...]:
-    """Return the joints of a rig, from the base on."""
+    """Return the joints of a rig, from the base on.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> [hinge.name for hinge in sindyjoint.hinges(sindyjoint.load_rig("pulse-rig"))]
+    ['joint']
+    """
     return tuple(item for item in rig.items if isinstance(item, Hinge))
 
 
 def with_laws(rig: Rig, choose: Callable[[Hinge], Law]) -> Rig:
-    """Return the same rig with the law that `choose` gives for each joint."""
+    """Return the same rig with the law that `choose` gives for each joint.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> rig = sindyjoint.load_rig("pulse-rig")
+    >>> other = sindyjoint.with_laws(rig, lambda hinge: sindyjoint.PANEL_ROOT)
+    >>> sindyjoint.hinges(other)[0].law.name
+    'panel root joint'
+    """
     return replace(
         rig,
         items=tuple(

@@ -248,6 +248,16 @@ def virtual_rig_test(
         Source of noise and phases.
     seen : callable
         Called with the name of each run and what really happened in it.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import sindyjoint
+    >>> plan = sindyjoint.load_rig_plan("pulse-rig")
+    >>> recorder = replace(plan.recorder, duration=4.0, settling=4.0)
+    >>> test = sindyjoint.virtual_rig_test(plan.test, plan.drives[:2], recorder)
+    >>> len(test.runs)
+    2
     """
     generator, runs = np.random.default_rng(rng), []
     for drive in drives:
