@@ -21,9 +21,9 @@ from scipy.stats import chi2
 
 from sindyjoint.errors import SimulationError, SindyJointError
 from sindyjoint.mechanics.excitation import pulse
-from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.mechanics.virtual_rig import with_laws
 from sindyjoint.response.laws import model_law
 from sindyjoint.response.oscillations import compare_oscillations, main_frequency, oscillation
 

@@ -20,11 +20,10 @@ if TYPE_CHECKING:
     from sindyjoint.files.drafting.init import init
     from sindyjoint.files.writers import write_campaign
     from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
-    from sindyjoint.mechanics.pulse_test import hinges, with_laws
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
     from sindyjoint.mechanics.rigs import Rig, load_rig
     from sindyjoint.mechanics.virtual import virtual_campaign
-    from sindyjoint.mechanics.virtual_rig import virtual_rig_test
+    from sindyjoint.mechanics.virtual_rig import hinges, virtual_rig_test, with_laws
     from sindyjoint.planning.plan_file import play
     from sindyjoint.record import Campaign, Joint, Run
     from sindyjoint.reporting.registry import draw, load_results
@@ -136,7 +135,7 @@ _HOMES = {
     "fit_surface": "states.surface",
     "force_state_map": "states.surface",
     "force_states": "states",
-    "hinges": "mechanics.pulse_test",
+    "hinges": "mechanics.virtual_rig",
     "init": "files.drafting.init",
     "load_campaign": "files",
     "load_catalogue": "equation.catalogue",
@@ -153,7 +152,7 @@ _HOMES = {
     "verify": "workflows.verify",
     "virtual_campaign": "mechanics.virtual",
     "virtual_rig_test": "mechanics.virtual_rig",
-    "with_laws": "mechanics.pulse_test",
+    "with_laws": "mechanics.virtual_rig",
     "write_campaign": "files.writers",
 }
 

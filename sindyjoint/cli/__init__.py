@@ -152,7 +152,9 @@ def _run(arguments: list[str]) -> int:
     here = PLACES.set(Places(("sindyjoint", *arguments)))
     try:
         with nullcontext() if limited else all_cores():
-            status = command()(args=arguments, prog_name="sindyjoint", standalone_mode=False)
+            status = command(arguments[0] if arguments else "")(
+                args=arguments, prog_name="sindyjoint", standalone_mode=False
+            )
     except typer.Exit as error:
         status = error.exit_code
     except Interrupted as error:

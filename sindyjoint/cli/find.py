@@ -84,8 +84,8 @@ def simulate_structure(
 
     from sindyjoint.equation.model_file import read_model
     from sindyjoint.errors import InputError
+    from sindyjoint.mechanics.rig_test import write_rig_test
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
-    from sindyjoint.mechanics.rig_test_writing import write_rig_test
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
     from sindyjoint.response.laws import model_law
     from sindyjoint.response.verify_rig import joint_range_warnings

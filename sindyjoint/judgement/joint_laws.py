@@ -12,10 +12,10 @@ import numpy as np
 from sindyjoint.bias.correction import corrected_model
 from sindyjoint.bias.replicates import Replicate
 from sindyjoint.described import same
-from sindyjoint.discovery.estimator import JointRegressor
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frequency import heterogeneity
 from sindyjoint.discovery.large.segments import SampleCount
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
@@ -39,11 +39,10 @@ from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.states.campaigns import signals_hash
 from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors, recovered_replicate
 from sindyjoint.substructure.policy import POLICY as LIMITS
-from sindyjoint.substructure.recovery import Recovery, recover
+from sindyjoint.substructure.recovery import Recovery, Update, recover, with_numbers
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, run_weights, with_slow
-from sindyjoint.substructure.update import Update, with_numbers
 from sindyjoint.text import spelled
 
 # What no sensor of the structure distinguishes from the angle at which the joint rests.
@@ -205,7 +204,7 @@ def _find_law(
 class _Search(NamedTuple):
     """Terms, with the slow angles and whole states that go with them."""
 
-    regressor: JointRegressor
+    regressor: TermRegression
     rows: LawRows | None
     states: tuple[ForceStates, ...]
     unseen: Sequence[Array]
@@ -218,7 +217,7 @@ def _search(
     # Before terms are known the paper's stand for them: one of them bends as the stiffness does.
     allowed = set(PAPER_TERMS)
     for _ in range(SEARCHES):
-        regressor = JointRegressor(**options)
+        regressor = TermRegression(**options)
         reference = Reference.of(*(np.concatenate([getattr(s, name) for s in states]) for name in COLUMNS))
         terms = [term for term in regressor.candidates(reference) if term.id in allowed]
         unseen = find_slow(states, slow, terms, weights).unknowns if terms else [each.start for each in slow]
@@ -238,7 +237,7 @@ def _search(
 
 
 def _beyond(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     rows: LawRows,
     states: Sequence[ForceStates],
     recovered: Sequence[Recovered],
@@ -272,7 +271,7 @@ def _counted(recovered: Sequence[Recovered]) -> tuple[int, int]:
     return moving, sum(each.unseen.size for each in recovered)
 
 
-def _terms_of(regressor: JointRegressor) -> list[ResolvedTerm]:
+def _terms_of(regressor: TermRegression) -> list[ResolvedTerm]:
     """Return the terms that were found, in the order of the model."""
     resolved = {term.id: term for term in regressor.terms_}
     return [resolved[term.id] for term in regressor.model_.terms]
@@ -286,7 +285,7 @@ def _judged(
     test: RigTest,
     kind: str,
     recovered: tuple[Recovered, ...],
-    regressor: JointRegressor,
+    regressor: TermRegression,
     rows: LawRows | None,
     errors: LawErrors | None,
 ) -> Discovery:

@@ -12,7 +12,6 @@ __getattr__ = fetched(
         "beam": "Beam rectangular_section",
         "excitation": "Actuator harmonic pulse sampled tones",
         "laws": "INTER_PANEL PANEL_ROOT FormulaLaw FunctionLaw LawWithNumbers PaperLaw SumLaw softening_limit",
-        "pulse_test": "presliding_law virtual_pulse_test with_laws with_loss_factor",
         "rig_file": "RigFile rig_path shipped_rigs",
         "rig_test": "RigRun RigTest Sensor UncertainNumber uncertain_numbers",
         "rig_test_file": "load_rig_structure load_rig_test",
@@ -23,6 +22,6 @@ __getattr__ = fetched(
         "structure": "Hinge LumpedMass Structure assemble craig_bampton",
         "transient": "respond",
         "virtual": "BEAM_INERTIA virtual_campaign",
-        "virtual_rig": "between_samples",
+        "virtual_rig": "between_samples presliding_law virtual_pulse_test with_laws with_loss_factor",
     },
 )

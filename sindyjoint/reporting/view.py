@@ -42,8 +42,6 @@ class View(Generic[R, D]):
 
     Attributes
     ----------
-    results : tuple of type
-        What it shows. For a subclass of one of them that has a view, that view holds.
     data : type
         Of the data; ``None`` where nothing is saved and drawn.
     kind : str
@@ -68,7 +66,6 @@ class View(Generic[R, D]):
         Fields of the data that are saved under another name.
     """
 
-    results: ClassVar[tuple[type, ...]] = ()
     data: ClassVar[type | None] = None
     kind: ClassVar[str] = ""
     folder: ClassVar[str] = ""

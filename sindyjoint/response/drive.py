@@ -34,9 +34,7 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     low, high = elastic_moment(law, [middle - reach, middle + reach])
     restoring = (high - low) / 2
     return (
-        "moment"
-        if restoring > POLICY.restoring_share * rms(states.transfer_moment(law.inertia))
-        else "windows"
+        "moment" if restoring > POLICY.small_moment * rms(states.transfer_moment(law.inertia)) else "windows"
     )
 
 
@@ -62,7 +60,7 @@ def _find_prescribed(states: ForceStates, spurious: bool, inertia: float) -> boo
     if states.method == "path":
         return True
     if states.method == "broadband" and not states.repeated:
-        return unanswered(states, inertia) > POLICY.unanswered
+        return unanswered(states, inertia) > POLICY.beyond_noise
     if states.method != "periodic" or states.frequency is None:
         return False
     if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
@@ -71,7 +69,7 @@ def _find_prescribed(states: ForceStates, spurious: bool, inertia: float) -> boo
     basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
     residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
     floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
-    return bool(np.std(residual) > POLICY.pure * floor)
+    return bool(np.std(residual) > POLICY.beyond_noise * floor)
 
 
 def unanswered(states: ForceStates, inertia: float) -> float:
@@ -106,7 +104,9 @@ def _sinusoidal(states: ForceStates) -> bool:
     basis = np.hstack([np.ones((states.n_samples, 1)), np.cos(phase), np.sin(phase)])
     parts = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
     amplitudes = np.hypot(parts[:count], parts[count:])[1:]
-    return bool(np.all(amplitudes <= POLICY.sinusoidal * states.noise.angle * np.sqrt(2 / states.n_samples)))
+    return bool(
+        np.all(amplitudes <= POLICY.significance * states.noise.angle * np.sqrt(2 / states.n_samples))
+    )
 
 
 # Periods after which a run that repeats is taken for steady.
@@ -193,7 +193,7 @@ def fitted_start(
     from scipy.optimize import least_squares
 
     free = np.flatnonzero(size)
-    bound, found = np.where(free < 2, POLICY.initial_range, np.inf), np.zeros(free.size)
+    bound, found = np.where(free < 2, POLICY.correction, np.inf), np.zeros(free.size)
     for share in STAGES:
         count = min(max(round(share * measured.size), POLICY.fewest_initial), measured.size)
 

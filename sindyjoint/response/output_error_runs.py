@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.equation.element import JointElement
+from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TestNuisances
@@ -356,11 +356,8 @@ def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
     term = model[name]
     value = term.coefficient
     scale = abs(value) if value != 0 else max(term.standard_error, 1e-12)
-    # The coefficient that would carry the whole moment, as far as the term's share is known.
-    whole = scale / term.unique_share if term.unique_share > 0 else 0.0
-    reach = max(
-        POLICY.range_share * scale, POLICY.range_errors * term.standard_error, POLICY.range_moment * whole
-    )
+    # Where the term's share is not known, it is taken for the whole.
+    reach = POLICY.carried * scale / min(term.unique_share if term.unique_share > 0 else 1.0, 1.0)
     low, high = value - reach, value + reach
     if name == "coulomb_friction" and value < 0:
         return Parameter(name, "coefficient", 0.0, scale, 0.0, moment)
@@ -374,26 +371,23 @@ def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
 def element_parameters(elements: Iterable[JointElement]) -> Iterable[Parameter]:
     """Yield the numbers of elements as parameters, in the order of a model's numbers; each keeps its sign."""
     for element in elements:
-        coefficients = {column.name for column in element.columns}
         for number in element.numbers:
-            if number.name in coefficients:
-                reach = POLICY.element_range
-            else:
-                reach = POLICY.shape_range if number.unit in ("", "1") else POLICY.nonlinear_range
-            value = number.value
+            value, reach = number.value, range_of(element, number)
             scale = abs(value) if value != 0 else max(number.standard_error, 1e-12)
             ends = sorted((value / reach, value * reach)) if value != 0 else (-reach * scale, reach * scale)
             yield Parameter(f"{number.name} of {element.id}", "element", value, scale, *ends)
 
 
+def range_of(element: JointElement, number: Value) -> float:
+    """Return how many times itself a number of an element may become."""
+    shape = number.unit in ("", "1") and number in element.parameters
+    return POLICY.shape_range if shape else POLICY.element_range
+
+
 def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     """Return a nuisance parameter for a response of this RMS whose fastest motion has this period, s."""
-    start = NUISANCE[name].start
-    reach = {
-        "delay": POLICY.delay_range * period,
-        "gain": POLICY.gain_range,
-        "offset": POLICY.offset_range * size,
-    }[name]
+    start, whole = NUISANCE[name].start, {"delay": period, "gain": 1.0, "offset": size}[name]
+    reach = POLICY.correction * whole
     # A gain is one of one, a delay and an offset are small: their scale is a hundredth of the motion's.
-    scale = {"delay": 0.01 * period, "gain": 1.0, "offset": 0.01 * size}[name]
+    scale = whole if name == "gain" else 0.01 * whole
     return Parameter(name, "nuisance", start, scale, start - reach, start + reach)

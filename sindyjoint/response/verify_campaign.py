@@ -193,8 +193,8 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
     """
     if simulated.drive not in ("moment", "free run"):
         return False
-    driven = np.abs(simulated.moment) > POLICY.free_share * simulated.moment_scale
-    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.free_share
+    driven = np.abs(simulated.moment) > POLICY.small_moment * simulated.moment_scale
+    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.small_moment
 
 
 def cycle_energy(simulated: SimulatedRun) -> Array | None:

@@ -12,11 +12,11 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law, PaperLaw
-from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import UNKNOWN
 from sindyjoint.mechanics.rigs import Rig
 from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.virtual_rig import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.numeric import Array, main_frequency, rms
 from sindyjoint.response.laws import model_law
 from sindyjoint.response.oscillations import (

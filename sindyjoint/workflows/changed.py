@@ -17,7 +17,8 @@ from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
-from sindyjoint.workflows.discover import discover, the_campaign
+from sindyjoint.workflows.check import the_campaign
+from sindyjoint.workflows.discover import discover
 
 Test = Campaign | JointModel | Discovery | str | Path
 

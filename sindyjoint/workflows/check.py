@@ -9,13 +9,12 @@ from typing import Any
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.errors import checks_options
+from sindyjoint.files import load_campaign
 from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
-from sindyjoint.workflows.discover import the_campaign
 
 
 @checks_options()
@@ -64,9 +63,30 @@ def check(
     say = progress or (lambda stage: None)
     check_accepted(accept)
     if isinstance(campaign, RigTest) or (isinstance(campaign, str | Path) and is_rig_test(campaign)):
+        from sindyjoint.mechanics.rig_test_file import load_rig_test
+
         test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
         say("checking the data")
         return check_rig_test(test, accept)
     opened = the_campaign(campaign, rng, LONGEST)
     say("checking the data")
     return check_campaign(opened, accept)
+
+
+def the_campaign(
+    campaign: Campaign | str | Path | Any, rng: RNG = None, longest: int | None = None
+) -> Campaign:
+    """Return a campaign from itself, a file, data frames, or the built-in virtual test.
+
+    Of runs in files that are longer than ``longest`` only a segment is read.
+    """
+    if isinstance(campaign, Campaign):
+        return campaign
+    if campaign is None:
+        from sindyjoint.mechanics.virtual import virtual_campaign
+
+        return virtual_campaign("inter-panel", noise=0.01, rng=0 if rng is None else rng)
+
+    if isinstance(campaign, str | Path):
+        return load_campaign(campaign, longest)
+    return Campaign.from_frames(campaign)

@@ -27,7 +27,8 @@ from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.substructure.recovery import recover
-from sindyjoint.workflows.discover import discover_rig, laws_of_rig, the_campaign
+from sindyjoint.workflows.check import the_campaign
+from sindyjoint.workflows.discover import discover_rig, laws_of_rig
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
@@ -253,7 +254,7 @@ LAW_OF_PULSE = (
 def _law_in_pulse(rig: str | Path, rng: RNG, say: Callable[[str], None]) -> JointModel | None:
     """Return the law that a rig's pulse shows of its joints where the file gives none and a response was measured."""
     from sindyjoint.diagnosis.structure.start import open_rig
-    from sindyjoint.mechanics.pulse_test import hinges
+    from sindyjoint.mechanics.virtual_rig import hinges
     from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER
 
     opened = open_rig(rig)

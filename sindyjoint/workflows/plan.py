@@ -45,8 +45,10 @@ from sindyjoint.planning.separating_runs import (
     simulate_hypotheses,
 )
 from sindyjoint.record import Campaign
+from sindyjoint.states.periodic import REPLICATES
+from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
-from sindyjoint.workflows.discover import discover, the_campaign
+from sindyjoint.workflows.discover import discover
 
 Say = Callable[[str], None]
 
@@ -289,10 +291,10 @@ def _places(model: JointModel, terms: Sequence[str]) -> tuple[int, ...]:
 
 def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple[float, int]:
     """Return the duration of each run, and their number."""
-    shortest = (POLICY.fewest_periods + 1) / actuator.band[0]
+    shortest = (REPLICATES + 1) / actuator.band[0]
     if run_time is not None and not shortest <= run_time <= time:
         raise InputError(
-            f"run_time is {run_time:g} s; expected between {shortest:.3g} s, {POLICY.fewest_periods} steady periods of "
+            f"run_time is {run_time:g} s; expected between {shortest:.3g} s, {REPLICATES} steady periods of "
             f"{actuator.band[0]:g} Hz, and the {time:g} s of all runs"
         )
     count = 0
@@ -300,7 +302,7 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
         count = min(POLICY.setups, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
     if not count:
         raise InputError(
-            f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {POLICY.fewest_periods} steady periods "
+            f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {REPLICATES} steady periods "
             f"of {actuator.band[0]:g} Hz"
         )
     if count > POLICY.most_runs:

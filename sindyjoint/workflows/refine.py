@@ -30,7 +30,7 @@ from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs,
 from sindyjoint.soundness.check import check_campaign, require_sound
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
-from sindyjoint.workflows.discover import the_campaign
+from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.verify import CheckedVerification
 
 

@@ -13,9 +13,9 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import checks_options
 from sindyjoint.judgement.paper_tables import TableCheck, check_tables, table_findings
 from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
+from sindyjoint.mechanics.virtual_rig import hinges
 from sindyjoint.numeric import RNG, Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
 from sindyjoint.record import Campaign
@@ -270,10 +270,10 @@ def _build_linear_map(law: PaperLaw, generator: np.random.Generator) -> ForceSta
 
 def _fit_five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel:
     """Fit Eq. 6 to the runs of one frequency."""
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
     rows = regression_rows(states, campaign.joint.inertia)
-    fitted = JointRegressor("paper", forced=TERMS, motion=campaign.joint.motion).fit(**rows.fit_arguments())
+    fitted = TermRegression("paper", forced=TERMS, motion=campaign.joint.motion).fit(**rows.fit_arguments())
     return replace(fitted.model_, joint=campaign.joint)
 
 

@@ -6,10 +6,10 @@ import inspect
 import pytest
 import typer
 
-from sindyjoint.cli.app import app
+from sindyjoint.cli.app import make_app
 from sindyjoint.cli.options import default_of, given
 
-REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
+REGRESSOR, DISCOVER = "discovery.regression:TermRegression", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
 SPREAD = ("jobs", "workers", "cluster")
 OF_REGRESSOR = ("method", "selection", "threshold")
@@ -122,7 +122,7 @@ OWN = {
 
 
 def options():
-    commands = typer.main.get_command(app).commands
+    commands = typer.main.get_command(make_app()).commands
     for name, command in commands.items():
         if name in ("libraries", "schema", "export"):
             continue

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects, read_effects, select_effects
-from sindyjoint.diagnosis.effects.motion import MeasuredMotion
+from sindyjoint.diagnosis import MeasuredMotion, load_effects, read_effects, select_effects
 from sindyjoint.equation import Reference
 from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
 

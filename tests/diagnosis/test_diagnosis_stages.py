@@ -5,16 +5,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.clock import Portion, Spent, spend
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.engine import Stages, explain_gap
-from sindyjoint.diagnosis.parts import Budget
-from sindyjoint.diagnosis.policy import CAMPAIGN
-from sindyjoint.diagnosis.result import Gap
+from sindyjoint.diagnosis import CAMPAIGN, Budget, Gap, Stages, explain_gap, load_effects
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics import INTER_PANEL, harmonic, simulate
 from sindyjoint.reporting.output import figures_of
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.handmade_problem import Based, Effect
 from tests.diagnosis.hidden_effects import hide
 

@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose_structure
 from sindyjoint.cli import main
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics import (
     INTER_PANEL,
@@ -20,7 +21,6 @@ from sindyjoint.mechanics import (
     with_laws,
     with_loss_factor,
 )
-from sindyjoint.workflows.diagnose import diagnose_structure
 from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_structures import hide
 from tests.made_models import paper_model

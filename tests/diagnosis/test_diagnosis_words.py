@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.cli import main
+from sindyjoint.diagnosis import load_effects
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.text import percent
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on
 

@@ -5,11 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.falling import grows, reported_together, with_falling_gaps
-from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint import diagnose
+from sindyjoint.diagnosis import (
+    Gap,
+    Step,
+    grows,
+    load_effects,
+    reported_together,
+    select_effects,
+    with_falling_gaps,
+)
 from sindyjoint.mechanics import virtual_campaign
-from sindyjoint.workflows.diagnose import diagnose
 
 
 @pytest.fixture(scope="module")

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from sindyjoint.cli.app import app
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint import diagnose, diagnose_structure, verify
+from sindyjoint.cli.app import make_app
+from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.equation import read_model, read_test
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics import Channel, MeasuredResponse, load_rig
 from sindyjoint.reporting import write_results
-from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
-from sindyjoint.workflows.verify import verify
 from tests.diagnosis.hidden_effects import hide
 
 # What is hidden here, and two that are not: what becomes of a find is tested, and not the search.
@@ -83,7 +82,7 @@ def test_a_diagnosis_goes_on_from_the_whole_model(found):
 
 
 def test_presliding_found_in_a_structure_predicts_another_pulse():
-    from sindyjoint.diagnosis.structure.start import hide as hide_in_rig
+    from sindyjoint.diagnosis import hide as hide_in_rig
 
     rig, generator = replace(load_rig("pulse-rig"), duration=8.0), np.random.default_rng(5)
     truth = hide_in_rig(rig, "dahl_friction")
@@ -108,14 +107,14 @@ def test_the_command_line_passes_the_whole_model_on(tmp_path):
     manifest = write_campaign(hidden.campaign, tmp_path / "campaign")
     runner, folder = CliRunner(), str(tmp_path / "out")
     options = ["--no-advice", "--max-effects", "1", "--out", folder, "--quiet"]
-    assert runner.invoke(app, ["diagnose", str(manifest), *options]).exit_code == 0
+    assert runner.invoke(make_app(), ["diagnose", str(manifest), *options]).exit_code == 0
     assert read_test(folder) is None  # nothing of the test was at fault
     made = runner.invoke(
-        app,
+        make_app(),
         ["simulate", "--model", folder, "--frequencies", "4", "--levels", "0.8", "--noise", "0.001"]
         + ["--out", str(tmp_path / "made")],
     )
     assert made.exit_code == 0, made.output
-    checked = runner.invoke(app, ["verify", folder, str(tmp_path / "made"), "--json", "--quiet"])
+    checked = runner.invoke(make_app(), ["verify", folder, str(tmp_path / "made"), "--json", "--quiet"])
     assert checked.exit_code == 0, checked.output
     assert json.loads(checked.stdout)["response_nrmse"] < 0.01

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_export_decks import abaqus_blocks, apdl_elements
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis import load_effects
 from sindyjoint.equation import ElementState, JointElement, Value, formula_text
 from sindyjoint.errors import InputError
 from sindyjoint.export import TARGETS, export_model

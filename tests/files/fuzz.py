@@ -108,7 +108,7 @@ def read_catalogue(path: Path) -> None:
 
 
 def read_effects(path: Path) -> None:
-    from sindyjoint.diagnosis.effects.catalogue import read_effects as read
+    from sindyjoint.diagnosis import read_effects as read
 
     read(path)
 
@@ -259,7 +259,7 @@ def made_test() -> Any:
 def _results(folder: Path, wanted: str) -> dict[str, Target]:
     """Return the factors of a campaign, or the data that figures of one kind of result are drawn from."""
     from sindyjoint import diagnose, discover, simulate, verify
-    from sindyjoint.diagnosis.effects.catalogue import load_effects
+    from sindyjoint.diagnosis import load_effects
     from sindyjoint.discovery.evidence_file import evidence_bytes
     from sindyjoint.reporting import write_results
     from sindyjoint.soundness.check import check_campaign

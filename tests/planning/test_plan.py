@@ -139,10 +139,10 @@ def test_a_plan_is_played_and_becomes_a_campaign(found, tmp_path):
 
 
 @pytest.mark.parametrize("change, error, text", [
-    (('drive = "angle"', 'drive = "force"'), InputError, "run.0.drive: expected 'moment' or 'angle'"),
+    (('drive = "angle"', 'drive = "force"'), InputError, "[[run]] 1 drive: expected 'moment' or 'angle', not 'force'"),
     ((" rad", " N*m"), UnitError, "run 1: level"),
     (('frequency = "', 'frequency = "-'), InputError, "expected positive numbers"),
-    (("[[run]]", "[[ran]]"), InputError, "run: "),
+    (("[[run]]", "[[ran]]"), InputError, "unknown key 'ran'"),
 ])  # fmt: skip
 def test_what_is_no_plan_is_refused_by_field(found, tmp_path, change, error, text):
     (tmp_path / "plan.toml").write_text(plan_text(found.runs[:1], found.sensors).replace(*change))

@@ -6,9 +6,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.reporting.equation import effect_mathml, mathml
+from sindyjoint.diagnosis import FittedEffect, load_effects
+from sindyjoint.reporting.mathml import effect_mathml, mathml
 from sindyjoint.reporting.registry import kinds_of
 from sindyjoint.text import in_words_of
 from tests.reporting.handmade_results import diagnosis

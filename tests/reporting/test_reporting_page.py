@@ -10,7 +10,7 @@ import pytest
 from handmade import HOSTILE, ORIGIN, TERMS, model, page_html, report_data
 
 from sindyjoint.equation import ModelTerm, list_catalogues, load_catalogue
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.registry import draw_all
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "report.txt"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import Campaign, JointRegressor
-from sindyjoint.diagnosis.effects.fitted import input_effects
+from sindyjoint.diagnosis import input_effects
 from sindyjoint.errors import InputError
 from sindyjoint.export import export_model
 from sindyjoint.inputs import Input

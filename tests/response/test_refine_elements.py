@@ -186,8 +186,8 @@ def test_starts_are_spread_by_turns_and_fitted_to_the_moment():
     made = campaign(SLIDER, noise=0.001)
     model = model_with(jenkins())
     wide, narrow = spread_starts(model, campaign_states(made))
-    assert wide.elements[0].values == pytest.approx([2.5 * YIELD])
-    assert narrow.elements[0].values == pytest.approx([YIELD / 2.5])
+    assert wide.elements[0].values == pytest.approx([20 ** (1 / 3) * YIELD])
+    assert narrow.elements[0].values == pytest.approx([YIELD / 20 ** (1 / 3)])
     # A slider that yields later is softer, and the spring takes the rest.
     assert wide.elements[0].coefficients < model.elements[0].coefficients < narrow.elements[0].coefficients
     assert spread_starts(replace(model, elements=()), campaign_states(made)) == []

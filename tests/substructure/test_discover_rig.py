@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import discover_rig
 from sindyjoint.cli import main
 from sindyjoint.equation import term_columns
 from sindyjoint.errors import UnsoundError
@@ -16,7 +17,6 @@ from sindyjoint.substructure import find_slow, joint_states
 from sindyjoint.substructure.law_errors import Source, law_errors
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.states import kept_orders, slow_part, strongest_line
-from sindyjoint.workflows.discover import discover_rig
 from tests.doors.asked import checked_record
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test

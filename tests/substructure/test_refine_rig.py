@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.structure.records import runs_problem
+from sindyjoint import discover_rig
+from sindyjoint.diagnosis import runs_problem
 from sindyjoint.equation import Fitted, JointModel, ModelTerm
 from sindyjoint.judgement.rig_refinement import RigRefinement, refine_rig
 from sindyjoint.mechanics import PaperLaw, RigRun, UncertainNumber, between_samples
@@ -18,7 +19,6 @@ from sindyjoint.substructure import (
     slow_lines,
     steady,
 )
-from sindyjoint.workflows.discover import discover_rig
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test, structure, swept_run
 

@@ -124,7 +124,7 @@ class StructureProblem(Problem):
         rows = self.pulse.rows()
         # Variance of a mean square in units of noise, times the samples: 2 of its own, the rest of the noise's.
         variance = 2 + 2 / self.policy.late_share
-        sure = self.policy.explained_sure * float(np.sqrt(variance / rows))
+        sure = self.policy.significant_fall * float(np.sqrt(variance / rows))
         return self.best.cost / rows < 1 + sure
 
     @cached_property

@@ -22,8 +22,8 @@ from sindyjoint.diagnosis.result import Advice
 from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.diagnosis.structure.output_error import FittedChange, OutputError, differences, parted
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
+from sindyjoint.mechanics.virtual_rig import with_laws
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.response.oscillations import white_noise
 

@@ -21,11 +21,11 @@ from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.pulse_test import hinges, presliding_law, with_laws, with_loss_factor
 from sindyjoint.mechanics.rig_file import shipped_rigs
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import LumpedMass
+from sindyjoint.mechanics.virtual_rig import hinges, presliding_law, with_laws, with_loss_factor
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Joint
 from sindyjoint.response.laws import draw_models, model_law

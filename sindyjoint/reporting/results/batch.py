@@ -162,7 +162,6 @@ NONE_DIFFERS = "None: all have the same terms, and no coefficient leaves the dis
 
 class BatchView(
     View[Batch, Batch],
-    results=(Batch,),
     data=Batch,
     records_key="campaigns",
     kind="Batch",

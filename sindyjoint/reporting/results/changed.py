@@ -57,7 +57,6 @@ KINDS = by_name(
 
 class ChangeView(
     View[Change, Change],
-    results=(Change,),
     data=Change,
     kind="Change",
     kinds=KINDS,

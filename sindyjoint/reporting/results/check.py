@@ -13,15 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.markup import escape
 
-from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion, Run
-from sindyjoint.reporting.equation import terms_csv
 from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, Provenance, provenance, section, sentence
-from sindyjoint.reporting.results.diagnosis import DiagnosisView
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
@@ -34,7 +30,7 @@ from sindyjoint.reporting.tables import (
     terminal_table,
 )
 from sindyjoint.reporting.view import View
-from sindyjoint.soundness.check import Check, Checked, RigCheck
+from sindyjoint.soundness.check import Checked, RigCheck
 from sindyjoint.soundness.finding import Soundness, words_of
 from sindyjoint.soundness.record import Record
 from sindyjoint.text import quantities, spelled
@@ -237,7 +233,6 @@ EXTENT = 34
 
 class CheckView(
     View[Any, CheckData],
-    results=(Check, RigCheck, CheckData),
     data=CheckData,
     kind="Check",
     folder="check",
@@ -325,8 +320,14 @@ class CheckView(
         check = _check_of(result)
         rows = [[getattr(f, name) for name in CSV_COLUMNS] for f in check.soundness.findings]
         texts = {"findings.csv": csv_text(CSV_COLUMNS, rows)}
-        if result is not check:
-            texts["model.json"] = result.model.to_json() + "\n"
+        if result is check:
+            return texts
+        from sindyjoint.diagnosis.result import Diagnosis
+        from sindyjoint.judgement.discovery import Discovery
+        from sindyjoint.reporting.equation import terms_csv
+        from sindyjoint.reporting.results.diagnosis import DiagnosisView
+
+        texts["model.json"] = result.model.to_json() + "\n"
         if isinstance(result, Discovery):
             texts["terms.csv"] = terms_csv(result.model)
         if isinstance(result, Diagnosis):
@@ -382,7 +383,7 @@ def wrap_findings(soundness: Soundness) -> Iterator[str]:
         yield from textwrap.wrap(text, 110, subsequent_indent="  ")
 
 
-class CampaignView(View[Campaign, None], results=(Campaign,)):
+class CampaignView(View[Campaign, None]):
     """A campaign: what its runs hold; its picture and its page are those of its check."""
 
     def tables(self, result: Campaign) -> tuple[TextTable, ...]:

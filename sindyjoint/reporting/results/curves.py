@@ -192,7 +192,6 @@ ROWS = 5
 
 class JointCurvesView(
     View[JointCurves, JointCurves],
-    results=(JointCurves,),
     data=JointCurves,
     kind="JointCurves",
     folder="joint-curves",
@@ -238,7 +237,6 @@ class JointCurvesView(
 
 class StructureCurvesView(
     View[StructureCurves, StructureCurves],
-    results=(StructureCurves,),
     data=StructureCurves,
     kind="StructureCurves",
     folder="structure-curves",

@@ -13,8 +13,9 @@ from rich.markup import escape
 from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.judgement.headlines import judge_diagnosis
-from sindyjoint.reporting.equation import effect_mathml, mathml, model_table
+from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import Kind
+from sindyjoint.reporting.mathml import effect_mathml, mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
 from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, STRUCTURE_KINDS, thinned
 from sindyjoint.reporting.style import pretty_unit
@@ -47,7 +48,6 @@ VERDICTS = {
 
 class DiagnosisView(
     View[Diagnosis, Diagnosis],
-    results=(Diagnosis,),
     data=Diagnosis,
     kind="Diagnosis",
     folder="diagnosis",

@@ -167,7 +167,6 @@ KINDS = by_name(
 
 class PlanView(
     View[Plan, Plan],
-    results=(Plan,),
     data=Plan,
     kind="Plan",
     kinds=KINDS,

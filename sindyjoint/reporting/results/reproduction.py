@@ -229,7 +229,6 @@ _MARKS = (
 
 class ReproductionView(
     View[Reproduction, ReproductionFigures],
-    results=(Reproduction, ReproductionFigures),
     data=ReproductionFigures,
     kind="Reproduction",
     folder="reproduction",

@@ -118,7 +118,6 @@ KINDS = by_name(
 
 class RigView(
     View[RigMotion, RigFigures],
-    results=(RigMotion, RigFigures),
     data=RigFigures,
     kind="Rig",
     folder="rig",

@@ -12,7 +12,7 @@ import numpy as np
 from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_verification
-from sindyjoint.reporting.equation import mathml, model_table
+from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import (
     Axes,
     Kind,
@@ -24,6 +24,7 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
 from sindyjoint.reporting.style import (
     INK,
@@ -288,7 +289,6 @@ def in_its_unit(run: RunVerification) -> str:
 
 class VerificationView(
     View[Verification, Verification],
-    results=(Verification,),
     data=Verification,
     records_key="runs",
     kind="Verification",
@@ -427,7 +427,7 @@ class VerificationView(
         yield from aligned(tabulate("runs", "", result.runs, columns))
 
 
-class RefinementView(VerificationView, results=(RefinedModel,), folder="refinement"):
+class RefinementView(VerificationView, folder="refinement"):
     """A model refined on a campaign: its numbers before and after, and what a verification shows."""
 
     def tables(self, result: Verification) -> tuple[TextTable, ...]:
