@@ -96,6 +96,15 @@ class Rig:
         Further records of the same pulse, at other points.
     pulse_uncertainty : float
         Relative standard error of the force.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> rig = sindyjoint.load_rig("pulse-rig")
+    >>> rig.name
+    'pulse rig'
+    >>> len(rig.points)
+    1
     """
 
     name: str

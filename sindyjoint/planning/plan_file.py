@@ -168,6 +168,14 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, rng: RNG = 0) -
     ------
     SimulationError
         When the joint passes its softening limit.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> made = sindyjoint.plan("inter-panel", time=6.0, band=(2.0, 4.0))
+    >>> test = sindyjoint.play(sindyjoint.INTER_PANEL, made.runs, made.sensors, rng=0)
+    >>> len(test.runs) == len(made.runs)
+    True
     """
     generator = np.random.default_rng(rng)
     steps = (sensors.moment_resolution, sensors.angle_resolution)

@@ -103,6 +103,14 @@ def compare(
         For data or options that cannot be used.
     UnsoundError
         Where the check of the data finds what stops the work.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.compare(test, "paper", methods=["stlsq", "frols"], libraries=["paper"], replicates=20)
+    >>> [choice.name for choice in found.methods]
+    ['stlsq', 'frols']
     """
     options["accept"] = accept
     names = _checked(tuple(methods or METHODS))

@@ -109,6 +109,16 @@ def discover(
     ------
     InputError, UnknownNameError
         For data or options that cannot be used.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.discover(test, "paper", correct=False)
+    >>> found.model.ids
+    ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
+    >>> print(found.model.equation())
+    M = I·θ̈ + k1·θ + k2·θ² + k3·θ³ + c1·θ̇ + M_F·sgn(θ̇)
     """
     say = progress or (lambda stage: None)
     catalogue = catalogue_of(library)
@@ -270,6 +280,17 @@ def discover_rig(
         For a file that cannot be used, too few sensors, or runs that are too short.
     UnsoundError
         Where findings of the check stop the work.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import sindyjoint
+    >>> plan = sindyjoint.load_rig_plan("pulse-rig")
+    >>> recorder = replace(plan.recorder, duration=4.0, settling=4.0)
+    >>> test = sindyjoint.virtual_rig_test(plan.test, plan.drives[:2], recorder)
+    >>> found = sindyjoint.discover_rig(test, "paper", refine=False)
+    >>> found.laws[0].discovery.model.ids
+    ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
     """
     from sindyjoint.judgement.rig_discovery import of_data
     from sindyjoint.mechanics.rig_test_file import load_rig_test

@@ -156,8 +156,10 @@ def plan(
 
     Examples
     --------
-    >>> found = plan(ranges={"linear_stiffness": (5000.0, 8000.0)}, time=60.0)  # doctest: +SKIP
-    >>> found.report("plan")  # doctest: +SKIP
+    >>> import sindyjoint
+    >>> made = sindyjoint.plan("inter-panel", time=6.0, band=(2.0, 4.0))
+    >>> made.seconds <= 6.0, len(made.runs)
+    (True, 1)
     """
     say = progress or (lambda stage: None)
     both, bounded = model is not None and like is not None, until is None or 0 < until < inf
