@@ -34,7 +34,7 @@ Maybe = Annotated[float, "null where it is not known"]
 
 _TYPES = {str: "string", Path: "string", bool: "boolean", int: "integer", float: "number", NoneType: "null"}
 _UNKNOWN = {"type": ["number", "null"]}
-_ITEMS = {"bool": {"type": "boolean"}, "float64": _UNKNOWN}
+_ITEMS: dict[str, dict[str, Any]] = {"bool": {"type": "boolean"}, "float64": _UNKNOWN}
 
 
 def same(*names: str) -> dict[str, str]:

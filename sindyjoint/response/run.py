@@ -250,7 +250,7 @@ def simulate_run(
         else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
         if drive != "motion":
-            motion = _simulate_motion(law, run, states, drive, window, kept.start, inner, options)
+            motion = simulate_motion(law, run, states, drive, window, kept.start, inner, options)
             angle, rate = (signal[-(kept.stop - kept.start) :] for signal in (motion.angle, motion.rate))
     except SimulationError as error:
         failure = str(error)
@@ -396,7 +396,7 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
     return repeated(mean, 1 / states.frequency)
 
 
-def _simulate_motion(
+def simulate_motion(
     law: Law,
     run: Run,
     states: ForceStates,

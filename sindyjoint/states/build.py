@@ -49,6 +49,14 @@ def force_states(
     ------
     InputError
         For an unknown method, a run too short for it, or a run in which the joint hardly ever moves.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> states = sindyjoint.force_states(test.runs[0])
+    >>> states.angle.shape == states.moment.shape
+    True
     """
     known = _MADE.setdefault(run, {})
     asked = method, bandwidth, rate_share
@@ -110,7 +118,22 @@ def campaign_states(
     bandwidth: float | None = None,
     rate_share: float | None = None,
 ) -> tuple[ForceStates, ...]:
-    """Return the force states of every run that may be used for identification."""
+    """Return the force states of every run that may be used for identification.
+
+    Parameters
+    ----------
+    campaign : Campaign
+    method, bandwidth, rate_share
+        As of :func:`force_states`.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> states = sindyjoint.campaign_states(test)
+    >>> 0.5 < states[0].moving.mean() < 0.6
+    np.True_
+    """
     runs = campaign.identification_runs
     if not runs:
         raise InputError("every run is marked use = 'validate'; expected at least one run to identify from")

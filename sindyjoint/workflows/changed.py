@@ -60,6 +60,14 @@ def changed(
     ------
     InputError, MissingInputError
         For what is no test, or tests of different joints.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> runs = {"frequencies": [3, 5], "levels": [0.9, 0.5], "duration": 3.0}
+    >>> before, after = (sindyjoint.simulate(rng=seed, **runs) for seed in (0, 1))
+    >>> sindyjoint.changed(before, after)
+    <Change: inter-panel joint: before and after>
     """
     say = progress or (lambda stage: None)
     given = ((before, "before"), (after, "after"))

@@ -125,6 +125,15 @@ def refine(
     Raises
     ------
     InputError, UnknownNameError, UnsoundError
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.discover(test, "paper", correct=False)
+    >>> refined = sindyjoint.refine(found.model, test)
+    >>> refined.refined
+    True
     """
     say = progress or (lambda stage: None)
     if not isinstance(model, JointModel):

@@ -116,6 +116,14 @@ def verify(
         For an accepted id that no finding has.
     UnsoundError
         Where the check of the data finds what stops the work.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.discover(test, "paper", correct=False)
+    >>> sindyjoint.verify(found.model, test, draws=2).passed
+    True
     """
     say = progress or (lambda stage: None)
     positive = np.isfinite(tolerance) and tolerance > 0

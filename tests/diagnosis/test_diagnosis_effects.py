@@ -104,7 +104,7 @@ def test_play_carries_nothing_within_its_gap():
 HEAD = 'name = "mine"\ndescription = "mine"\n[[effect]]\nid = "mine"\nname = "mine"\nfamily = "x"\nmeaning = "x"\n'
 BAD = {
     "unknown key": (HEAD + 'colour = "red"\n[[effect.variant]]\ncolumns = []\n', "colour", InputError),
-    "no variant": (HEAD, "variant: is missing", InputError),
+    "no variant": (HEAD, "[[effect]] 1 (mine): key 'variant' is missing", InputError),
     "wrong unit": (
         HEAD + '[[effect.variant]]\ncolumns = [{ symbol = "k", formula = "theta**5", unit = "N*m" }]\n',
         "expected N*m/rad^5",
