@@ -234,6 +234,7 @@ def _error_by_lacking(
     values = [
         _independent_values(target - columns @ coefficients, s)
         for (columns, target), s in zip(parts, states, strict=True)
+        if target.size
     ]
     return beyond / (unique * float(np.sqrt(np.median(values))))
 

@@ -14,7 +14,6 @@ from pydantic import Field, ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, UnitError, checks_options
-from sindyjoint.files.manifest import StrictTable, first_complaint
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.excitation import tones
 from sindyjoint.mechanics.laws import Law
@@ -24,6 +23,7 @@ from sindyjoint.numeric import RNG
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Run
+from sindyjoint.tables import StrictTable, first_complaint
 
 PLAN_NAME = "plan.toml"
 # Of a joint that turns, and of one that slides.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -19,6 +20,12 @@ from sindyjoint.states.record import ForceStates
 from sindyjoint.states.repetition import mean_period, repetition
 
 Choice = Literal["auto", "periodic", "broadband"]
+
+# The states of a run, by how they were asked for, as long as the run is there: a check of the data, the search and what
+# trusts its result take the same ones.
+_MADE: WeakKeyDictionary[Run, dict[tuple[Choice, float | None, float | None], ForceStates]] = (
+    WeakKeyDictionary()
+)
 
 
 def force_states(
@@ -51,6 +58,14 @@ def force_states(
     >>> states.angle.shape == states.moment.shape
     True
     """
+    known = _MADE.setdefault(run, {})
+    asked = method, bandwidth, rate_share
+    if asked not in known:
+        known[asked] = _make_states(run, method, bandwidth, rate_share)
+    return known[asked]
+
+
+def _make_states(run: Run, method: Choice, bandwidth: float | None, rate_share: float | None) -> ForceStates:
     if method not in ("auto", "periodic", "broadband"):
         raise InputError(f"method is {method!r}; expected 'auto', 'periodic' or 'broadband'")
     if bandwidth is not None and not bandwidth > 0:

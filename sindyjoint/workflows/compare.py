@@ -172,9 +172,9 @@ def _compared(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=question.random_state,
         **question.rule,
     )  # fmt: skip
-    model, bias = _model(found)
+    model = _model(found)
     against = partial(against_paper, found)
-    tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
+    tests = clock.run("frequency dependence", frequency_tests, found, margin)
     compared = Comparison(
         joint=found.campaign.joint.name,
         motion=found.campaign.joint.motion,
@@ -189,7 +189,6 @@ def _compared(
         sets=included.sets,
         left_out=left_out,
         tests=tests,
-        bias=bias,
         model=against(model),
         undetermined=undetermined(found),
         warnings=found.warnings
@@ -219,16 +218,12 @@ class _Clock:
         return result
 
 
-def _model(found: Discovery) -> tuple[Choice, dict[str, float]]:
-    """Return the main model, and the bias that was taken out of its coefficients."""
-    measured = {} if found.bias is None else dict(zip(found.bias.ids, found.bias.pooled, strict=True))
+def _model(found: Discovery) -> Choice:
+    """Return the main model."""
     terms = tuple(ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in found.model.terms)
     fitted = found.model.fitted
     left = fitted.residual_rms / (fitted.moment_rms or 1.0)
-    return (
-        Choice("model", terms, found.reason, len(found.regressor.terms_), residual=left),
-        {name: float(value) for name, value in measured.items()},
-    )
+    return Choice("model", terms, found.reason, len(found.regressor.terms_), residual=left)
 
 
 def _units(found: Discovery, by_library: Sequence[tuple[Choice, dict[str, str]]]) -> dict[str, str]:

@@ -23,14 +23,7 @@ from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
-from sindyjoint.judgement.second_search import (
-    TermSearch,
-    campaign_model,
-    search_again,
-    softened,
-    unmeasured_bias,
-    without_bias,
-)
+from sindyjoint.judgement.term_search import TermSearch, campaign_model, search_completed
 from sindyjoint.judgement.verdict import (
     Verdict,
     judge,
@@ -95,8 +88,8 @@ def discover(
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     correct : bool
-        Simulate the model under the drive of the campaign and take out of the coefficients what noise and processing
-        do to them.
+        Choose the terms again on force states that are completed, by a simulation of the model, with the part of the
+        motion that their processing cuts off.
     paper : bool
         Put the question of the paper's five terms first, as for the paper's joints.
     rng : int, Generator or None
@@ -152,16 +145,12 @@ def discover(
     with executor(jobs, workers, cluster) if long else nullcontext() as here:
         first, counts = _select_terms(regressor, prepared, here, bandwidth, say)
     say("judging")
-    best = search_again(first, prepared.campaign, counts, say) if correct and not long else first
-    verdict, left_in = _judge_terms(best, first.regressor, prepared, correct)
+    best = search_completed(first, prepared.campaign, counts, say) if correct and not long else first
+    verdict, left_in = _judge_terms(best, prepared)
     verdict = undecided_by_data(verdict, checked.undecided_by(aligned=prepared.lag != 0.0))
-    say("measuring the bias of the processing")
-    fixed = without_bias(best, first.regressor, prepared.campaign) if correct else None
-    model = with_gain_uncertainty(
-        best.model if fixed is None else fixed.model, prepared.campaign.gain_uncertainty
-    )
+    model = with_gain_uncertainty(best.model, prepared.campaign.gain_uncertainty)
     delay = prepared.delay if align else left_in
-    left = (best.note, *lag_notes(prepared.lags), unused, unmeasured_bias(fixed))
+    left = (*lag_notes(prepared.lags), unused)
     warnings = list_warnings(prepared.campaign, best.states, model, delay, align, best.regressor.indistinct_)
     if prepared.lag and prepared.delay is not None:
         removed = channel_delay(prepared.lag, prepared.delay.standard_error)
@@ -176,7 +165,6 @@ def discover(
         states=best.states,
         regressor=best.regressor,
         campaign=prepared.campaign,
-        bias=fixed.bias if fixed is not None else None,
         soundness=checked.soundness,
         measured=campaign,
         paper=paper,
@@ -242,17 +230,13 @@ def _select_terms(
     return TermSearch(regressor, campaign_model(regressor, campaign, states, counts), states), counts
 
 
-def _judge_terms(
-    found: TermSearch, measured: TermRegression, prepared: _Prepared, correct: bool
-) -> tuple[Verdict, ChannelDelay | None]:
+def _judge_terms(found: TermSearch, prepared: _Prepared) -> tuple[Verdict, ChannelDelay | None]:
     """Return the verdict on the paper's terms, and the delay that is left in the channels."""
     regressor, model, states = found.regressor, found.model, found.states
     left = unresolved_delay(prepared.delay, regressor, model, states) if prepared.lag == 0.0 else None
     slowest = min(s.sample_rate for s in states)
     unresolved = left if left is not None and left.unresolved(slowest) else None
-    verdict = judge(regressor, model, measured is not regressor, unresolved)
-    if correct and verdict.verdict == "refuted":
-        verdict = softened(verdict, regressor, model, prepared.campaign, states)
+    verdict = judge(regressor, model, unresolved)
     return (undecided_without_time(verdict) if prepared.campaign.quasi_static else verdict), left
 
 

@@ -299,7 +299,8 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
         )
     count = 0
     if 0 < time < inf:
-        count = min(POLICY.setups, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
+        most = POLICY.fewest_frequencies * len(POLICY.levels[::2])  # as many as the plain grid has
+        count = min(most, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
     if not count:
         raise InputError(
             f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {REPLICATES} steady periods "
