@@ -76,6 +76,13 @@ def test_random_numbers_are_asked_for_as_spec_7_has_it():
     assert older == {"JointRegressor", "UniqueShareSTLSQ"}
 
 
+@pytest.mark.parametrize("count", [1, 2, 5, 31])
+def test_arrays_of_a_few_samples_are_refused(count):
+    t = np.arange(count) / 500
+    with pytest.raises(InputError, match=f"{count} samples; expected at least 32"):
+        Campaign.from_arrays(moment=np.sin(25 * t + 1), angle=np.sin(25 * t), rate="500 Hz")
+
+
 def test_options_that_are_passed_on_are_known():
     with pytest.raises(TypeError, match=r"discover\(\) has no option 'treshold'; did you mean 'threshold'"):
         sindyjoint.discover(treshold=0.01)
