@@ -40,6 +40,7 @@ ALLOWED = {
     "record": {"errors", "text", "inputs", "described", "hooks", "rig"},
     "measurement": {
         "errors",
+        "hooks",
         "numeric",
         "inputs",
         "policy",

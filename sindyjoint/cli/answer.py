@@ -52,7 +52,7 @@ def answer(
         result = find()
     except UnsoundError as error:
         result, stopped = error.check, True
-    place_results(result, out or Places.results, kept=out is not None)
+    place_results(result, out or (places or Places()).results, kept=out is not None)
     place = write(result, out, progress, seed, used, output.force)
     progress.show_details(result)
     progress.end()

@@ -23,18 +23,18 @@ from sindyjoint.errors import (
 )
 from sindyjoint.policy import Limit, described, policies
 from sindyjoint.reporting.figure import Kind
-from sindyjoint.reporting.results.batch import BatchView
-from sindyjoint.reporting.results.changed import ChangeView
-from sindyjoint.reporting.results.check import CampaignView, CheckView, wrap_findings
-from sindyjoint.reporting.results.comparison import ComparisonView
-from sindyjoint.reporting.results.curves import JointCurvesView, StructureCurvesView
-from sindyjoint.reporting.results.diagnosis import DiagnosisView
-from sindyjoint.reporting.results.discovery import DiscoveryView
-from sindyjoint.reporting.results.plan import PlanView
-from sindyjoint.reporting.results.reproduction import ReproductionView
-from sindyjoint.reporting.results.rig import RigView
-from sindyjoint.reporting.results.structure_joints import StructureJointsView
-from sindyjoint.reporting.results.verification import RefinementView, VerificationView
+from sindyjoint.reporting.results.batch import BATCH
+from sindyjoint.reporting.results.changed import CHANGED
+from sindyjoint.reporting.results.check import CAMPAIGN, CHECK, wrap_findings
+from sindyjoint.reporting.results.comparison import COMPARISON
+from sindyjoint.reporting.results.curves import JOINT_CURVES, STRUCTURE_CURVES
+from sindyjoint.reporting.results.diagnosis import DIAGNOSIS
+from sindyjoint.reporting.results.discovery import DISCOVERY
+from sindyjoint.reporting.results.plan import PLAN
+from sindyjoint.reporting.results.reproduction import REPRODUCTION
+from sindyjoint.reporting.results.rig import RIG
+from sindyjoint.reporting.results.structure_joints import STRUCTURE_JOINTS
+from sindyjoint.reporting.results.verification import REFINEMENT, VERIFICATION
 from sindyjoint.reporting.style import DOUBLE_COLUMN, figure_bytes
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
@@ -42,23 +42,23 @@ from sindyjoint.soundness.check import Check
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-VIEWS: tuple[View[Any, Any], ...] = (
-    DiscoveryView(),
+VIEWS: tuple[View, ...] = (
+    DISCOVERY,
     # Before that of a verification, as which it is saved.
-    RefinementView(),
-    VerificationView(),
-    DiagnosisView(),
-    BatchView(),
-    RigView(),
-    JointCurvesView(),
-    StructureCurvesView(),
-    ReproductionView(),
-    ComparisonView(),
-    ChangeView(),
-    CampaignView(),
-    CheckView(),
-    PlanView(),
-    StructureJointsView(),
+    REFINEMENT,
+    VERIFICATION,
+    DIAGNOSIS,
+    BATCH,
+    RIG,
+    JOINT_CURVES,
+    STRUCTURE_CURVES,
+    REPRODUCTION,
+    COMPARISON,
+    CHANGED,
+    CAMPAIGN,
+    CHECK,
+    PLAN,
+    STRUCTURE_JOINTS,
 )
 _BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
 #: Views of what is saved, by the mark in the file, that of an earlier version too.
@@ -68,7 +68,7 @@ SAVED = {kind: view for view in VIEWS if view.data is not None for kind in (view
 FOLDERS = tuple(dict.fromkeys(view.folder for view in VIEWS if view.folder))
 
 
-def view_of(result: Any) -> View[Any, Any]:
+def view_of(result: Any) -> View:
     """Return the view of a result: that of its type before those of its bases; of one that was stopped, of its check.
 
     Raises
@@ -79,7 +79,7 @@ def view_of(result: Any) -> View[Any, Any]:
     return _BY_TYPE[Check] if getattr(result, "stopped", None) is not None else view_of_type(result)
 
 
-def view_of_type(result: Any) -> View[Any, Any]:
+def view_of_type(result: Any) -> View:
     """Return the view of a result by its type, whatever became of it.
 
     Raises

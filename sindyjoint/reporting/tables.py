@@ -106,11 +106,16 @@ class TextTable:
 
 
 def tabulate(
-    name: str, title: str, items: Iterable[Any], columns: Mapping[str, Callable[[Any], str]], **more: Any
+    name: str,
+    title: str,
+    items: Iterable[Any],
+    columns: Mapping[str, Callable[[Any], str]],
+    further: Iterable[tuple[str, ...]] = (),
+    **more: Any,
 ) -> TextTable:
-    """Return a table with a row for each item, described by what each column shows of it."""
-    rows = tuple(tuple(cell(item) for cell in columns.values()) for item in items)
-    return TextTable(name, title, tuple(columns), rows, **more)
+    """Return a table with a row for each item, described by what each column shows of it, and ``further`` rows."""
+    rows = (tuple(cell(item) for cell in columns.values()) for item in items)
+    return TextTable(name, title, tuple(columns), (*rows, *further), **more)
 
 
 def csv_records(rows: Sequence[Mapping[str, object]]) -> str:

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, WAVEFORMS, Design, designs, expected_states
 from sindyjoint.diagnosis.result import Advice
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.reporting.results.diagnosis import advice_words
+from sindyjoint.reporting import advice_words
 from sindyjoint.states import force_states
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.further_runs import one_more
 from tests.diagnosis.hidden_effects import hide
 

@@ -6,6 +6,7 @@ Campaigns are those of tests/diagnosis/hidden_effects.py: an effect carries 6 % 
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.start import Work, cut_up, first_model
@@ -13,7 +14,6 @@ from sindyjoint.diagnosis.campaign.unnamed import make_budget, shares
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 
 PARTS = ("state", "history", "run", "processing", "noise")

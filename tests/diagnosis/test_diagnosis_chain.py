@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.processing import processing_errors
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide_in_noise
 from tests.diagnosis.test_diagnosis_budget import work_on
 

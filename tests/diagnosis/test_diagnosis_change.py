@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.change import changes, segments, steady_before
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, Instant, effect_law
 from sindyjoint.record import Run
 from sindyjoint.states import force_states
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 
 RATE, FREQUENCY, DURATION = 1000.0, 4.0, 8.0

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.clock import Portion, ProcessorTime
 from sindyjoint.diagnosis import engine
 from sindyjoint.diagnosis.campaign import rivals
@@ -13,7 +14,6 @@ from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.files import write_campaign
 from sindyjoint.parallel import side_by_side, spread
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 from tests.light_tasks import spending, square_sum
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.workflows.diagnose import diagnose
+from sindyjoint import diagnose
 from tests.diagnosis.foreign_joints import foreign_campaign
 from tests.diagnosis.foreign_judgement import SURE, ZEROS, judge, told
 from tests.diagnosis.foreign_laws import SAME

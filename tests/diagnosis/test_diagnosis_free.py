@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles, reversals, transition_steps
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.workflows.diagnose import diagnose
 
 INERTIA, STIFFNESS, DAMPING = 1.0, 64.0, 0.05
 RATE = 500.0

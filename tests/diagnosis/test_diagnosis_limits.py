@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.cli import main
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.warnings import identifiability_notes
+from sindyjoint.soundness import identifiability_notes
 from sindyjoint.states import campaign_states
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 
 RATE = 500.0

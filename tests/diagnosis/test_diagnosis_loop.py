@@ -10,9 +10,9 @@ import json
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.cli import main
 from sindyjoint.files import write_campaign
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_effects import hide
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.clock import Portion, Spent, spend
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.engine import Stages, explain_gap
@@ -15,8 +16,7 @@ from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import harmonic
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.reporting.output import figures_of
-from sindyjoint.workflows.diagnose import diagnose
+from sindyjoint.reporting import figures_of
 from tests.diagnosis.handmade_problem import Based, Effect
 from tests.diagnosis.hidden_effects import hide
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose_structure
 from sindyjoint.cli import main
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.errors import InputError, UnknownNameError
@@ -16,7 +17,6 @@ from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
 from sindyjoint.mechanics.rig_file import RIG_FOLDER
 from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
-from sindyjoint.workflows.diagnose import diagnose_structure
 from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_structures import hide
 from tests.made_models import paper_model

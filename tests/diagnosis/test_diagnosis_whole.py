@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.numbers.whole import whole_model
 from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -13,7 +14,6 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.dimensions import same_dimension
 from sindyjoint.equation.model import JointModel
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 from tests.made_models import model_of, term
 

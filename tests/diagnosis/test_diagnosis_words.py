@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.cli import main
 from sindyjoint.diagnosis.campaign.localisation import locate_gap
 from sindyjoint.diagnosis.campaign.regression import GapRegression
@@ -13,7 +14,6 @@ from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.text import percent
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on
 
@@ -98,7 +98,7 @@ def test_shares_are_written_one_way(value, text):
 
 
 def test_a_floor_of_rounding_is_not_told_to_three_digits(turned, capsys):
-    from sindyjoint.reporting.registry import show
+    from sindyjoint.reporting import show
 
     show(replace(turned, noise_floor=replace(turned.noise_floor, response=2.09e-7)))
     assert "< 0.01 %" in capsys.readouterr().out

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign import repair
 from sindyjoint.diagnosis.campaign.add import counted_from_zero
 from sindyjoint.diagnosis.campaign.repair import refit
@@ -18,7 +19,6 @@ from sindyjoint.record import Run
 from sindyjoint.response.run import rest_of
 from sindyjoint.states import campaign_states, force_states
 from sindyjoint.states.rows import group_labels
-from sindyjoint.workflows.diagnose import diagnose
 from tests.diagnosis.hidden_effects import hide
 
 ZERO = ("constant_moment", "angle_offset")

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.diagnosis.falling import grows, reported_together, with_falling_gaps
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.workflows.diagnose import diagnose
 
 
 @pytest.fixture(scope="module")

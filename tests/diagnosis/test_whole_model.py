@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from sindyjoint import diagnose, diagnose_structure, verify
 from sindyjoint.cli.app import app
 from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from sindyjoint.equation.model_file import read_model
@@ -16,8 +17,6 @@ from sindyjoint.files import write_campaign
 from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.reporting import write_results
-from sindyjoint.workflows.diagnose import diagnose, diagnose_structure
-from sindyjoint.workflows.verify import verify
 from tests.diagnosis.hidden_effects import hide
 
 # What is hidden here, and two that are not: what becomes of a find is tested, and not the search.

@@ -266,7 +266,7 @@ def test_the_main_path_is_short():
 
 def test_samples_of_manifests_and_catalogues_load(tmp_path):
     from sindyjoint.equation.catalogue import load_catalogue
-    from sindyjoint.files.manifest import Manifest
+    from sindyjoint.files import Manifest
     from sindyjoint.mechanics.rig_file import RigFile
 
     manifests = catalogues = 0

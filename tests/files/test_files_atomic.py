@@ -7,9 +7,8 @@ import sys
 import pytest
 
 from sindyjoint.errors import OutputError
-from sindyjoint.files.atomic import (
+from sindyjoint.files import (
     OLD,
-    _name_temporary,
     check_output,
     output_folder,
     prepare_output,
@@ -18,6 +17,7 @@ from sindyjoint.files.atomic import (
     write_bytes,
     write_text,
 )
+from sindyjoint.files.atomic import _name_temporary
 
 
 def everything(folder) -> set[str]:

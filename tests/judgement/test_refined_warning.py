@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import discover
 from sindyjoint.judgement.refined import refined
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.response.model_law import with_coefficients
-from sindyjoint.workflows.discover import discover
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,11 @@ import jsonschema
 import numpy as np
 import pytest
 
-from sindyjoint import diagnose, discover, plan, simulate
+from sindyjoint import diagnose, discover, init, plan, simulate
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import PLANNED, designs
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
-from sindyjoint.files.drafting.init import init
 from sindyjoint.mechanics.laws import INTER_PANEL
 from sindyjoint.planning import planner
 from sindyjoint.planning.information import Sensors, half_widths, run_information, stacked
@@ -21,7 +20,7 @@ from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.prior import like_law
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.separating_runs import rivals_of
-from sindyjoint.reporting.packing import record_schema
+from sindyjoint.reporting import record_schema
 from sindyjoint.response.model_law import model_law
 from tests.diagnosis.hidden_effects import hide
 from tests.equation.test_formula_evaluation import JENKINS, with_elements

@@ -8,8 +8,7 @@ import pytest
 
 from sindyjoint.diagnosis.effects.catalogue import load_effects
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.reporting.equation import effect_mathml, mathml
-from sindyjoint.reporting.registry import kinds_of
+from sindyjoint.reporting import effect_mathml, kinds_of, mathml
 from sindyjoint.text import in_words_of
 from tests.reporting.handmade_results import diagnosis
 

@@ -13,10 +13,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sindyjoint.errors import UnknownNameError
-from sindyjoint.reporting import draw, drawable
-from sindyjoint.reporting.figure import Kind
+from sindyjoint.reporting import DOUBLE_COLUMN, SINGLE_COLUMN, Kind, draw, drawable, figure_bytes
 from sindyjoint.reporting.results.discovery_terms import KINDS as DISCOVERY
-from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, style
+from sindyjoint.reporting.style import style
 
 CASES = {
     "rotation": {},

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import verify
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.equation.test_record import Nuisance, TestNuisances, read_test
@@ -15,7 +16,6 @@ from sindyjoint.response.model_law import draw_models, model_law
 from sindyjoint.response.nuisances import law_of_test
 from sindyjoint.states import force_states
 from sindyjoint.states.campaigns import content_hash, run_hash
-from sindyjoint.workflows.verify import verify
 from tests.equation.test_formula_evaluation import JENKINS, MAXWELL, with_elements
 from tests.made_models import paper_model
 

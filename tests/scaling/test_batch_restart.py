@@ -12,9 +12,10 @@ from pathlib import Path
 import pytest
 from small_joints import content
 
-from sindyjoint.files.atomic import _name_temporary, hold_folder
-from sindyjoint.workflows.batch import batch, verify_batch
-from sindyjoint.workflows.joints.record import read_record
+from sindyjoint.files import hold_folder
+from sindyjoint.files.atomic import _name_temporary
+from sindyjoint.workflows import read_record, verify_batch
+from sindyjoint.workflows.batch import batch
 
 
 def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):

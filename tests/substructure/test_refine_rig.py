@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import discover_rig
 from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
 from sindyjoint.judgement.rig_refinement import RigRefinement, refine_rig
@@ -16,7 +17,6 @@ from sindyjoint.substructure.recovery import recover
 from sindyjoint.substructure.simulated.segment_parts import slow_lines
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.simulated.steady import coefficients, complex_amplitudes, steady
-from sindyjoint.workflows.discover import discover_rig
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test, structure, swept_run
 

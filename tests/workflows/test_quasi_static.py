@@ -20,7 +20,7 @@ from sindyjoint.equation.element import Form
 from sindyjoint.equation.model_record import from_record, to_record
 from sindyjoint.equation.without_rate import is_rate_free, rate_free, without_rate
 from sindyjoint.errors import InputError
-from sindyjoint.measurement.runs import along_path, reversals, travelled, white_noise
+from sindyjoint.measurement import along_path, reversals, travelled, white_noise
 from sindyjoint.states import force_states
 from sindyjoint.states.rows import group_labels
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import diagnose, verify
 from sindyjoint.diagnosis.campaign.numbers import refined as refined_numbers
 from sindyjoint.diagnosis.campaign.numbers.refined import simulated_gap
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
@@ -15,9 +16,7 @@ from sindyjoint.equation.test_record import Nuisance, TestNuisances
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
 from sindyjoint.states.campaigns import content_hash
-from sindyjoint.workflows.diagnose import diagnose
 from sindyjoint.workflows.refine import refine
-from sindyjoint.workflows.verify import verify
 from tests.response.test_refine_elements import (
     LAW,
     SLIDER,

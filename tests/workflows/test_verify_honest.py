@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint import Campaign, Joint, Run, discover, load_campaign, verify
+from sindyjoint import Campaign, Joint, Run, diagnose, discover, load_campaign, verify
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.test_record import Nuisance, TestNuisances, channel_delay
 from sindyjoint.files import write_campaign
 from sindyjoint.states.campaigns import content_hash
-from sindyjoint.workflows.diagnose import diagnose
 from tests.equation.test_formula_evaluation import MAXWELL
 from tests.made_models import model_of, term
 
