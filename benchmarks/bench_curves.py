@@ -18,9 +18,9 @@ import numpy as np
 from sindyjoint import curves
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, PaperLaw, SumLaw
-from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import respond
+from sindyjoint.mechanics.virtual_rig import with_laws
 from sindyjoint.substructure.forced import ForcedResponse, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
 

@@ -32,7 +32,7 @@ from sindyjoint.planning.plan_file import play
 from sindyjoint.planning.prior import JointRange
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Joint
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 
 RANGES = {
     "moment": {},

@@ -23,7 +23,7 @@ from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import play
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 
 RUN = 5.0  # s
 ALL = 150.0  # s, when nothing has been made

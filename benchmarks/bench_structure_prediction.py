@@ -21,11 +21,11 @@ from scipy.stats import chi2
 
 from sindyjoint.errors import SimulationError, SindyJointError
 from sindyjoint.mechanics.excitation import pulse
-from sindyjoint.mechanics.pulse_test import with_laws
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.oscillation import compare_oscillations, main_frequency, oscillation
+from sindyjoint.mechanics.virtual_rig import with_laws
+from sindyjoint.response.laws import model_law
+from sindyjoint.response.oscillations import compare_oscillations, main_frequency, oscillation
 
 # Pulses at the tip of each rig: the file's own scaled, and a longer half-sine of so many newtons and seconds.
 SCALED = 0.8

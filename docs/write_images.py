@@ -14,13 +14,13 @@ IMAGES = Path(__file__).parent / "images"
 
 def main() -> None:
     """Write the pictures."""
-    found = diagnose(None, random_state=2)
+    found = diagnose(None, rng=2)
     kind = Kind(
         "gap", "Gap", "Gap by step, and the residual of one run.", lambda result: [], height=lambda _: 3.0
     )
     panels = [gap_by_step, overlays(found)[-1]]
     (IMAGES / "diagnosis-gap.png").write_bytes(figure_bytes(drawn(kind, panels, found, 8.0), "png", 150))
-    structure = diagnose_structure("pulse-rig", random_state=5)
+    structure = diagnose_structure("pulse-rig", rng=5)
     (IMAGES / "structure-gap.png").write_bytes(figure_bytes(draw("overlay", structure, 7.0), "png", 130))
     planned = plan(
         drive="angle",

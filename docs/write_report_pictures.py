@@ -89,7 +89,7 @@ MARK = """([selector, x, y, number]) => {
 
 def example() -> sindyjoint.Campaign:
     """Return a virtual test of a hinge at three frequencies and three levels."""
-    made = sindyjoint.simulate(frequencies=[3, 4, 5], levels=[0.9, 0.6, 0.4], random_state=1)
+    made = sindyjoint.simulate(frequencies=[3, 4, 5], levels=[0.9, 0.6, 0.4], rng=1)
     return replace(made, joint=replace(made.joint, name="bench hinge"))
 
 

@@ -38,9 +38,7 @@ use       = "{use}"
 with TemporaryDirectory() as name:
     folder = Path(name)
     manifest = CAMPAIGN
-    for run in virtual_campaign(
-        frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], noise=0.01, random_state=5
-    ).runs:
+    for run in virtual_campaign(frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], noise=0.01, rng=5).runs:
         table = np.column_stack([run.time, run.moment / 12.5, 1e3 * run.angle])
         np.savetxt(
             folder / f"{run.name}.csv", table, delimiter=",", header="t,bridge,angle", comments="", fmt="%.6g"

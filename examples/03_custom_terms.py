@@ -40,7 +40,7 @@ def detent(theta, omega, direction, state, parameters, out):
     out[0] = parameters[0] * np.sin(theta / parameters[1])
 
 
-campaign = virtual_campaign(hidden=FunctionLaw(detent, (0.15, 6e-5)), drive="displacement", random_state=2)
+campaign = virtual_campaign(hidden=FunctionLaw(detent, (0.15, 6e-5)), drive="displacement", rng=2)
 plain = sindyjoint.discover(campaign, library="paper")
 with TemporaryDirectory() as name:
     path = Path(name) / "detents.toml"

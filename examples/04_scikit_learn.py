@@ -16,7 +16,7 @@ from sindyjoint import JointRegressor
 from sindyjoint.mechanics.virtual import virtual_campaign
 from sindyjoint.states import campaign_states, regression_rows
 
-campaign = virtual_campaign(noise=0.02, random_state=4)
+campaign = virtual_campaign(noise=0.02, rng=4)
 rows = regression_rows(campaign_states(campaign), campaign.joint.inertia)
 every = slice(None, None, 10)  # a tenth of the rows is enough for a picture
 X, y, groups = rows.X[every], rows.y[every], rows.groups[every]  # θ and θ̇, transfer moment, frequency

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import sindyjoint
 
-campaign = sindyjoint.simulate(frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], duration=4, random_state=5)
-found = sindyjoint.compare(campaign, methods=("stlsq", "best_subset", "frols"), replicates=50, random_state=5)
+campaign = sindyjoint.simulate(frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], duration=4, rng=5)
+found = sindyjoint.compare(campaign, methods=("stlsq", "best_subset", "frols"), replicates=50, rng=5)
 
 print(found.agreement)
 for choice in (*found.methods, *found.frequencies, *found.libraries):

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import sindyjoint
 
 # The same in one line of a shell: sindyjoint diagnose --random-state 2 --out diagnosis
-result = sindyjoint.diagnose(random_state=2)
+result = sindyjoint.diagnose(rng=2)
 print(f"{result.verdict}: {result.reason}")
 for place in result.where:
     print(f"- {place.words}")

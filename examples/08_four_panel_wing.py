@@ -9,14 +9,14 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import sindyjoint
-from sindyjoint.mechanics.pulse_test import hinges, with_laws
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.response.model_law import model_law
+from sindyjoint.mechanics.virtual_rig import hinges, with_laws
+from sindyjoint.response.laws import model_law
 
 # Two joints are tested one by one; the models found take their places in the wing.
 laws = {
-    name: model_law(sindyjoint.discover(virtual_campaign(name, random_state=0)).model)
+    name: model_law(sindyjoint.discover(virtual_campaign(name, rng=0)).model)
     for name in ("inter-panel", "panel-root")
 }
 wing = load_rig("four-panel-wing")

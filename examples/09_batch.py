@@ -28,7 +28,7 @@ def make_campaigns(folder: Path) -> None:
             frequencies=(3.0, 4.0, 5.0),
             levels=(0.9, 0.6, 0.4),
             duration=3.0,
-            random_state=number,
+            rng=number,
         )
         joint = replace(campaign.joint, name="hinge", serial=f"H-{number}", temperature=celsius + 273.15)
         write_campaign(replace(campaign, joint=joint), folder / f"H-{number}")

@@ -14,9 +14,7 @@ import numpy as np
 
 import sindyjoint
 
-sound = sindyjoint.simulate(
-    frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], duration=6, noise=0.01, random_state=5
-)
+sound = sindyjoint.simulate(frequencies=[3, 4.5, 6], levels=[0.9, 0.6, 0.4], duration=6, noise=0.01, rng=5)
 loose, limited, *others = sound.runs
 angle = loose.angle.copy()
 angle[[700, 2300, 4100, 4101]] += 0.05

@@ -27,7 +27,7 @@ print(plan)
 
 # In a terminal: sindyjoint simulate --plan plan --out runs; sindyjoint discover runs
 joint = replace(INTER_PANEL, k1=7100.0, M_F=1.4)
-found = sindyjoint.discover(play(joint, plan.runs, plan.sensors, random_state=3))
+found = sindyjoint.discover(play(joint, plan.runs, plan.sensors, rng=3))
 for term, true in zip(found.model.terms, joint.parameters, strict=True):
     half = (term.interval95[1] - term.interval95[0]) / 2
     low, high = next(each.band90 for each in plan.predicted if each.id == term.id)

@@ -15,7 +15,7 @@ import numpy as np
 
 import sindyjoint
 
-runs = {"frequencies": [3, 4.5, 6], "levels": [0.85, 0.5], "duration": 5, "random_state": 5}
+runs = {"frequencies": [3, 4.5, 6], "levels": [0.85, 0.5], "duration": 5, "rng": 5}
 ideal = sindyjoint.simulate(noise=0, **runs)
 campaigns = {
     "angle": sindyjoint.simulate(**runs),

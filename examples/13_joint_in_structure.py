@@ -20,9 +20,9 @@ from sindyjoint.reporting.style import figure_bytes
 plan = load_rig_plan("pulse-rig")
 drives = [drive for drive in plan.drives if drive.frequency != 3.0]
 recorder = replace(plan.recorder, duration=12.0, settling=8.0)
-test = virtual_rig_test(plan.test, drives, recorder, random_state=1)
+test = virtual_rig_test(plan.test, drives, recorder, rng=1)
 
-found = sindyjoint.discover_rig(test, random_state=0)
+found = sindyjoint.discover_rig(test, rng=0)
 (law,) = found.laws
 truth = plan.test.structure.hinges[0].law
 for term, true in zip(law.discovery.model.terms, truth.parameters, strict=True):

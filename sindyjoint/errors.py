@@ -122,7 +122,7 @@ def refuse(faults: Iterable[tuple[object, str]]) -> None:
 
 
 def checks_options(further: Callable[[], Iterable[str]] = tuple) -> Callable[[F], F]:
-    """Make a function refuse options that it does not have, and name the nearest.
+    """Make a function refuse options that it does not have, and name the nearest; `random_state` is `rng`.
 
     Parameters
     ----------
@@ -136,9 +136,15 @@ def checks_options(further: Callable[[], Iterable[str]] = tuple) -> Callable[[F]
 
         @functools.wraps(function)
         def checked(*args: Any, **options: Any) -> Any:
-            unknown = [name for name in options if name not in named]
+            where, unknown = f"{function.__name__}()", [name for name in options if name not in named]
             if unknown:
-                refuse_unknown(f"{function.__name__}()", unknown, [*named, *further()])
+                known = dict.fromkeys([*named, *further()])
+                refuse_unknown(where, unknown, {**known, "random_state": None} if "rng" in known else known)
+            if "random_state" in unknown:
+                # The name of before SPEC 7, and still that of scikit-learn.
+                if "rng" in options:
+                    raise OptionError(f"{where} got rng and random_state, which are one; give rng")
+                options["rng"] = options.pop("random_state")
             return function(*args, **options)
 
         return checked  # type: ignore[return-value]

@@ -1,4 +1,4 @@
-"""What lower layers call and higher ones supply, and what of a package is fetched only where it is asked for.
+"""What lower layers call and higher ones supply: a record shows itself without importing what shows it.
 
 The root of the package, which every import of a part of it runs first, says what stands behind each hook. Nothing here
 or below knows a module above.
@@ -23,16 +23,20 @@ def supplied(hook: str) -> Any:
     return _SUPPLIERS[hook]()
 
 
-def lazily(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return what gives a package the names of its modules, imported where a name is first asked for.
+def fetched(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a package: public names by the module that has them, imported where first used.
 
-    ``modules`` lists the names of each with blanks between them.
+    Parameters
+    ----------
+    package : str
+    homes : mapping of str to str
+        Names, with blanks between them, by module.
     """
-    homes = {name: module for module, names in modules.items() for name in names.split()}
+    home = {name: module for module, names in homes.items() for name in names.split()}
 
     def fetch(name: str) -> Any:
-        if name not in homes:
+        if name not in home:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(f"{package}.{homes[name]}"), name)
+        return getattr(import_module(f"{package}.{home[name]}"), name)
 
     return fetch

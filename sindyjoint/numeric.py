@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+#: Where random numbers come from, as SPEC 7 of scientific Python has it: what ``numpy.random.default_rng`` takes.
+RNG = int | Sequence[int] | np.random.SeedSequence | np.random.BitGenerator | np.random.Generator | None
 
 # Samples beside a signal over which a cubic spline forgets how it went on.
 EDGE = 12
@@ -22,6 +24,17 @@ def finite(value: float) -> float | None:
     (0.5, None)
     """
     return float(value) if np.isfinite(value) else None
+
+
+def seed_of(rng: RNG) -> int:
+    """Return one seed, for several uses that shall draw alike.
+
+    Examples
+    --------
+    >>> seed_of(3), seed_of(np.random.default_rng(0)) == seed_of(np.random.default_rng(0))
+    (3, True)
+    """
+    return rng if isinstance(rng, int) else int(np.random.default_rng(rng).integers(2**32))
 
 
 def rms(values: ArrayLike) -> float:
@@ -78,6 +91,31 @@ def scaled_least_squares(columns: Array, target: Array, rcond: float | None = No
     norms[norms == 0] = 1.0
     matrix = matrix / norms
     return np.linalg.lstsq(matrix[:, :-1], matrix[:, -1], rcond=rcond)[0] * norms[-1] / norms[:-1]
+
+
+def partials(function: Callable[..., Array], at: Sequence[Array], share: float = 1e-6) -> list[Array]:
+    """Return the derivatives of a function of samples by each of its arguments: central differences.
+
+    Parameters
+    ----------
+    function : callable
+    at : sequence of ndarray, shape (n,)
+        Its arguments.
+    share : float
+        Step, of the largest value of an argument.
+
+    Examples
+    --------
+    >>> [float(slope[0].round(6)) for slope in partials(lambda x, y: x * y, [np.array([2.0]), np.array([3.0])])]
+    [3.0, 2.0]
+    """
+    found = []
+    for place, values in enumerate(at):
+        step = share * max(float(np.abs(values).max()), 1e-9)
+        high, low = list(at), list(at)
+        high[place], low[place] = values + step, values - step
+        found.append((function(*high) - function(*low)) / (2 * step))
+    return found
 
 
 def line_spectrum(signal: ArrayLike) -> Array:

@@ -149,7 +149,7 @@ class Folder:
 @pytest.fixture(scope="session", autouse=True)
 def no_step_makes_the_gap_larger():
     """Check every diagnosis that a test of this process makes: the gap falls from step to step, or group of steps."""
-    from sindyjoint.diagnosis.falling import grows, reported_together
+    from sindyjoint.diagnosis import grows, reported_together
     from sindyjoint.diagnosis.result import Diagnosis
 
     plain = Diagnosis.__init__
@@ -172,7 +172,7 @@ def no_step_makes_the_gap_larger():
 
 def effects_named(*names: str) -> tuple:
     """Return some of the shipped effects, as `diagnose` takes them."""
-    from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+    from sindyjoint.diagnosis import load_effects, select_effects
 
     return tuple(select_effects(load_effects(), names))
 

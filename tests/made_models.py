@@ -4,8 +4,8 @@ import numpy as np
 from scipy.signal import chirp
 
 from sindyjoint import JointModel
-from sindyjoint.equation.model import Fitted, ModelTerm
-from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.equation import Fitted, ModelTerm
+from sindyjoint.mechanics import sampled
 from sindyjoint.paper import INTER_PANEL, TERMS
 from sindyjoint.record import Joint
 

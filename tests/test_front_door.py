@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,26 @@ def test_a_misspelt_option_is_answered_with_the_nearest(verb):
     known = {"simulate": "random_state", "init": "force"}.get(verb, "random_state")
     with pytest.raises(OptionError, match=rf"has no option '{known[:-1]}'; did you mean '{known}'\?"):
         function(**{known[:-1]: 0})
+
+
+def test_random_numbers_are_asked_for_as_spec_7_has_it():
+    """A seed, a generator or what makes one, as `rng`; the older name is the same, and estimators have only that."""
+    plan = {"frequencies": [4], "levels": [0.5], "duration": 1.0}
+    seeds = np.random.SeedSequence(3)
+    made = [
+        sindyjoint.simulate(rng=each, **plan)
+        for each in (3, np.random.default_rng(3), np.random.PCG64(seeds), 4)
+    ]
+    made.append(sindyjoint.simulate(random_state=3, **plan))
+    first, *same, other, older = (each.runs[0].angle for each in made)
+    assert all(np.array_equal(first, each) for each in (*same, older)) and not np.array_equal(first, other)
+    with pytest.raises(OptionError, match=r"simulate\(\) got rng and random_state, which are one; give rng"):
+        sindyjoint.simulate(rng=3, random_state=3)
+    drawn = [name for name in sindyjoint.__all__ if "rng" in signature(getattr(sindyjoint, name)).parameters]
+    assert set(VERBS) - {"init", "curves"} <= {*drawn} and {"discover_rig", "diagnose_rig"} <= {*drawn}
+    estimators = {"JointRegressor", "UniqueShareSTLSQ"}
+    older = {n for n in sindyjoint.__all__ if "random_state" in signature(getattr(sindyjoint, n)).parameters}
+    assert older == estimators
 
 
 def test_options_that_are_passed_on_are_known():

@@ -25,7 +25,7 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.measurement.noise import WIDEST
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign
-from sindyjoint.response.law_in_run import held_laws
+from sindyjoint.response.laws import held_laws
 from sindyjoint.states import ForceStates
 from sindyjoint.states.periodic import BAND_SHARE
 from sindyjoint.states.rows import group_labels

@@ -84,10 +84,10 @@ def simulate_structure(
 
     from sindyjoint.equation.model_file import read_model
     from sindyjoint.errors import InputError
+    from sindyjoint.mechanics.rig_test import write_rig_test
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
-    from sindyjoint.mechanics.rig_test_writing import write_rig_test
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
-    from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.laws import model_law
     from sindyjoint.response.verify_rig import joint_range_warnings
     from sindyjoint.workflows.simulate import WrittenRun, WrittenTest
 
@@ -189,7 +189,7 @@ def discover(
     """
     if nuisance:
         _require_refine(refine, "--nuisance")
-    search = {**given(library=library), **finding.arguments(), "random_state": random_state}
+    search = {**given(library=library), **finding.arguments(), "rng": random_state}
     from sindyjoint.mechanics.rig_file import is_rig_test
 
     if campaign is not None and is_rig_test(campaign):
@@ -212,7 +212,7 @@ def discover(
             context, OF_A_REFINEMENT, "belongs to a search for terms; with --model none are sought"
         )
         options = {
-            "nuisance": kinds, "accept": accepted, "align": finding.align, "random_state": random_state,
+            "nuisance": kinds, "accept": accepted, "align": finding.align, "rng": random_state,
         }  # fmt: skip
         refined = answer(
             call("workflows.refine:refine", model, campaign, progress=progress.say, **options),
@@ -347,7 +347,7 @@ def diagnose(
                 output.force,
             ),
             refine=refine,
-            random_state=random_state,
+            rng=random_state,
             progress=progress.say,
             **work.arguments(),
             **given(max_effects=max_effects),

@@ -98,7 +98,7 @@ def plan(
     terms: Annotated[list[str] | None, typer.Option("--term", help="That matters. [all]")] = None,
     until: Annotated[str | None, typer.Option(help="Relative half-width that is enough: '5 %'.")] = None,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the joints drawn.")] = default_of(
-        PLAN, "random_state"
+        PLAN, "rng"
     ),
     out: Annotated[
         Path | None,
@@ -132,7 +132,7 @@ def plan(
         diagnosis=diagnosis,
         terms=tuple(terms or ()),
         until=None if until is None else _share(until, "--until"),
-        random_state=random_state,
+        rng=random_state,
         progress=progress.say,
         **given(
             waveforms=tuple(waveforms) if waveforms else None,

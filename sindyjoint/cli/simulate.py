@@ -148,7 +148,7 @@ def simulate(
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.sensors import SENSOR_RIG
     from sindyjoint.mechanics.virtual import virtual_test
-    from sindyjoint.response.model_law import model_law
+    from sindyjoint.response.laws import model_law
     from sindyjoint.workflows.simulate import WrittenRun, WrittenTest
 
     known = None if model is None else read_model(model)

@@ -108,7 +108,7 @@ def compare(
     *,
     output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = default_of(
-        COMPARE, "random_state"
+        COMPARE, "rng"
     ),
     work: Work,
     progress: Progress,
@@ -121,7 +121,7 @@ def compare(
     """
     find = call(
         COMPARE, campaign, **given(library=library, methods=method), model=model, accept=tuple(accept or ()),
-        align=align, replicates=replicates, margin=margin, random_state=random_state, progress=progress.say,
+        align=align, replicates=replicates, margin=margin, rng=random_state, progress=progress.say,
         **work.arguments(),
     )  # fmt: skip
     result = answer(find, out, output, progress, random_state, (), campaign, model)
@@ -169,7 +169,7 @@ def changed(
     """
     find = call(
         CHANGED, before, after, margin=margin, same_sensors=same_sensors, accept=tuple(accept or ()),
-        random_state=random_state, progress=progress.say,
+        rng=random_state, progress=progress.say,
     )  # fmt: skip
     result = answer(find, out, output, progress, random_state, (before, after))
     raise typer.Exit(1 if result.changed else 0)
@@ -226,7 +226,7 @@ def verify(
     *,
     output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of draws and sensor noise.")] = default_of(
-        VERIFY, "random_state"
+        VERIFY, "rng"
     ),
     progress: Progress,
 ) -> None:
@@ -242,7 +242,7 @@ def verify(
     find = call(
         VERIFY, model, against, accept=tuple(accept or ()), align=align, tolerance=tolerance, draws=draws,
         window=window, free_run=free_run, noise=noise, presliding=presliding, loss_factor=loss_factor,
-        random_state=random_state, progress=progress.say,
+        rng=random_state, progress=progress.say,
     )  # fmt: skip
     result = answer(find, out, output, progress, random_state, (), against, model)
     raise typer.Exit(0 if result.passed else 1)
@@ -289,7 +289,7 @@ def reproduce(
     *,
     output: Output,
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the sensors' noise.")] = default_of(
-        REPRODUCE, "random_state"
+        REPRODUCE, "rng"
     ),
     progress: Progress,
 ) -> None:
@@ -376,7 +376,7 @@ def batch(
         **given(library=library),
         **finding.arguments(),
         "accept": tuple(accept or ()),
-        "random_state": random_state,
+        "rng": random_state,
     }
     if verify_only:
         from sindyjoint.workflows.batch import verify_batch

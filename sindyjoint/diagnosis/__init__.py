@@ -1,1 +1,27 @@
 """What the model lacks: gaps, candidate effects and their probabilities, verdict, budget, localisation, advice."""
+
+from sindyjoint.hooks import fetched
+
+__getattr__ = fetched(
+    __name__,
+    {
+        "effects.catalogue": "load_effects read_effects select_effects",
+        "effects.change": "structure_changes",
+        "effects.fitted": "FittedEffect effect_law input_effects",
+        "effects.joint": "JointLaws joint_changes steady_level",
+        "effects.motion": "JoinedMotions MeasuredMotion",
+        "effects.setup": "Scales Setup",
+        "engine": "Stages explain_gap",
+        "falling": "grows reported_together with_falling_gaps",
+        "loop": "Progress add_effects",
+        "parts": "Budget",
+        "policy": "CAMPAIGN STRUCTURE",
+        "ranking": "rank",
+        "result": "Advice Gap Step",
+        "structure.gap": "regions_of",
+        "structure.pulses": "record_noise",
+        "structure.records": "runs_problem",
+        "structure.start": "hide",
+        "verdict": "Gaps Residual discount judge share_beyond_noise",
+    },
+)

@@ -40,9 +40,6 @@ class DiagnosisPolicy:
     realign: float = convention(4.0, "fall of χ² at which a delay is corrected beside a later effect")
     needless_ratio: float = convention(3.0, "coefficient over standard error below which a term may go ...")
     needless_share: float = convention(0.02, "... if it carries less than this share of the moment's RMS")
-    explained_sure: float = convention(
-        3.0, "standard deviations of χ² within which the residual of a structure is noise and the loop stops"
-    )
 
     # Other starts, where the first search leaves something unexplained.
     start_worth: float = convention(
@@ -83,7 +80,9 @@ class DiagnosisPolicy:
     outside: float = convention(0.5, "probability of an effect of no catalogue above which it is unknown")
 
     # Budget and localisation; drift of channels and change of the joint.
-    significant_fall: float = convention(3.0, "standard deviations of χ² from which a held-out error falls")
+    significant_fall: float = convention(
+        3.0, "standard deviations of χ² from which an error falls, or more than noise"
+    )
     alike: float = convention(1.0, "standard deviations of χ² within which two kinds of law predict alike")
     same_level: float = convention(0.05, "runs whose amplitudes differ by a smaller share are of one level")
     region_share: float = convention(0.15, "least share of the gap that a stated region holds ...")

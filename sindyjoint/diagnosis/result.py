@@ -15,7 +15,7 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.substructure.update import Update, UpdatedNumber
+from sindyjoint.substructure.recovery import Update, UpdatedNumber
 from sindyjoint.trust import Trust
 
 

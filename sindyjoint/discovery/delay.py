@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
+from sindyjoint.equation.candidates import linear_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue, term_columns
-from sindyjoint.equation.dependences import linear_dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values

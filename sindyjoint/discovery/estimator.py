@@ -21,8 +21,8 @@ from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, row_weights, state_columns
+from sindyjoint.equation.candidates import with_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
-from sindyjoint.equation.dependences import with_dependences
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError

@@ -10,8 +10,8 @@ import numpy as np
 from sindyjoint.discovery.delay import ROWS, law_of_channels, reference_of
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
+from sindyjoint.equation.candidates import linear_dependences
 from sindyjoint.equation.catalogue import term_columns
-from sindyjoint.equation.dependences import linear_dependences
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.inputs import Input, lagged, reference_values
 from sindyjoint.states.record import ForceStates

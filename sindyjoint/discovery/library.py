@@ -18,8 +18,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.rows import state_columns
+from sindyjoint.equation.candidates import with_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, ResolvedTerm, load_catalogue
-from sindyjoint.equation.dependences import with_dependences
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 

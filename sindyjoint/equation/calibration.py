@@ -14,7 +14,7 @@ import numpy as np
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import INERTIA, ModelTerm
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, partials
 
 
 def with_gain_uncertainty(model: JointModel, gains: Mapping[str, float]) -> JointModel:
@@ -89,18 +89,14 @@ def _degrees(term: ModelTerm, model: JointModel) -> tuple[float, float]:
     function = compile_terms([term.expression], (*VARIABLES, *inputs))
     rng = np.random.default_rng(0)
     angle, rate = (rng.uniform(0.2, 1, 64) * (size or 1.0) for size in (fitted.angle, fitted.rate))
-    step = 1e-4
 
-    def value(a: float, r: float) -> Array:
-        return function(a * angle, r * rate, r * rate, *inputs.values())[:, 0]
+    def value(angle: Array, rate: Array) -> Array:
+        return function(angle, rate, rate, *inputs.values())[:, 0]
 
-    here = value(1.0, 1.0)
+    here = value(angle, rate)
     used = np.abs(here) > 1e-12 * np.abs(here).max(initial=1e-300)
     if not used.any():
         return 0.0, 0.0
-    slopes = (
-        (value(1 + step, 1.0) - value(1 - step, 1.0)) / (2 * step),
-        (value(1.0, 1 + step) - value(1.0, 1 - step)) / (2 * step),
-    )
-    first, second = (float(np.sum((s * here)[used]) / np.sum(here[used] ** 2)) for s in slopes)
+    slopes = zip((angle, rate), partials(value, (angle, rate)), strict=True)
+    first, second = (float(np.sum((x * s * here)[used]) / np.sum(here[used] ** 2)) for x, s in slopes)
     return first, second

@@ -11,18 +11,19 @@ import numpy as np
 from pydantic import Field
 
 from sindyjoint.equation.model_parts import UNKNOWN, Fitted, ModelTerm
-from sindyjoint.equation.record_parts import (
+from sindyjoint.equation.test_record import (
     ElementRecord,
     Interval,
     Number,
     Part,
     Size,
+    TestNuisances,
+    TestRecord,
     Text,
     element_of_record,
     element_record,
     validated,
 )
-from sindyjoint.equation.test_record import TestNuisances, TestRecord
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input
 from sindyjoint.record import Joint

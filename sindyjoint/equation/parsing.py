@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import math
+import operator
 import re
 import warnings
 from collections.abc import Callable, Mapping
@@ -77,6 +78,14 @@ _SYNTAX = {
     ast.Starred: "an unpacking",
     ast.BinOp: "this operation",
     ast.UnaryOp: "this operation",
+}
+
+
+_OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
 }
 
 
@@ -204,9 +213,11 @@ class _Builder:
             case ast.UnaryOp(op=ast.UAdd() | ast.USub()):
                 operand = self._node(node.operand, depth + 1)
                 return -operand if isinstance(node.op, ast.USub) else operand
-            case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() | ast.Pow()):
+            case ast.BinOp() if type(node.op) in _OPERATORS or isinstance(node.op, ast.Pow):
                 left, right = self._node(node.left, depth + 1), self._node(node.right, depth + 1)
-                return self._check_result(node, self._operation(node, left, right))
+                known = _OPERATORS.get(type(node.op))
+                value = self._power(node, left, right) if known is None else known(left, right)
+                return self._check_result(node, value)
             case ast.Call():
                 return self._call(node, depth)
         kind = _SYNTAX.get(type(node), type(node).__name__)
@@ -259,18 +270,6 @@ class _Builder:
             except (ValueError, OverflowError):
                 raise self.refusal(f"{self._piece(node)} has no finite value") from None
         return self._check_result(node, _sympy_functions()[name](*values))
-
-    def _operation(self, node: ast.BinOp, left: Any, right: Any) -> Any:
-        match node.op:
-            case ast.Add():
-                return left + right
-            case ast.Sub():
-                return left - right
-            case ast.Mult():
-                return left * right
-            case ast.Div():
-                return left / right
-        return self._power(node, left, right)
 
     def _power(self, node: ast.BinOp, base: Any, exponent: Any) -> Any:
         import sympy

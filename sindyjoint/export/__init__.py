@@ -27,13 +27,13 @@ from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError, nearest
 from sindyjoint.export.fidelity import ALL_TERMS, Cycles, Fidelity, not_carried, shares
 from sindyjoint.files.atomic import output_folder, write_bytes
-from sindyjoint.hooks import lazily
+from sindyjoint.hooks import fetched
 from sindyjoint.inputs import Input
 from sindyjoint.numeric import Array
 
 __all__ = ["TARGETS", "Export", "Fidelity", "export_model", "read_model", "write_export"]
 
-__getattr__ = lazily(
+__getattr__ = fetched(
     __name__,
     {
         "documents": "batch_samples",

@@ -150,7 +150,7 @@ def export_samples(model: JointModel, count: int = COUNT, random_state: int = 0)
 
     Negative friction is drawn as zero; the positive numbers of elements stay positive.
     """
-    from sindyjoint.response.model_law import draw_models
+    from sindyjoint.response.laws import draw_models
 
     _check(count)
     drawn = draw_models(model, count, np.random.default_rng(random_state))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sindyjoint.hooks import lazily
+from sindyjoint.hooks import fetched
 
 if TYPE_CHECKING:
     from sindyjoint.files.campaign import load_campaign
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 __all__ = ["load_campaign", "manifest_schema", "write_campaign"]
 
 # pydantic and pint take half a second to import: only when a campaign is read.
-__getattr__ = lazily(
+__getattr__ = fetched(
     __name__,
     {
         "atomic": "OLD check_output hold_folder output_folder prepare_output settle whole_folder "

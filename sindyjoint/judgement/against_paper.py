@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from sindyjoint.equation.candidates import rate_free
 from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.judgement.at_each_level import changed_term
 from sindyjoint.judgement.comparison import Choice
 from sindyjoint.judgement.discovery import Discovery

@@ -161,7 +161,7 @@ class Discovery(Shown):
     def sindy(self) -> JointSINDy:
         """The model as a fitted ``pysindy.SINDy``, in physical units; its ``simulate`` knows sticking."""
         from sindyjoint.discovery.sindy import JointSINDy
-        from sindyjoint.response.model_law import simulated_states
+        from sindyjoint.response.laws import simulated_states
 
         return JointSINDy.of(self.regressor, self.model, partial(simulated_states, self.model))
 

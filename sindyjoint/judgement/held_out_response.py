@@ -28,7 +28,7 @@ def add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, .
 
 def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> tuple[float, str]:
     """Return the error of a set of terms, and why there is none; each run under the fit to the other groups."""
-    from sindyjoint.response.law_in_run import law_in_run
+    from sindyjoint.response.laws import law_in_run
     from sindyjoint.response.run import simulate_run
 
     # The groups of a single run are parts of it, and a part has no steady response to compare with.

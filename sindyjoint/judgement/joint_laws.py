@@ -33,17 +33,16 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.states.campaigns import signals_hash
 from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors, recovered_replicate
 from sindyjoint.substructure.policy import POLICY as LIMITS
-from sindyjoint.substructure.recovery import Recovery, recover
+from sindyjoint.substructure.recovery import Recovery, Update, recover, with_numbers
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, run_weights, with_slow
-from sindyjoint.substructure.update import Update, with_numbers
 from sindyjoint.text import spelled
 
 # What no sensor of the structure distinguishes from the angle at which the joint rests.

@@ -13,8 +13,8 @@ from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_v
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.methods import NOT_GIVEN
 from sindyjoint.discovery.selection import Selection
+from sindyjoint.equation.candidates import rate_free
 from sindyjoint.equation.catalogue import as_catalogue
-from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import run_levels
 from sindyjoint.judgement.against_paper import wanted_terms

@@ -14,8 +14,8 @@ from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.response.drive import prescribed
-from sindyjoint.response.output_error_parts import Nuisance as Kind
-from sindyjoint.response.refine import Refinement, refine
+from sindyjoint.response.output_error_runs import Nuisance as Kind
+from sindyjoint.response.refinement import Refinement, refine
 from sindyjoint.states import ForceStates
 from sindyjoint.states.campaigns import content_hash, with_later_motion
 from sindyjoint.text import spelled

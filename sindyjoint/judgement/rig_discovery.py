@@ -17,10 +17,9 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.check import RigCheck
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.substructure.observability import JointSeen
 from sindyjoint.substructure.policy import POLICY as LIMITS
-from sindyjoint.substructure.recovery import Recovery, recover
-from sindyjoint.substructure.update import Update, UpdatedNumber, with_numbers
+from sindyjoint.substructure.recovery import Recovery, Update, UpdatedNumber, recover, with_numbers
+from sindyjoint.substructure.states import JointSeen
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.substructure.recovery import Recovery
-from sindyjoint.substructure.update import Update
+from sindyjoint.substructure.recovery import Recovery, Update
 
 # Fits to the response, residuals whitened anew before each.
 ROUNDS = 2

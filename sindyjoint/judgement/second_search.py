@@ -93,7 +93,7 @@ def _search_from(
     """Complete states and choose terms in turn; return the best so far and the least residual on the way."""
     from sindyjoint.bias.completion import completed_states
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.response.law_in_run import held_laws
+    from sindyjoint.response.laws import held_laws
 
     found, least = start, None
     for _ in range(COMPLETIONS):

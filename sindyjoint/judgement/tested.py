@@ -18,8 +18,8 @@ from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.judgement.trust import assess
 from sindyjoint.record import Campaign
-from sindyjoint.response.law_in_run import as_followed
-from sindyjoint.response.nuisances import corrected
+from sindyjoint.response.compared import corrected
+from sindyjoint.response.laws import as_followed
 from sindyjoint.response.verify_campaign import seen_runs
 from sindyjoint.soundness.check import Check, Checked
 from sindyjoint.states import campaign_states

@@ -22,8 +22,8 @@ from sindyjoint.errors import SindyJointError
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign
-from sindyjoint.response.law_in_run import as_followed
-from sindyjoint.response.nuisances import law_of_test
+from sindyjoint.response.compared import law_of_test
+from sindyjoint.response.laws import as_followed
 from sindyjoint.response.run import along_motion, cut_states, settling
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, one_after_another, states_of

@@ -1,8 +1,8 @@
 """What sensors measured and how well: runs of their signals, fused where several see one motion, and their noise."""
 
-from sindyjoint.hooks import lazily
+from sindyjoint.hooks import fetched
 
-__getattr__ = lazily(
+__getattr__ = fetched(
     __name__,
     {
         "noise": "channel_noise coherent_to_the_top difference_noise moment_noise motion_noise "

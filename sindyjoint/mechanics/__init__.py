@@ -4,32 +4,24 @@ Nothing here knows how laws are discovered; a recovered law is simulated through
 :class:`sindyjoint.mechanics.laws.Law`.
 """
 
-from __future__ import annotations
+from sindyjoint.hooks import fetched
 
-from importlib import import_module
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
-    from sindyjoint.mechanics.pulse_test import with_laws
-    from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.mechanics.rigs import load_rig
-
-__all__ = ["INTER_PANEL", "PANEL_ROOT", "FunctionLaw", "PaperLaw", "load_rig", "load_rig_test", "with_laws"]
-
-# numba takes a second to import: only when something is simulated.
-_HOMES = {
-    "INTER_PANEL": "laws",
-    "PANEL_ROOT": "laws",
-    "FunctionLaw": "laws",
-    "PaperLaw": "laws",
-    "load_rig": "rigs",
-    "load_rig_test": "rig_test_file",
-    "with_laws": "pulse_test",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__ = fetched(
+    __name__,
+    {
+        "beam": "Beam rectangular_section",
+        "excitation": "Actuator harmonic pulse sampled tones",
+        "laws": "INTER_PANEL PANEL_ROOT FormulaLaw FunctionLaw LawWithNumbers PaperLaw SumLaw softening_limit",
+        "rig_file": "RigFile rig_path shipped_rigs",
+        "rig_test": "RigRun RigTest Sensor UncertainNumber uncertain_numbers",
+        "rig_test_file": "load_rig_structure load_rig_test",
+        "rigs": "MeasuredResponse load_rig",
+        "segments": "simulate_segments",
+        "sensors": "Channel delayed",
+        "stickslip": "simulate simulate_many slip_direction transfer_moment",
+        "structure": "Hinge LumpedMass Structure assemble craig_bampton",
+        "transient": "respond",
+        "virtual": "BEAM_INERTIA virtual_campaign",
+        "virtual_rig": "between_samples presliding_law virtual_pulse_test with_laws with_loss_factor",
+    },
+)

@@ -23,6 +23,8 @@ from sindyjoint.mechanics.rig_file import (
 )
 from sindyjoint.mechanics.rig_test import (
     BASE,
+    SIMULATED_KEY,
+    UNITS,
     Chain,
     RigRun,
     RigTest,
@@ -31,16 +33,15 @@ from sindyjoint.mechanics.rig_test import (
     uncertain_numbers,
 )
 from sindyjoint.mechanics.rigs import (
-    UNITS,
+    build_chain,
     build_excitation,
-    build_item,
     naming_file,
     read_measured,
     read_rig_file,
     read_run,
     solvable_structure,
 )
-from sindyjoint.mechanics.structure import Hinge, Item, Structure, assemble
+from sindyjoint.mechanics.structure import Hinge, Structure, assemble
 from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.mechanics.virtual_rig import Drive, Recorder
 from sindyjoint.numeric import Array
@@ -52,8 +53,6 @@ MOST_FREEDOMS = 2000
 SAME_RATE = 1e-6
 #: To which the force of a pulse is known where nothing is stated: as the lines of its samples are.
 PULSE_KNOWN_TO = 1e-3
-#: What a file of a virtual test is called after.
-SIMULATED_KEY = "simulated"
 
 
 class RigPlan(NamedTuple):
@@ -153,7 +152,7 @@ def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
         structure, kinds, uncertain = _matrices(given.matrices, path)
         motion, chain = given.matrices.motion, None
     else:
-        structure, kinds, uncertain, chain = _chain(given, path, laws, stations)
+        structure, kinds, uncertain, chain = _chain(given, laws, stations)
         motion = "rotation"
     sensors = tuple(_sensor(table, number) for number, table in enumerate(given.sensor, 1))
     at = BASE if shaken else _point(given.drive.point)
@@ -164,13 +163,9 @@ def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
 
 
 def _chain(
-    given: RigFile, path: Path, laws: Mapping[str, Law], stations: Mapping[str, tuple[str, float]]
+    given: RigFile, laws: Mapping[str, Law], stations: Mapping[str, tuple[str, float]]
 ) -> tuple[Structure, tuple[str, ...], tuple[UncertainNumber, ...], Chain]:
-    items: tuple[Item, ...] = tuple(
-        build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1)
-    )
-    clamp = given.base.clamp_stiffness
-    stiffness = np.inf if clamp is None else parse_quantity(clamp, "N*m/rad", "[base] clamp_stiffness")
+    items, stiffness = build_chain(given, laws)
     solvable_structure(items, stiffness)
     frequency = given.loss_frequency and parse_quantity(given.loss_frequency, "Hz", "loss_frequency")
     structure = assemble(items, stiffness, stations, frequency or None)

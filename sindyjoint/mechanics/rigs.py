@@ -35,7 +35,7 @@ from sindyjoint.mechanics.rig_file import (
     rig_path,
     shipped_rigs,
 )
-from sindyjoint.mechanics.rig_test import DRIVE, RigRun
+from sindyjoint.mechanics.rig_test import DRIVE, UNITS, RigRun
 from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
@@ -50,13 +50,6 @@ if TYPE_CHECKING:
 MOST_ELEMENTS_OF_ALL, MOST_STEPS = 600, 10_000_000
 # Beyond these, SI, nothing is a part of a structure, and matrices are no longer solved.
 SMALLEST, LARGEST = 1e-12, 1e15
-UNITS = {
-    "acceleration": "m/s**2",
-    "velocity": "m/s",
-    "displacement": "m",
-    "force": "N",
-    "base acceleration": "m/s**2",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,11 +181,7 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
         raise InputError(
             "no [pulse] on a [[chain]]: of runs and sensors discover and simulate make something"
         )
-    items = tuple(build_item(part, f"{path}: [[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
-    clamp = given.base.clamp_stiffness
-    stiffness = (
-        float("inf") if clamp is None else parse_quantity(clamp, "N*m/rad", f"{path}: [base] clamp_stiffness")
-    )
+    items, stiffness = build_chain(given, laws)
     where = f"{path}: [output]"
     records = tuple(read_measured(table, path) for table in given.measured)
     rig = Rig(
@@ -242,6 +231,13 @@ def solvable_structure(items: Sequence[Item], clamp_stiffness: float) -> Structu
             f"the chain cannot be solved ({' '.join(str(error).split()):.80}); check lengths, stiffnesses and masses"
         ) from None
     return structure
+
+
+def build_chain(given: RigFile, laws: Mapping[str, Law]) -> tuple[tuple[Item, ...], float]:
+    """Return the parts of a chain and the stiffness of its clamp, N·m/rad; infinite where it is rigid."""
+    items = tuple(build_item(part, f"[[chain]] {i}", laws) for i, part in enumerate(given.chain, 1))
+    clamp = given.base.clamp_stiffness
+    return items, np.inf if clamp is None else parse_quantity(clamp, "N*m/rad", "[base] clamp_stiffness")
 
 
 def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:

@@ -168,6 +168,7 @@ def simulate_many(
     SimulationError
         When a run leaves the range where its law holds; carries the time.
     """
+    import sindyjoint.mechanics.stickslip_kernel as kernel
     from sindyjoint.mechanics.kernels import PAPER_CALLBACK
 
     compiled = as_compiled(law)
@@ -198,59 +199,34 @@ def simulate_many(
     drives = excitations * runs if len(excitations) < runs else excitations
     most = max(STEPS_PER_SAMPLE * n_samples, LEAST_STEPS) if most_steps is None else int(most_steps)
     steps = 1.0 / sample_rate, float(rtol), float(max_step), most
-    batch = _Batch(address, sets, total, y, bounds, n_samples, steps)
-    taken = batch.run(drives, min(threads or os.cpu_count() or 1, runs))
-    time = np.arange(n_samples) / sample_rate
-    driven = np.broadcast_to(np.stack([e(time) for e in excitations]), (runs, n_samples))
-    moment = driven - beam[:, None] * batch.acceleration if beam.any() else driven
-    return Motion(
-        time, batch.angle, batch.rate, batch.acceleration, moment, batch.stuck.view(np.bool_), batch.states, taken
-    )  # fmt: skip
+    angle, rate, acceleration = (np.empty((runs, n_samples)) for _ in range(3))
+    states, stuck = np.empty((runs, compiled.n_states, n_samples)), np.zeros((runs, n_samples), dtype=np.int8)
 
-
-class _Batch:
-    """Runs of one compiled law side by side: what each begins with, and the samples that it fills."""
-
-    def __init__(self, address: int, parameters: Array, inertia: Array, start: Array, bounds: Array, n_samples: int,
-                 steps: tuple[float, float, float, int]):  # fmt: skip
-        runs, self.n_states = len(start), start.shape[1] - 2
-        self.address, self.parameters, self.inertia, self.start, self.bounds = (
-            address, parameters, inertia, start, bounds,
-        )  # fmt: skip
-        self.steps = steps
-        self.angle, self.rate, self.acceleration = (np.empty((runs, n_samples)) for _ in range(3))
-        self.states = np.empty((runs, self.n_states, n_samples))
-        self.stuck = np.zeros((runs, n_samples), dtype=np.int8)
-
-    def run(self, drives: Sequence[Excitation], workers: int) -> int:
-        """Integrate all runs; return the steps taken, or raise what ended the first that failed."""
-        numbers = range(len(drives))
-        if workers == 1:
-            ends = [self._integrate(r, drives[r]) for r in numbers]
-        else:
-            with ThreadPoolExecutor(workers) as pool:
-                ends = list(pool.map(self._integrate, numbers, drives))
-        taken = sum(int(steps) for _, _, steps in ends)
-        spend(STEP_SAMPLES * taken)
-        for r, (status, reached, _) in enumerate(ends):
-            if status:
-                where = f"run {r}: " if len(drives) > 1 else ""
-                raise _describe_failure(status, reached, self.bounds[r], where)
-        return taken
-
-    def _integrate(self, r: int, e: Excitation) -> tuple[int, float, int]:
-        import sindyjoint.mechanics.stickslip_kernel as kernel
-
+    def integrate(r: int, e: Excitation) -> tuple[int, float, int]:
         # What the drive could do within a millionth of a piece: below it, no relative accuracy is asked for.
-        sizes = np.full(2 + self.n_states, 1e-300)
-        sizes[1] += 1e-6 * np.abs(e.pieces[:, 0]).max() * abs(e.scale) / self.inertia[r] * e.step
+        sizes = np.full(y.shape[1], 1e-300)
+        sizes[1] += 1e-6 * np.abs(e.pieces[:, 0]).max() * abs(e.scale) / total[r] * e.step
         sizes[0] += sizes[1] * e.step
         return kernel.integrate(
-            self.address, self.parameters[r], self.inertia[r], e.pieces,
-            (e.step, e.periodic, e.smooth, e.scale, e.ramp), self.start[r], sizes, np.zeros(11 * self.n_states + 6),
-            *self.steps, (self.bounds[r, 0], self.bounds[r, 1]),
-            (self.angle[r], self.rate[r], self.acceleration[r], self.states[r], self.stuck[r]),
+            address, sets[r], total[r], e.pieces, (e.step, e.periodic, e.smooth, e.scale, e.ramp), y[r], sizes,
+            np.zeros(11 * compiled.n_states + 6), *steps, (bounds[r, 0], bounds[r, 1]),
+            (angle[r], rate[r], acceleration[r], states[r], stuck[r]),
         )  # fmt: skip
+
+    if threads == 1 or runs == 1:
+        ends = list(map(integrate, range(runs), drives))
+    else:
+        with ThreadPoolExecutor(min(threads or os.cpu_count() or 1, runs)) as pool:
+            ends = list(pool.map(integrate, range(runs), drives))
+    taken = sum(int(count) for _, _, count in ends)
+    spend(STEP_SAMPLES * taken)
+    for r, (status, reached, _) in enumerate(ends):
+        if status:
+            raise _describe_failure(status, reached, bounds[r], f"run {r}: " if runs > 1 else "")
+    time = np.arange(n_samples) / sample_rate
+    driven = np.broadcast_to(np.stack([e(time) for e in excitations]), (runs, n_samples))
+    moment = driven - beam[:, None] * acceleration if beam.any() else driven
+    return Motion(time, angle, rate, acceleration, moment, stuck.view(np.bool_), states, taken)
 
 
 def simulate(law: Law, excitation: Excitation, duration: float, sample_rate: float, **options: Any) -> Motion:
@@ -361,6 +337,14 @@ def transfer_moment(
     if acceleration is not None:
         moment = moment + law.inertia * np.asarray(acceleration, dtype=np.float64)
     return moment, state
+
+
+def prescribed_motion(law: Law, angle: Excitation, samples: int, sample_rate: float) -> Motion:
+    """Return a motion whose angle is prescribed, and the moment at the sensor that it takes."""
+    time = np.arange(samples) / sample_rate
+    motion = angle(time), angle.derivative(time), angle.derivative(time, 2)
+    moment, state = transfer_moment(law, motion[0], motion[1], sample_rate, acceleration=motion[2])
+    return Motion(time, *motion, moment, np.zeros(samples, dtype=np.bool_), state)
 
 
 def internal_states(

@@ -97,11 +97,8 @@ def respond(
     points: Sequence[str] = ("tip",),
     modes: int = 12,
     limits: str | None = "softening",
-    initial_angle: Sequence[float] | None = None,
-    initial_force: float = 0.0,
-    initial: tuple[Array, Array] | None = None,
 ) -> Response:
-    """Simulate a structure under a force, from standstill unless it is said how it moves at the start.
+    """Simulate a structure under a force, from standstill.
 
     Parameters
     ----------
@@ -120,12 +117,6 @@ def respond(
     modes : int
     limits : {"softening", None}
         Whether crossing a joint's softening limit is an error.
-    initial_angle : sequence of float, optional
-        Joint angles at the start, rad.
-    initial_force : float
-        Static force at the point that bends the structure at the start and is then released, N. Joints do not move.
-    initial : tuple of two ndarray, shape (n,)
-        Coordinates of the structure and their rates at the start.
 
     Returns
     -------
@@ -142,20 +133,7 @@ def respond(
     reduced = craig_bampton(structure, [at, *points], modes)
     stepper = Stepper(reduced, reduced.point(at).copy(), 1 / (sample_rate * parts))
     record = _Record.begin(stepper, excitation, round(duration * sample_rate) * parts)
-    joints = reduced.n_joints
-    if initial is not None:
-        # What the reduction keeps of a motion, by kinetic energy: the rates' projection on its shapes.
-        assert reduced.basis is not None
-        weighted = structure.mass @ reduced.basis
-        record.q[0], record.v[0] = (np.linalg.solve(reduced.mass, weighted.T @ given) for given in initial)
-    if initial_angle is not None:
-        record.q[0, :joints] = initial_angle
-    if initial_force:
-        modal = slice(joints, None)
-        held = reduced.stiffness[modal, :joints] @ record.q[0, :joints]
-        right = initial_force * stepper.load[modal] - held
-        record.q[0, modal] = np.linalg.solve(reduced.stiffness[modal, modal], right)
-    bounds = _softening_bounds(reduced) if limits else np.full((joints, 2), [-np.inf, np.inf])
+    bounds = _softening_bounds(reduced) if limits else np.full((reduced.n_joints, 2), [-np.inf, np.inf])
     events = _advance(stepper, excitation, record, bounds)
     return _collect_response(stepper, points, parts, record, events)
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
 
-from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.errors import InputError, SimulationError, UnknownNameError, checks_options
 from sindyjoint.measurement.runs import measured_run
-from sindyjoint.mechanics.excitation import Excitation, harmonic
+from sindyjoint.mechanics.excitation import SINE, Excitation, tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.sensors import Channel, anti_aliased, delayed, from_raw_channels, raw_channels
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
-from sindyjoint.numeric import Array
+from sindyjoint.mechanics.stickslip import prescribed_motion, simulate
+from sindyjoint.numeric import RNG, Array
 from sindyjoint.record import Campaign, Joint, Run
 
 Drive = Literal["moment", "rig", "displacement"]
@@ -33,7 +34,7 @@ BEAM_INERTIA = 5.0
 _OVERSAMPLING = 16
 
 # The prescribed motion starts here in its cycle, so that reversals fall between samples and not on them.
-_PHASE = 0.1
+PHASE = 0.1
 
 
 def named_joint(joint: str | Law) -> Law:
@@ -85,6 +86,8 @@ class VirtualTest:
         rad.
     rtol : float
         Tolerance of the simulation.
+    waveform : str
+        One of :data:`sindyjoint.mechanics.excitation.TONES`.
     """
 
     law: Law
@@ -104,6 +107,7 @@ class VirtualTest:
     angle_drift: float = 0.0
     angle_limit: float = 0.0
     rtol: float = 1e-7
+    waveform: str = SINE
 
     def __post_init__(self) -> None:
         if self.drive not in DRIVES:
@@ -141,7 +145,7 @@ class VirtualTest:
     def _excitation(self, amplitude: float, frequency: float) -> Excitation:
         # A rig near its resonance overshoots when the moment starts at once: it is faded in over three periods.
         ramp = 3.0 / frequency if self.drive == "rig" else 0.0
-        return harmonic(amplitude, frequency).faded_in(ramp)
+        return tones(self.waveform, amplitude, frequency).faded_in(ramp)
 
     def amplitude(self, frequency: float, level: float) -> float:
         """Amplitude of the drive that reaches the level's peak angle: a moment, N·m, or the angle, rad.
@@ -189,21 +193,16 @@ class VirtualTest:
         # Room on both sides of the record for a shifted channel.
         total = (start + n + round(abs(self.skew) * self.sample_rate) + 2) / self.sample_rate
         if self.drive == "displacement":
-            time = np.arange(round(total * rate)) / rate
-            tone = harmonic(amplitude, frequency, _PHASE)
-            angle = tone(time)
-            acceleration = tone.derivative(time, 2)
-            moment, _ = transfer_moment(
-                self.law, angle, tone.derivative(time), rate, acceleration=acceleration
-            )
+            tone = tones(self.waveform, amplitude, frequency, PHASE)
+            motion = prescribed_motion(self.law, tone, round(total * rate), rate)
         else:
             motion = simulate(
                 self.law, self._excitation(amplitude, frequency), total, rate,
                 beam_inertia=self._exciter_inertia, rtol=self.rtol,
             )  # fmt: skip
-            time, angle, moment, acceleration = motion.time, motion.angle, motion.moment, motion.acceleration
+        time, angle, moment = motion.time, motion.angle, motion.moment
         kept = slice(start * finer, (start + n) * finer, finer)
-        shown = anti_aliased(acceleration, finer)[start : start + n]
+        shown = anti_aliased(motion.acceleration, finer)[start : start + n]
         if not self.skew:
             return moment[kept], angle[kept], shown
         return delayed(time[kept], time, moment, self.skew), angle[kept], shown
@@ -293,10 +292,16 @@ def virtual_test(
     )  # fmt: skip
 
 
+def plan_options() -> tuple[str, ...]:
+    """Return what the plan of a virtual test may be asked for."""
+    return (*signature(virtual_test).parameters, *signature(VirtualTest).parameters)
+
+
+@checks_options(plan_options)
 def virtual_campaign(
     joint: str | Law = "inter-panel",
     *,
-    random_state: int | np.random.Generator | None = None,
+    rng: RNG = None,
     name: str | None = None,
     **options: Any,
 ) -> Campaign:
@@ -306,7 +311,7 @@ def virtual_campaign(
     ----------
     joint : {"inter-panel", "panel-root"} or Law
         The paper's joints by name (Tables 1 and 2, averages), or any law.
-    random_state : int, numpy.random.Generator or None
+    rng : int, Generator or None
         Source of the noise.
     name : str, optional
         Name of the joint in reports.
@@ -331,12 +336,12 @@ def virtual_campaign(
 
     Examples
     --------
-    >>> campaign = virtual_campaign(frequencies=[4], levels=[0.5], duration=1.0, random_state=1)
+    >>> campaign = virtual_campaign(frequencies=[4], levels=[0.5], duration=1.0, rng=1)
     >>> campaign.runs[0].name, campaign.simulated
     ('4Hz-0.5', True)
     """
     test = virtual_test(joint, **options)
-    runs = [made.run for made in run_tests(test, np.random.default_rng(random_state))]
+    runs = [made.run for made in run_tests(test, np.random.default_rng(rng))]
     return Campaign(campaign_joint(test, name), tuple(runs), simulated=True)
 
 

@@ -9,13 +9,16 @@ from typing import Literal
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
+from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import sampled
+from sindyjoint.mechanics.laws import FunctionLaw, Law, PaperLaw
 from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, RigUse, Sensor, load_row
+from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.sensors import Channel
-from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.mechanics.transient import Response, respond
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import RNG, Array
 
 Shape = Literal["sine", "multisine", "sweep", "impact"]
 
@@ -228,11 +231,12 @@ def _recorder_filter() -> Array:
     return np.asarray(firwin(2 * REACH * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
 
 
+@checks_options()
 def virtual_rig_test(
     test: RigTest,
     drives: Sequence[Drive],
     recorder: Recorder,
-    random_state: int | np.random.Generator | None = 0,
+    rng: RNG = 0,
     seen: Callable[[str, Response], None] = lambda name, response: None,
 ) -> RigTest:
     """Return a test of a structure whose joints' laws are known, with simulated runs.
@@ -243,14 +247,142 @@ def virtual_rig_test(
         Its structure's joints hold the true laws.
     drives : sequence of Drive
     recorder : Recorder
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Source of noise and phases.
     seen : callable
         Called with the name of each run and what really happened in it.
     """
-    generator, runs = np.random.default_rng(random_state), []
+    generator, runs = np.random.default_rng(rng), []
     for drive in drives:
         run, response = simulate_run(test.structure, test.at, test.sensors, drive, recorder, generator)
         seen(run.name, response)
         runs.append(run)
     return replace(test, runs=tuple(runs), simulated=True)
+
+
+@dataclass(frozen=True, eq=False)
+class PulseTest(MeasuredResponse):
+    """A response of a rig to its pulse, measured or virtual.
+
+    Parameters
+    ----------
+    point, displacement, sample_rate
+        As in :class:`~sindyjoint.mechanics.rigs.MeasuredResponse`.
+    simulated : bool
+        Whether it comes from a virtual test.
+    truth : str
+        What a virtual test holds beyond the rig as written; empty for nothing.
+    response : Response or None
+        The whole response of a virtual test, free of errors.
+    """
+
+    simulated: bool = False
+    truth: str = ""
+    response: Response | None = None
+
+    @property
+    def time(self) -> Array:
+        """Sample instants, s."""
+        return np.arange(self.displacement.size) / self.sample_rate
+
+
+def hinges(rig: Rig) -> tuple[Hinge, ...]:
+    """Return the joints of a rig, from the base on."""
+    return tuple(item for item in rig.items if isinstance(item, Hinge))
+
+
+def with_laws(rig: Rig, choose: Callable[[Hinge], Law]) -> Rig:
+    """Return the same rig with the law that `choose` gives for each joint."""
+    return replace(
+        rig,
+        items=tuple(
+            replace(item, law=choose(item)) if isinstance(item, Hinge) else item for item in rig.items
+        ),
+    )
+
+
+def with_loss_factor(rig: Rig, loss_factor: float) -> Rig:
+    """Return the same rig with another material loss factor of every beam."""
+    return replace(
+        rig,
+        items=tuple(
+            replace(item, loss_factor=loss_factor) if isinstance(item, Beam) else item for item in rig.items
+        ),
+    )
+
+
+def _presliding(theta, omega, direction, state, parameters, out):
+    elastic = theta * (parameters[0] + theta * (parameters[1] + theta * parameters[2]))
+    z = state[0]
+    out[0] = elastic + parameters[3] * omega + parameters[4] * z
+    out[1] = (omega - abs(omega) * z) / parameters[5]
+
+
+def presliding_law(law: PaperLaw, angle: float) -> FunctionLaw:
+    """Return a joint whose Coulomb friction has elastic presliding.
+
+    The friction moment is M_F·z with dz/dt = (θ̇ − |θ̇| z)/θ_p (Dahl, Aerospace Corporation TOR-158, 1968, with
+    exponent one): a spring of stiffness M_F/θ_p at every reversal that yields to M_F over a few θ_p.
+
+    Parameters
+    ----------
+    law : PaperLaw
+    angle : float
+        θ_p, rad.
+
+    Raises
+    ------
+    InputError
+        For an angle that is not above zero, or a law that is not the paper's.
+    """
+    if not (np.isfinite(angle) and angle > 0):
+        raise InputError(f"presliding angle is {angle!r} rad; expected a finite number above zero")
+    if not isinstance(law, PaperLaw):
+        raise InputError("presliding is known of the paper's law only; the rig's joint has another one")
+    return FunctionLaw(
+        _presliding, (*law.parameters, float(angle)), n_states=1, inertia=law.inertia,
+        softening_limit=law.softening_limit,
+    )  # fmt: skip
+
+
+@checks_options()
+def virtual_pulse_test(
+    rig: Rig,
+    *,
+    noise: float = 0.01,
+    presliding: float | None = None,
+    loss_factor: float | None = None,
+    rng: RNG = 0,
+) -> PulseTest:
+    """Simulate the pulse test of a rig as a sensor sees it.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its joints' laws are the truth.
+    noise : float
+        White noise of the sensor as a fraction of the response's RMS.
+    presliding : float, optional
+        Angle of the elastic presliding of every joint, rad.
+    loss_factor : float, optional
+        Material loss factor of the beams, instead of the rig's.
+    rng : int, Generator or None
+        Source of the noise.
+
+    Returns
+    -------
+    PulseTest
+        At the rig's first output point.
+    """
+    truth = []
+    if presliding is not None:
+        angle = presliding
+        rig = with_laws(rig, lambda hinge: presliding_law(hinge.law, angle))  # type: ignore[arg-type]
+        truth.append(f"presliding over {1e6 * presliding:g} µrad")
+    if loss_factor is not None:
+        rig = with_loss_factor(rig, loss_factor)
+        truth.append(f"beam loss factor {loss_factor:g}")
+    response = rig.respond()
+    point = rig.points[0]
+    shown = Channel(noise=noise).read(response.displacement[point], np.random.default_rng(rng))
+    return PulseTest(point, shown, rig.sample_rate, True, " and ".join(truth), response)

@@ -20,17 +20,15 @@ from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, partials
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import POINTS, PlannedRun, motion
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 from sindyjoint.states import Harmonics
 from sindyjoint.states.harmonics import significant_harmonics
 from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import BAND_SHARE, MAXIMUM_HARMONICS, REPLICATES, reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
-
-STEP = 1e-5  # of the largest angle or rate, for the slopes of the moment
 
 
 @dataclass(frozen=True)
@@ -206,17 +204,9 @@ def _kept_harmonics(
 def _columns(model: JointModel, states: Sequence[Array]) -> tuple[Array, tuple[Array, Array]]:
     """Return the terms along a motion, shape (n, p), and the moment's slopes over angle and rate."""
     evaluate = compile_terms([term.expression for term in model.terms])
-    angle, rate, acceleration = states
-    slopes = []
-    for at, signal in enumerate((angle, rate)):
-        step = STEP * float(np.abs(signal).max())
-        ends = []
-        for side in (step, -step):
-            shifted = [angle, rate, acceleration]
-            shifted[at] = signal + side
-            ends.append(evaluate(*shifted) @ model.coefficients)
-        slopes.append((ends[0] - ends[1]) / (2 * step))
-    return np.asarray(evaluate(angle, rate, acceleration)), (slopes[0], slopes[1])
+    *motion, acceleration = states
+    by_angle, by_rate = partials(lambda *at: evaluate(*at, acceleration) @ model.coefficients, motion)
+    return np.asarray(evaluate(*states)), (by_angle, by_rate)
 
 
 def _noise_columns(

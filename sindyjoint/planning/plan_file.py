@@ -10,29 +10,27 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from sindyjoint.documents import read_toml
-from sindyjoint.errors import InputError, UnitError
+from sindyjoint.errors import InputError, UnitError, checks_options
+from sindyjoint.files.manifest import StrictTable, first_complaint
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.mechanics.excitation import SINE, tones
+from sindyjoint.mechanics.excitation import tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.sensors import Channel
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
 from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
+from sindyjoint.numeric import RNG
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Run
-from sindyjoint.text import expectation
 
 PLAN_NAME = "plan.toml"
 # Of a joint that turns, and of one that slides.
 UNITS = {"moment": ("N*m", "N"), "angle": ("rad", "m")}
 
 
-class _RunEntry(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class _RunEntry(StrictTable):
     drive: Literal["moment", "angle"]
     waveform: Literal["sine", "two-tone-3", "two-tone-5", "triangle", "multisine", "sweep"] = "sine"
     frequency: str
@@ -40,9 +38,7 @@ class _RunEntry(BaseModel):
     duration: str
 
 
-class _SensorEntry(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class _SensorEntry(StrictTable):
     rate: str = "1000 Hz"
     noise: float = 0.01
     moment_noise: str | None = None
@@ -51,9 +47,7 @@ class _SensorEntry(BaseModel):
     angle_resolution: str | None = None
 
 
-class _PlanEntry(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class _PlanEntry(StrictTable):
     sensors: _SensorEntry = _SensorEntry()
     run: Annotated[list[_RunEntry], Field(min_length=1)]
 
@@ -107,9 +101,7 @@ def read_plan(path: str | Path) -> RunList:
     try:
         entry = _PlanEntry.model_validate(read_toml(place))
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise InputError(f"{place}: {where}: {expectation(first)}") from None
+        raise InputError(f"{place}: {first_complaint(error)}") from None
     runs = []
     for number, one in enumerate(entry.run, 1):
         where = f"{place}: run {number}"
@@ -154,26 +146,13 @@ def _in_steps(signal: NDArray[np.float64], step: float | None) -> NDArray[np.flo
     return signal if step is None else np.asarray(np.round(signal / step) * step)
 
 
-def _sum_of_tones(law: Law, run: PlannedRun, rate: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return moment and angle under a waveform of several tones; a prescribed one turns round between samples."""
-    count = round(run.duration * rate)
-    if run.drive == "moment":
-        moved = simulate(law, tones(run.waveform, run.level, run.frequency), (count + 2) / rate, rate)
-        return moved.moment[:count], moved.angle[:count]
-    tone, time = tones(run.waveform, run.level, run.frequency, 0.1), np.arange(count) / rate
-    angle = tone(time)
-    moment, _ = transfer_moment(
-        law, angle, tone.derivative(time), rate, acceleration=tone.derivative(time, 2)
-    )
-    return moment, angle
-
-
 def run_name(number: int, run: PlannedRun) -> str:
     """Return the name of a planned run."""
     return f"{number:02d}-{run.frequency:g}Hz"
 
 
-def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: Any = 0) -> Campaign:
+@checks_options()
+def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, rng: RNG = 0) -> Campaign:
     """Make the runs of a plan as a virtual test.
 
     Parameters
@@ -182,7 +161,7 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: A
         The joint.
     runs : sequence of PlannedRun
     sensors : Sensors
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Of the noise.
 
     Raises
@@ -190,24 +169,21 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, random_state: A
     SimulationError
         When the joint passes its softening limit.
     """
-    rng = np.random.default_rng(random_state)
+    generator = np.random.default_rng(rng)
     steps = (sensors.moment_resolution, sensors.angle_resolution)
     made = []
     for number, run in enumerate(runs, 1):
         test = VirtualTest(
             law, (run.frequency,), (1.0,), "displacement" if run.drive == "angle" else "moment",
-            sensors.sample_rate, run.duration, angle_limit=1.0,
+            sensors.sample_rate, run.duration, angle_limit=1.0, waveform=run.waveform,
         )  # fmt: skip
-        if run.waveform == SINE:
-            moment, angle, _ = test.ideal(run.frequency, run.level)
-        else:
-            moment, angle = _sum_of_tones(law, run, sensors.sample_rate)
+        moment, angle, _ = test.ideal(run.frequency, run.level)
         noise = sensors.analogue(moment, angle)
         shares = [
             sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)
         ]
         moment, angle = (
-            _in_steps(Channel(share).read(x, rng), step)
+            _in_steps(Channel(share).read(x, generator), step)
             for share, x, step in zip(shares, (moment, angle), steps, strict=True)
         )
         made.append(

@@ -25,7 +25,7 @@ from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.prior import Prior
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, motion
 from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 from sindyjoint.text import list_some, percent, spelled
 
 Say = Callable[[str], None]

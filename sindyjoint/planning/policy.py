@@ -41,15 +41,7 @@ class PlanningPolicy:
     frequencies: int = limit(5, "frequencies of the band among which is chosen")
     levels: tuple[float, ...] = limit(
         (1.0, 0.84, 0.68, 0.53, 0.38),
-        "levels among which is chosen, as shares of the highest that is allowed",
-    )
-    grid_levels: tuple[float, ...] = limit(
-        (1.0, 0.68, 0.38),
-        "levels of the plain grid, as shares of the highest that is allowed",
-        source="the levels of the virtual tests",
-    )
-    fewest_periods: int = limit(
-        8, "steady periods of a run", source="replicate blocks into which a run is cut"
+        "levels among which is chosen, as shares of the highest that is allowed; the plain grid has every second one",
     )
     fewest_frequencies: int = limit(
         3, "different frequencies of a plan", source="terms are held out by frequency when they are selected"

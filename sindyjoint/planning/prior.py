@@ -21,7 +21,7 @@ from sindyjoint.paper import PARAMETERS
 from sindyjoint.planning.information import Information, Sensors, stacked
 from sindyjoint.planning.policy import POLICY
 from sindyjoint.record import Campaign, Joint
-from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.response.laws import with_coefficients
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.text import spelled
 

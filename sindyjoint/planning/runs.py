@@ -12,9 +12,11 @@ import numpy as np
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law, softening_limit
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics.stickslip import Motion, prescribed_motion, simulate
+from sindyjoint.mechanics.virtual import PHASE
 from sindyjoint.numeric import Array
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
+from sindyjoint.states.periodic import REPLICATES
 
 POINTS = 400  # samples per period, at least
 PERIODS, MOST_PERIODS = 3, 48
@@ -50,25 +52,6 @@ class PlannedRun:
     duration: float
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """The joint's motion from rest under a tone; the last period of it is steady.
-
-    Parameters
-    ----------
-    angle, rate, acceleration, moment : ndarray, shape (n,)
-        rad, rad/s, rad/s²; N·m at the sensor.
-    period : int
-        Samples of a period.
-    """
-
-    angle: Array
-    rate: Array
-    acceleration: Array
-    moment: Array
-    period: int
-
-
 def motion(
     law: Law, drive: Drive, frequency: float, level: float, points: int = POINTS, waveform: str = SINE
 ) -> Motion:
@@ -81,19 +64,15 @@ def motion(
     """
     rate = points * frequency
     if drive == "angle":
-        # As a virtual test prescribes it; reversals fall between samples.
-        tone = tones(waveform, level, frequency, 0.1)
-        time = np.arange(2 * points) / rate
-        angle, speed, second = tone(time), tone.derivative(time), tone.derivative(time, 2)
-        _check_softening(law, angle)
-        moment, _ = transfer_moment(law, angle, speed, rate, acceleration=second)
-        return Motion(angle, speed, second, moment, points)
+        moved = prescribed_motion(law, tones(waveform, level, frequency, PHASE), 2 * points, rate)
+        _check_softening(law, moved.angle)
+        return moved
     periods = PERIODS
     while periods <= MOST_PERIODS:
         moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=RTOL)
         last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
         if np.linalg.norm(last - before) <= POLICY.settled * np.linalg.norm(last):
-            return Motion(moved.angle, moved.rate, moved.acceleration, moved.moment, points)
+            return moved
         periods *= 2
     raise SimulationError(
         f"the joint does not repeat within {MOST_PERIODS} periods of {frequency:g} Hz under {level:.3g} N·m"
@@ -230,7 +209,7 @@ def candidates(
             if waveform in waveforms:
                 found += [planned(share) for share in policy.levels]
             if waveform == SINE and frequency in plain:
-                grid += [planned(share) for share in policy.grid_levels]
+                grid += [planned(share) for share in policy.levels[::2]]
     return tuple(found), tuple(grid)
 
 
@@ -238,15 +217,13 @@ def _within_band(waveform: str, actuator: Actuator, duration: float, policy: Pla
     """Return frequencies of a waveform, Hz, that drives within the band alone and repeats often enough in a run."""
     lowest, highest = driven_at(waveform)
     # A duration for the lowest sine is long enough for every other; the rest is for the rounding.
-    least = max(
-        actuator.band[0] / lowest, 1.005 * (policy.fewest_periods + 1) / duration * (waveform != SINE)
-    )
+    least = max(actuator.band[0] / lowest, 1.005 * (REPLICATES + 1) / duration * (waveform != SINE))
     most = actuator.band[1] / highest
     if least > most * (1 + 1e-9):
         low, high = actuator.band
         raise InputError(
             f"waveform {waveform} drives from {lowest:g} to {highest:g} times the frequency at which it repeats, "
-            f"{policy.fewest_periods + 1} times in a run of {duration:.3g} s: no room for it from {low:g} to {high:g} "
+            f"{REPLICATES + 1} times in a run of {duration:.3g} s: no room for it from {low:g} to {high:g} "
             "Hz; expected a wider band, or longer runs"
         )
     count = policy.frequencies if most > least * (1 + 1e-9) else 1

@@ -25,7 +25,7 @@ from sindyjoint.planning.plan import Separation
 from sindyjoint.planning.plan_file import UNITS, play
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 from sindyjoint.text import list_some, percent, spelled
 
 Say = Callable[[str], None]
@@ -254,7 +254,7 @@ class SeparatingRuns:
     def _diagnosed(
         self, campaign: Campaign | str | Path, model: JointModel | None = None, **options: Any
     ) -> Diagnosis:
-        return self.diagnose(campaign, model, effects=self.effects, max_effects=1, random_state=0, **options)
+        return self.diagnose(campaign, model, effects=self.effects, max_effects=1, rng=0, **options)
 
     def _planned(self, found: Diagnosis) -> tuple[PlannedRun, ...]:
         """Return the runs that a diagnosis advises, as a plan has them."""

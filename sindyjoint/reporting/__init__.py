@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sindyjoint.hooks import lazily
+from sindyjoint.hooks import fetched
 
 if TYPE_CHECKING:
     from sindyjoint.reporting.equation import terms_csv
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["draw", "drawable", "load_results", "terms_csv", "write_results"]
 
-__getattr__ = lazily(
+__getattr__ = fetched(
     __name__,
     {
         "equation": "TERM_COLUMNS effect_mathml mathml model_table term_rows terms_csv",

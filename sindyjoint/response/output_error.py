@@ -17,16 +17,19 @@ from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import Motion, simulate_many
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
-from sindyjoint.response.model_law import law_terms, with_coefficients
-from sindyjoint.response.output_error_parts import (
+from sindyjoint.response.drive import FAR_OFF
+from sindyjoint.response.laws import law_terms, with_coefficients
+from sindyjoint.response.output_error_runs import (
     NUISANCE,
     Nuisance,
     Parameter,
+    Record,
     coefficient,
     element_parameters,
+    initial_parameters,
     nuisance_parameter,
+    record_of,
 )
-from sindyjoint.response.output_error_runs import Record, initial_parameters, record_of
 from sindyjoint.response.run import along_motion, rest_of
 from sindyjoint.states import ForceStates
 
@@ -34,8 +37,6 @@ RTOL = 1e-7
 # Step of the differences, in units of a parameter's scale: far above the integrator's tolerance. Below the second one
 # responses are rough where a slider turns between two samples, and where nothing pulls a joint back.
 STEP, ROUGH_STEP = 2e-4, 1e-2
-# Residual, in RMS of the response, of a simulation that fails: larger than that of any simulation that reaches its end.
-FAR_OFF = 10.0
 # Sum of squares, in units of noise, below which a change by a parameter's whole scale has no effect.
 WITHOUT_EFFECT = 1e-4
 # Simulations per run from which the effect of the moment's noise is estimated.

@@ -1,16 +1,18 @@
-"""The runs of the output-error problem: what drives each, what is compared, and where its simulation starts."""
+"""Parameters and runs of the output-error problem: how far each may move, what drives a run, what is compared."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.formula import VARIABLES, compile_terms
-from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law, as_compiled
@@ -18,10 +20,9 @@ from sindyjoint.mechanics.segments import segment_starts
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Motion, Run
-from sindyjoint.response.drive import Drive, choose_drive, prescribed
-from sindyjoint.response.model_law import law_terms
-from sindyjoint.response.nuisances import added_law, law_of_test
-from sindyjoint.response.output_error_parts import Parameter
+from sindyjoint.response.compared import added_law, law_of_test
+from sindyjoint.response.drive import SETTLED, Drive, choose_drive, prescribed
+from sindyjoint.response.laws import law_terms
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import (
     along_motion,
@@ -36,9 +37,7 @@ from sindyjoint.response.run import (
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
 
-# Periods that are simulated, and not compared, of a run that repeats; and from how many on one is simulated for all.
-SETTLED = 3
-MANY = 6
+MANY = 6  # periods from which on one is simulated for all
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,3 +309,85 @@ def numbers_in_law(
         other = law_of_test(test, model.with_numbers(model.numbers + change), states)
         columns.append((as_compiled(other).parameters - start) / change[place])
     return start, np.column_stack(columns)
+
+
+Nuisance = Literal["delay", "gain", "offset"]
+
+
+class NuisanceKind(NamedTuple):
+    """What a nuisance parameter starts at and how it is written."""
+
+    start: float
+    unit: str
+
+
+NUISANCE: dict[Nuisance, NuisanceKind] = {
+    "delay": NuisanceKind(0.0, " s"),
+    "gain": NuisanceKind(1.0, ""),
+    "offset": NuisanceKind(0.0, ""),
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the problem.
+
+    Parameters
+    ----------
+    name : str
+    kind : {"coefficient", "element", "nuisance", "initial"}
+    start, scale, low, high : float
+        In the parameter's unit.
+    """
+
+    name: str
+    kind: str
+    start: float
+    scale: float
+    low: float
+    high: float
+
+
+def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
+    """Return a coefficient of the model, and how far it may move.
+
+    Negative friction starts at zero and may become as large as the RMS of the moment.
+    """
+    term = model[name]
+    value = term.coefficient
+    scale = abs(value) if value != 0 else max(term.standard_error, 1e-12)
+    # Where the term's share is not known, it is taken for the whole.
+    reach = POLICY.carried * scale / min(term.unique_share if term.unique_share > 0 else 1.0, 1.0)
+    low, high = value - reach, value + reach
+    if name == "coulomb_friction" and value < 0:
+        return Parameter(name, "coefficient", 0.0, scale, 0.0, moment)
+    if name == "coulomb_friction":
+        low = max(low, 0.0)
+    if name == INERTIA:
+        low = max(low, 0.1 * value)
+    return Parameter(name, "coefficient", value, scale, low, high)
+
+
+def element_parameters(elements: Iterable[JointElement]) -> Iterable[Parameter]:
+    """Yield the numbers of elements as parameters, in the order of a model's numbers; each keeps its sign."""
+    for element in elements:
+        for number in element.numbers:
+            value, reach = number.value, range_of(element, number)
+            scale = abs(value) if value != 0 else max(number.standard_error, 1e-12)
+            ends = sorted((value / reach, value * reach)) if value != 0 else (-reach * scale, reach * scale)
+            yield Parameter(f"{number.name} of {element.id}", "element", value, scale, *ends)
+
+
+def range_of(element: JointElement, number: Value) -> float:
+    """Return how many times itself a number of an element may become."""
+    shape = number.unit in ("", "1") and number in element.parameters
+    return POLICY.shape_range if shape else POLICY.element_range
+
+
+def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
+    """Return a nuisance parameter for a response of this RMS whose fastest motion has this period, s."""
+    start, whole = NUISANCE[name].start, {"delay": period, "gain": 1.0, "offset": size}[name]
+    reach = POLICY.correction * whole
+    # A gain is one of one, a delay and an offset are small: their scale is a hundredth of the motion's.
+    scale = whole if name == "gain" else 0.01 * whole
+    return Parameter(name, "nuisance", start, scale, start - reach, start + reach)

@@ -21,10 +21,17 @@ from sindyjoint.mechanics.stickslip import (
 )
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
-from sindyjoint.response.drive import Drive, choose_drive
-from sindyjoint.response.law_in_run import LawInRun
+from sindyjoint.response.drive import (
+    Drive,
+    choose_drive,
+    cycle_of,
+    fitted_start,
+    internal_size,
+    start_on_parabola,
+    steady_start,
+)
+from sindyjoint.response.laws import LawInRun
 from sindyjoint.response.policy import POLICY
-from sindyjoint.response.start import cycle_of, fitted_start, internal_size, start_on_parabola, steady_start
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.mask import without_noise_travel
 

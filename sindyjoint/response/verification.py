@@ -11,8 +11,8 @@ import numpy as np
 from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, rms
-from sindyjoint.response.model_law import draw_models
-from sindyjoint.response.oscillation import Oscillation
+from sindyjoint.response.laws import draw_models
+from sindyjoint.response.oscillations import Oscillation
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, pooled_nrmse
 from sindyjoint.text import list_some

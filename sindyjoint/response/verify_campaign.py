@@ -13,10 +13,9 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array, finite
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.compared import compare_run, compared_states
-from sindyjoint.response.law_in_run import as_followed
-from sindyjoint.response.nuisances import law_of_test
-from sindyjoint.response.oscillation import compare_oscillations, oscillation
+from sindyjoint.response.compared import compare_run, compared_states, law_of_test
+from sindyjoint.response.laws import as_followed
+from sindyjoint.response.oscillations import compare_oscillations, oscillation
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import SimulatedRun
 from sindyjoint.response.verification import (
@@ -194,8 +193,8 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
     """
     if simulated.drive not in ("moment", "free run"):
         return False
-    driven = np.abs(simulated.moment) > POLICY.free_share * simulated.moment_scale
-    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.free_share
+    driven = np.abs(simulated.moment) > POLICY.small_moment * simulated.moment_scale
+    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.small_moment
 
 
 def cycle_energy(simulated: SimulatedRun) -> Array | None:

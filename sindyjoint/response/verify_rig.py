@@ -1,4 +1,4 @@
-"""A model as a rig's joint, against the rig's response to a pulse."""
+"""Models in the place of joints of rigs and structures, and one against a rig's response to a pulse."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.laws import Law, PaperLaw
-from sindyjoint.mechanics.pulse_test import PulseTest, hinges, virtual_pulse_test, with_laws
+from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.rig_test_file import UNKNOWN
 from sindyjoint.mechanics.rigs import Rig
+from sindyjoint.mechanics.structure import Structure
+from sindyjoint.mechanics.virtual_rig import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.numeric import Array, main_frequency, rms
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.oscillation import (
+from sindyjoint.response.laws import model_law
+from sindyjoint.response.oscillations import (
     Oscillation,
     compare_oscillations,
     oscillation,
@@ -163,7 +166,7 @@ def _provide_pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.
             f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
             "true law; add a [measured] table, or name a shipped joint as the law"
         )
-    return virtual_pulse_test(rig, random_state=generator, **truth)
+    return virtual_pulse_test(rig, rng=generator, **truth)
 
 
 def _compare_pulse(
@@ -216,3 +219,60 @@ def _energy_per_cycle(
     ratio = (measured.amplitude[:n] / simulated.amplitude[:n]) ** 2
     energies = np.array([at * ratio, at])
     return energies[:, :-2:2] - energies[:, 2::2]
+
+
+def place_by_kind(
+    test: RigTest, models: Sequence[JointModel]
+) -> tuple[Structure, tuple[JointModel | None, ...]]:
+    """Return a structure whose joints have their laws, and the model of each joint where it has one.
+
+    A model stands for the joints whose kind has its name; a single one also for those without a law, if these are of
+    one kind.
+
+    Raises
+    ------
+    InputError
+        For a model that fits no joint, two for one kind, or a joint that is left without a law.
+    """
+    standing: dict[str, JointModel] = {}
+    for model in models:
+        kind = _kind_of(test, model, len(models) == 1)
+        if kind in standing:
+            raise InputError(f"two models stand for {kind!r} of {test.name!r}; expected one")
+        if model.joint.motion != test.motion:
+            raise InputError(
+                f"the model {model.joint.name!r} is of a joint in {model.joint.motion}; those of {test.name!r} are in "
+                f"{test.motion}"
+            )
+        standing[kind] = model
+    hinges = test.structure.hinges
+    left = [
+        kind
+        for kind, hinge in zip(test.kinds, hinges, strict=True)
+        if hinge.law is UNKNOWN and kind not in standing
+    ]
+    if left:
+        raise InputError(
+            f"{test.name!r} has joints without a law ({', '.join(dict.fromkeys(left))}); give --model: what discover "
+            "wrote of it, or a model.json"
+        )
+    laws = {kind: model_law(model) for kind, model in standing.items()}
+    placed = tuple(
+        replace(hinge, law=laws.get(kind, hinge.law)) for kind, hinge in zip(test.kinds, hinges, strict=True)
+    )
+    return replace(test.structure, hinges=placed), tuple(standing.get(kind) for kind in test.kinds)
+
+
+def _kind_of(test: RigTest, model: JointModel, alone: bool) -> str:
+    name = model.joint.name
+    if name in test.kinds:
+        return name
+    without = dict.fromkeys(
+        kind for kind, hinge in zip(test.kinds, test.structure.hinges, strict=True) if hinge.law is UNKNOWN
+    )
+    if alone and len(without) == 1:
+        return next(iter(without))
+    raise InputError(
+        f"{test.name!r} has no joint of kind {name!r}, after which the model is named; it has "
+        f"{', '.join(dict.fromkeys(test.kinds))}: write kind = {name!r} for those that it stands for"
+    )

@@ -1,8 +1,8 @@
 """What the data cannot show or show wrongly, each as a sentence with its number."""
 
-from sindyjoint.hooks import lazily
+from sindyjoint.hooks import fetched
 
-__getattr__ = lazily(
+__getattr__ = fetched(
     __name__,
     {
         "check": "Check check_campaign find_faults",

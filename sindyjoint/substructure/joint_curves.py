@@ -13,7 +13,7 @@ from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY
 from sindyjoint.numeric import Array
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.period import steady_states
 

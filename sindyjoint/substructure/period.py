@@ -6,7 +6,6 @@ stand in one real vector of 2H + 1 numbers. The moment is that of the steady sta
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.laws import as_compiled
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, partials
 
 
 @lru_cache(maxsize=16)
@@ -101,8 +100,6 @@ def by_harmonic(factors: NDArray[np.complex128], spare: int = 0) -> Array:
 SUBSTEPS = 4
 PERIODS = 60
 REPEATS = 1e-8
-# Step of a derivative, as a share of the largest value over the period.
-STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,20 +194,9 @@ def period_moment(
         none = np.zeros((middle.size, 1))
         return PeriodMoment(middle, friction, none, none)
     d_at = [*slopes, *_state_slopes(law, at, slopes, period)]
-    partial = _partials(parts, at)
+    partial = partials(parts, at)
     total = sum(p[..., None] * d for p, d in zip(partial, d_at, strict=True))
     return PeriodMoment(middle, friction, total[0], total[1])
-
-
-def _partials(function: Callable[..., Array], at: list[Array]) -> list[Array]:
-    """Return central differences of a function of samples by each of its arguments."""
-    found = []
-    for place, values in enumerate(at):
-        step = STEP * max(float(np.abs(values).max()), 1e-9)
-        high, low = list(at), list(at)
-        high[place], low[place] = values + step, values - step
-        found.append((function(*high) - function(*low)) / (2 * step))
-    return found
 
 
 def _state_slopes(law: Any, at: list[Array], slopes: tuple[Array, Array], period: float) -> Array:
@@ -226,7 +212,7 @@ def _state_slopes(law: Any, at: list[Array], slopes: tuple[Array, Array], period
         side = np.where(values[1] >= 0, 1.0, -1.0)
         return np.asarray(law.state_rate(values[0], values[1], side, np.array(values[2:])))
 
-    by_angle, by_rate, *by_state = _partials(rates, at)
+    by_angle, by_rate, *by_state = partials(rates, at)
     step = period / samples
     drive = step * (by_angle[..., None] * slopes[0] + by_rate[..., None] * slopes[1]).transpose(1, 0, 2)
     back = np.linalg.inv(np.eye(count) - step * np.array(by_state).transpose(2, 1, 0))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
-from sindyjoint.numeric import Array, scaled_least_squares
+from sindyjoint.numeric import Array, partials, scaled_least_squares
 from sindyjoint.states.record import ForceStates
 from sindyjoint.substructure.policy import POLICY as LIMITS
 
@@ -228,15 +228,13 @@ def _columns_and_slopes(
     coefficients: Array,
 ) -> tuple[Array, tuple[Array, Array]]:
     """Return the terms' columns of a run with its slow part, and the law's slopes by angle and rate."""
-    angle, rate = state.angle[rows] + basis[0] @ unknowns, state.rate[rows] + basis[1] @ unknowns
-    of_angle, of_rate = (STEP * float(np.abs(values).max()) for values in (angle, rate))
+    motion = state.angle[rows] + basis[0] @ unknowns, state.rate[rows] + basis[1] @ unknowns
 
-    def at(a: float, r: float) -> Array:
-        return term_columns(terms, angle + a, rate + r, state.acceleration[rows])
+    def columns(angle: Array, rate: Array) -> Array:
+        return term_columns(terms, angle, rate, state.acceleration[rows])
 
-    by_angle = (at(of_angle, 0) - at(-of_angle, 0)) @ coefficients / (2 * of_angle)
-    by_rate = (at(0, of_rate) - at(0, -of_rate)) @ coefficients / (2 * of_rate)
-    return at(0, 0), (by_angle, by_rate)
+    by_angle, by_rate = partials(lambda *at: columns(*at) @ coefficients, motion, STEP)
+    return columns(*motion), (by_angle, by_rate)
 
 
 def _stacked(columns: Sequence[Array], blocks: Sequence[Array], weights: Array) -> Array:

@@ -1,8 +1,8 @@
 """The verbs of the command line, as functions: what each takes, the stages it goes through, what it returns."""
 
-from sindyjoint.hooks import lazily
+from sindyjoint.hooks import fetched
 
-__getattr__ = lazily(
+__getattr__ = fetched(
     __name__,
     {
         "batch": "verify_batch",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -14,7 +15,7 @@ from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.evidence_file import evidence_bytes
 from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.equation.catalogue import as_catalogue
-from sindyjoint.errors import InputError, OutputError, SindyJointError
+from sindyjoint.errors import InputError, OutputError, SindyJointError, checks_options
 from sindyjoint.files.atomic import (
     check_output,
     hold_folder,
@@ -24,10 +25,11 @@ from sindyjoint.files.atomic import (
     write_text,
 )
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.numeric import seed_of
 from sindyjoint.parallel import Lost, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
-from sindyjoint.workflows.discover import discover
+from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.joints.record import (
     CAMPAIGNS,
     FACTORS_FILE,
@@ -49,6 +51,7 @@ from sindyjoint.workflows.joints.record import (
 from sindyjoint.workflows.joints.summary import Batch, summarised
 
 
+@checks_options(lambda: (*inspect.signature(discover).parameters, *regressor_options()))
 def batch(
     campaigns: str | Path | Sequence[str | Path],
     out: str | Path,
@@ -87,7 +90,7 @@ def batch(
     on_record : callable, optional
         Called with each :class:`~sindyjoint.workflows.joints.record.CampaignRecord` as it ends.
     **options
-        Of :func:`~sindyjoint.workflows.discover.discover`. Each campaign has its seed.
+        Of :func:`~sindyjoint.workflows.discover.discover`. Of ``rng`` each campaign has the same seed.
 
     Returns
     -------
@@ -102,6 +105,8 @@ def batch(
         is writing into.
     """
     check_output(out)
+    if "rng" in options:
+        options["rng"] = None if options["rng"] is None else seed_of(options["rng"])
     tasks = find_tasks(campaigns, Path(out), library, options, write)
     _check_options(library, options)
     records: dict[int, CampaignRecord] = {}
@@ -148,8 +153,6 @@ def _check_options(library: Any, options: Mapping[str, Any]) -> None:
             if term not in catalogue and term != "inertia":
                 _ = catalogue[term]
     check_accepted(options.get("accept", ()))
-    if not isinstance(options.get("random_state", 0), int | type(None)):
-        raise InputError("random_state: expected a whole number, so that every campaign has the same seed")
 
 
 def run_task(task: Task) -> tuple[CampaignRecord, bool]:

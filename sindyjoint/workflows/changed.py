@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.large.segments import LONGEST
@@ -16,6 +15,7 @@ from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.changed import Change, check_margin, compare_models
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.policy import POLICY
+from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
 from sindyjoint.workflows.discover import discover, the_campaign
 
@@ -30,7 +30,7 @@ def changed(
     margin: float = POLICY.change_margin,
     same_sensors: bool = False,
     accept: Sequence[str] = (),
-    random_state: Any = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
 ) -> Change:
     """Say which coefficients of a joint moved between two tests, and by how much.
@@ -47,7 +47,7 @@ def changed(
         part of the difference.
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work.
-    random_state : int, Generator or None
+    rng : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
 
@@ -70,9 +70,7 @@ def changed(
         say(f"reading {name}")
         read.append(_read(each))
     found = [
-        discover(each, accept=accept, random_state=random_state, progress=say)
-        if isinstance(each, Campaign)
-        else each
+        discover(each, accept=accept, rng=rng, progress=say) if isinstance(each, Campaign) else each
         for each in read
     ]
     models = [each.model if isinstance(each, Discovery) else each for each in found]

@@ -12,6 +12,7 @@ from sindyjoint.errors import checks_options
 from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import load_rig_test
+from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
 from sindyjoint.workflows.discover import the_campaign
@@ -23,7 +24,7 @@ def check(
     campaign: Campaign | RigTest | str | Path | Any = None,
     accept: Sequence[str] = (),
     *,
-    random_state: Any = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
 ) -> Check | RigCheck:
     """Check whether the data of a campaign, or of a structure's test, are sound.
@@ -35,7 +36,7 @@ def check(
         memory the first segment is checked.
     accept : sequence of str
         Ids of findings that shall not stop the work.
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Of the virtual test.
     progress : callable, optional
         Called with the name of each stage.
@@ -59,6 +60,6 @@ def check(
         test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
         say("checking the data")
         return check_rig_test(test, accept)
-    opened = the_campaign(campaign, random_state, LONGEST)
+    opened = the_campaign(campaign, rng, LONGEST)
     say("checking the data")
     return check_campaign(opened, accept)

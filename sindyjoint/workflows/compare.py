@@ -10,8 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.methods import METHODS
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
@@ -35,6 +33,7 @@ from sindyjoint.judgement.question import (
     hold_out_groups,
     parts_of,
 )
+from sindyjoint.numeric import RNG, seed_of
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
@@ -61,7 +60,7 @@ def compare(
     libraries: Sequence[str] = LIBRARIES,
     replicates: int = REPLICATES,
     margin: float = DISCOVERY.frequency_margin,
-    random_state: Any = 0,
+    rng: RNG = 0,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
     workers: int | None = None,
@@ -90,7 +89,7 @@ def compare(
         Of the bootstrap behind the inclusion probabilities.
     margin : float
         Relative change of a coefficient over the tested band that would not matter.
-    random_state : int, Generator or None
+    rng : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
@@ -114,17 +113,16 @@ def compare(
     if isinstance(model, str | Path):
         read_model(model)  # what cannot be read is refused before anything is worked on
     # Each method has the same seed, whichever is done first.
-    if isinstance(random_state, np.random.Generator):
-        random_state = int(random_state.integers(2**32))
+    rng = seed_of(rng)
     clock = _Clock(progress or (lambda stage: None))
     with spread(jobs, workers, cluster):
         found = clock.run(
-            "discovering", discover, campaign, library, random_state=random_state, method=names[0],
+            "discovering", discover, campaign, library, rng=rng, method=names[0],
             progress=progress, **options,
         )  # fmt: skip
         if found.stopped is not None:
             require_sound(found.stopped)
-        question = Question.of(found, names, random_state)
+        question = Question.of(found, names, rng)
         compared = _compared(question, libraries, replicates, margin, options.get("forbidden", ()), clock)
     if model is None:
         return compared

@@ -20,9 +20,8 @@ from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.models_by_kind import place_by_kind
-from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels
+from sindyjoint.response.laws import model_law
+from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, place_by_kind
 from sindyjoint.substructure.continuation import FOLLOWED
 from sindyjoint.substructure.forced import ForcedResponse, StructureCurves, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance

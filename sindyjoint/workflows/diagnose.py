@@ -16,12 +16,13 @@ from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, IN_PLACE, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis
 from sindyjoint.discovery.delay import delay_to_remove, without_delay
+from sindyjoint.equation.candidates import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.equation.catalogue import Catalogue
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.tested import Tested, followed, no_surer_than, stopped
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import RNG
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
@@ -29,8 +30,6 @@ from sindyjoint.substructure.recovery import recover
 from sindyjoint.workflows.discover import discover_rig, laws_of_rig, the_campaign
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.mechanics.excitation import Actuator
     from sindyjoint.mechanics.rigs import Rig
@@ -53,7 +52,7 @@ def diagnose(
     actuator: Actuator | None = None,
     before_advice: Callable[[Diagnosis], None] | None = None,
     refine: bool = False,
-    random_state: Any = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
     workers: int | None = None,
@@ -65,7 +64,7 @@ def diagnose(
     Parameters
     ----------
     campaign : Campaign, path of a campaign.toml, or None
-        ``None``: a virtual test in which ``random_state`` hides an effect, revealed in the result.
+        ``None``: a virtual test in which ``rng`` hides an effect, revealed in the result.
     model : JointModel, optional
         Whose terms are the starting point; their coefficients are estimated anew. Default: the terms of ``base``.
     accept : sequence of str
@@ -97,7 +96,7 @@ def diagnose(
     refine : bool
         Fit terms and elements of the whole model to the simulated response in the end, unless the response gap would
         grow by it. Steps, gaps and pictures are then those of the refined model.
-    random_state : int, Generator or None
+    rng : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
@@ -116,7 +115,7 @@ def diagnose(
     """
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.diagnosis.campaign.start import kept_out
-    from sindyjoint.response.nuisances import carried_errors, corrected
+    from sindyjoint.response.compared import carried_errors, corrected
     from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 
     say = progress or (lambda stage: None)
@@ -128,8 +127,8 @@ def diagnose(
             from sindyjoint.diagnosis.campaign.hidden import hidden_campaign
 
             say("simulating a virtual test with something hidden in it")
-            campaign, hidden = hidden_campaign(random_state)
-        campaign = kept_out(the_campaign(campaign, random_state), hold_out)
+            campaign, hidden = hidden_campaign(rng)
+        campaign = kept_out(the_campaign(campaign, rng), hold_out)
         if campaign.quasi_static:
             if align or refine:
                 raise InputError(f"align: {NO_DELAY}" if align else f"refine: {NO_RESPONSE}")
@@ -181,7 +180,7 @@ def diagnose_structure(
     hold_out: Sequence[Rig | str | Path] = (),
     advise: bool = True,
     before_advice: Callable[[Diagnosis], None] | None = None,
-    random_state: int | np.random.Generator | None = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     policy: DiagnosisPolicy = STRUCTURE,
 ) -> Diagnosis:
@@ -194,14 +193,14 @@ def diagnose_structure(
     Parameters
     ----------
     rig : Rig, path of a rig's TOML file, or name of a shipped rig
-        Its ``[measured]`` records. Without one: a virtual pulse test in which ``random_state`` hides an effect.
+        Its ``[measured]`` records. Without one: a virtual pulse test in which ``rng`` hides an effect.
     model : JointModel, optional
         Default: the law that the rig gives for its joint, each term known to 0.5 %; of a joint without one
         (``law = "unknown"``) the law that :func:`~sindyjoint.discover_rig` finds in the same pulse.
     hold_out : sequence of Rig or path
         Other pulses of the same structure, which no fit sees; the gaps are those of them. Default: the second half of
         the time in which the record stands out of its noise.
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Of the virtual pulse test.
     library, effects, max_effects, advise, before_advice, progress, policy
         As in :func:`diagnose`; records are advised, not runs.
@@ -222,13 +221,13 @@ def diagnose_structure(
     keep = before_advice or (lambda result: None)
     found: tuple[str, ...] = ()
     if model is None and isinstance(rig, str | Path):
-        model = _law_in_pulse(rig, random_state, say)
+        model = _law_in_pulse(rig, rng, say)
         found = () if model is None else (LAW_OF_PULSE,)
 
     def told(result: Diagnosis) -> Diagnosis:
         return replace(result, warnings=(*found, *result.warnings))
 
-    problem = StructureProblem.build(rig, model, known, hold_out, random_state, policy, say)
+    problem = StructureProblem.build(rig, model, known, hold_out, rng, policy, say)
     return told(explain_gap(problem, max_effects, say, advise, lambda result: keep(told(result))))
 
 
@@ -237,17 +236,17 @@ LAW_OF_PULSE = (
 )
 
 
-def _law_in_pulse(rig: str | Path, random_state: Any, say: Callable[[str], None]) -> JointModel | None:
+def _law_in_pulse(rig: str | Path, rng: RNG, say: Callable[[str], None]) -> JointModel | None:
     """Return the law that a rig's pulse shows of its joints where the file gives none and a response was measured."""
     from sindyjoint.diagnosis.structure.start import open_rig
-    from sindyjoint.mechanics.pulse_test import hinges
+    from sindyjoint.mechanics.virtual_rig import hinges
     from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER
 
     opened = open_rig(rig)
     sought = any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(opened))
     if opened.measured is None or not sought:
         return None
-    laws = discover_rig(rig, refine=False, random_state=random_state, progress=say).laws
+    laws = discover_rig(rig, refine=False, rng=rng, progress=say).laws
     if len(laws) > 1 or not laws[0].found or laws[0].discovery is None:
         words = f"{len(laws)} kinds of joints" if len(laws) > 1 else laws[0].reason or "no law was found"
         raise InputError(f"{rig}: {words}; give the model that stands for the joint (--model)")
@@ -266,7 +265,7 @@ def diagnose_rig(
     max_effects: int = IN_PLACE.most_effects,
     advise: bool = True,
     before_advice: Callable[[Diagnosis], None] | None = None,
-    random_state: int | np.random.Generator | None = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     policy: DiagnosisPolicy = IN_PLACE,
 ) -> Diagnosis:
@@ -288,7 +287,7 @@ def diagnose_rig(
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`. Under any
         that would, the verdict is *undecided*.
-    library, effects, max_effects, advise, before_advice, random_state, progress, policy
+    library, effects, max_effects, advise, before_advice, rng, progress, policy
         As in :func:`diagnose_structure`; runs are not advised.
 
     Returns
@@ -317,7 +316,7 @@ def diagnose_rig(
     own, others = divide_runs(test)
     if models is None:
         # Laws that have seen the runs kept out would be judged by what they know.
-        found = laws_of_rig(replace(test, runs=tuple(own)), "extended", False, say, random_state=random_state)
+        found = laws_of_rig(replace(test, runs=tuple(own)), "extended", False, say, random_state=rng)
         lacking = [law for law in found.laws if not law.found]
         if lacking:
             raise InputError(

@@ -17,9 +17,9 @@ from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
 from sindyjoint.equation.calibration import with_gain_uncertainty
+from sindyjoint.equation.candidates import NO_DELAY, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
-from sindyjoint.equation.without_rate import NO_DELAY, rate_free
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
@@ -39,6 +39,7 @@ from sindyjoint.judgement.verdict import (
     unresolved_delay,
 )
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.numeric import RNG
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
@@ -70,7 +71,7 @@ def discover(
     accept: Sequence[str] = (),
     correct: bool = True,
     paper: bool = False,
-    random_state: Any = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     jobs: int = 1,
     workers: int | None = None,
@@ -100,7 +101,7 @@ def discover(
         do to them.
     paper : bool
         Put the question of the paper's five terms first, as for the paper's joints.
-    random_state : int, Generator or None
+    rng : int, Generator or None
     progress : callable, optional
         Called with the name of each stage.
     jobs, workers, cluster
@@ -126,7 +127,7 @@ def discover(
     check_accepted(accept)
     if campaign is None:
         say("simulating the virtual test")
-    campaign = the_campaign(campaign, random_state, LONGEST)
+    campaign = the_campaign(campaign, rng, LONGEST)
     unused = "" if has_long_runs(campaign) else check_unused(jobs, workers, cluster)
     unused = unused and f"{unused}: not used, for no run is too long for the memory of this process"
     options.setdefault("inputs", campaign.inputs)
@@ -134,7 +135,7 @@ def discover(
         if align:
             raise InputError(f"align: {NO_DELAY}")
         catalogue, correct = rate_free(catalogue), False
-    regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=random_state, **options)
+    regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=rng, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
     if checked.stopping:
@@ -251,7 +252,7 @@ def _judge_terms(
 
 
 def the_campaign(
-    campaign: Campaign | str | Path | Any, random_state: Any = None, longest: int | None = None
+    campaign: Campaign | str | Path | Any, rng: RNG = None, longest: int | None = None
 ) -> Campaign:
     """Return a campaign from itself, a file, data frames, or the built-in virtual test.
 
@@ -262,21 +263,21 @@ def the_campaign(
     if campaign is None:
         from sindyjoint.mechanics.virtual import virtual_campaign
 
-        return virtual_campaign(
-            "inter-panel", noise=0.01, random_state=0 if random_state is None else random_state
-        )
+        return virtual_campaign("inter-panel", noise=0.01, rng=0 if rng is None else rng)
 
     if isinstance(campaign, str | Path):
         return load_campaign(campaign, longest)
     return Campaign.from_frames(campaign)
 
 
+@checks_options(regressor_options)
 def discover_rig(
     rig: RigTest | str | Path,
     library: Any = "extended",
     *,
     accept: Sequence[str] = (),
     refine: bool | None = None,
+    rng: RNG = None,
     progress: Callable[[str], None] | None = None,
     **options: Any,
 ) -> RigDiscovery:
@@ -294,9 +295,10 @@ def discover_rig(
         Fit the laws' numbers, and the structure's uncertain ones, to the simulated response of the runs in the end;
         their intervals are then those of that fit. Default: where no run repeats, as then those of the regression are
         too narrow; from one start instead of three.
+    rng : int, Generator or None
     progress : callable, optional
     **options
-        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, random_state, ...
+        Parameters of :class:`~sindyjoint.JointRegressor`: forced, forbidden, ...
 
     Returns
     -------
@@ -320,7 +322,7 @@ def discover_rig(
     catalogue_of(library)  # before work that takes seconds
     say("checking the data")
     checked = require_sound(check_rig_test(test, accept))
-    return of_data(laws_of_rig(checked.usable, library, refine, say, **options), checked)
+    return of_data(laws_of_rig(checked.usable, library, refine, say, random_state=rng, **options), checked)
 
 
 def laws_of_rig(
@@ -329,9 +331,14 @@ def laws_of_rig(
     """Return the laws of the joints of a structure's test that was checked."""
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
     from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
-    from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
-    from sindyjoint.substructure.recovery import recover
-    from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
+    from sindyjoint.substructure.recovery import (
+        held_spectra,
+        held_warnings,
+        recover,
+        update_structure,
+        with_numbers,
+    )
+    from sindyjoint.substructure.states import joints_seen, worth_of_sensors
 
     runs = test.identification_runs
     say("recovering angles and moments of the joints")

@@ -19,6 +19,7 @@ from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.mechanics.excitation import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
+from sindyjoint.numeric import RNG, seed_of
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.plan import TELL_APART, Plan, Separation
 from sindyjoint.planning.plan_file import UNITS
@@ -44,6 +45,7 @@ from sindyjoint.planning.separating_runs import (
     simulate_hypotheses,
 )
 from sindyjoint.record import Campaign
+from sindyjoint.states.periodic import REPLICATES
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
 from sindyjoint.workflows.discover import discover, the_campaign
 
@@ -78,7 +80,7 @@ def plan(
     share: float = 0.06,
     terms: Sequence[str] = (),
     until: float | None = None,
-    random_state: int = 0,
+    rng: RNG = 0,
     progress: Say | None = None,
 ) -> Plan:
     """Plan the runs that are most informative of a joint's coefficients.
@@ -137,7 +139,7 @@ def plan(
     until : float, optional
         Relative half-width that is enough: the plan ends where 95 of 100 tests reach it, and is empty once the runs of
         a campaign have.
-    random_state : int
+    rng : int, Generator or None
         Of the joints that are drawn from the range.
     progress : callable, optional
         Called with the name of each stage.
@@ -166,7 +168,8 @@ def plan(
         ]
     )
     known_model = None if model is None else as_model(model)
-    campaign = None if campaign is None else the_campaign(campaign, random_state, LONGEST)
+    seed = seed_of(rng)
+    campaign = None if campaign is None else the_campaign(campaign, seed, LONGEST)
     tested = None if known_model is None else tested_of(known_model)
     tested = tested if campaign is None else tested_by(campaign)
     actuator = _actuator(tested, drive, band, limits or {})
@@ -186,7 +189,7 @@ def plan(
         found = with_time.after_runs(campaign, known_model)
         if len(goals) == 1:
             return _only_separation(found, actuator, Sensors(**stated))
-    known, sensors = _make_prior(like, known_model, campaign, ranges or {}, random_state, say)
+    known, sensors = _make_prior(like, known_model, campaign, ranges or {}, seed, say)
     known = replace(known, tested=tested)
     if "noise" in stated:  # a share that is given holds for both channels
         sensors = replace(sensors, moment=None, angle=None)
@@ -196,7 +199,7 @@ def plan(
     weights = tuple(each for each in goals.items() if each[0] != TELL_APART) or tuple(
         _goals(DEFAULT_GOALS).items()
     )
-    made = Planner(known, actuator, sensors, matter, weights, until, random_state, say, tuple(waveforms))
+    made = Planner(known, actuator, sensors, matter, weights, until, seed, say, tuple(waveforms))
     if not rivals:
         return made.plan(unit, duration, count)
     if campaign is not None:
@@ -205,8 +208,8 @@ def plan(
     if count < 2:
         raise InputError(f"time is {time:g} s; expected two runs at least, one of them to tell effects apart")
     plain = made.plan(unit, duration, count - 1)
-    joints = known.joint.draws(len(rivals), random_state)
-    hypotheses = simulate_hypotheses(joints, rivals, plain.runs, sensors, share, random_state)
+    joints = known.joint.draws(len(rivals), seed)
+    hypotheses = simulate_hypotheses(joints, rivals, plain.runs, sensors, share, seed)
     return _with_separation(plain, *separating.before_runs(hypotheses))
 
 
@@ -285,10 +288,10 @@ def _places(model: JointModel, terms: Sequence[str]) -> tuple[int, ...]:
 
 def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple[float, int]:
     """Return the duration of each run, and their number."""
-    shortest = (POLICY.fewest_periods + 1) / actuator.band[0]
+    shortest = (REPLICATES + 1) / actuator.band[0]
     if run_time is not None and not shortest <= run_time <= time:
         raise InputError(
-            f"run_time is {run_time:g} s; expected between {shortest:.3g} s, {POLICY.fewest_periods} steady periods of "
+            f"run_time is {run_time:g} s; expected between {shortest:.3g} s, {REPLICATES} steady periods of "
             f"{actuator.band[0]:g} Hz, and the {time:g} s of all runs"
         )
     count = 0
@@ -296,7 +299,7 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
         count = min(POLICY.setups, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
     if not count:
         raise InputError(
-            f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {POLICY.fewest_periods} steady periods "
+            f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {REPLICATES} steady periods "
             f"of {actuator.band[0]:g} Hz"
         )
     if count > POLICY.most_runs:
@@ -309,7 +312,7 @@ def _make_prior(
     model: JointModel | None,
     campaign: Campaign | None,
     ranges: Mapping[str, tuple[float, float]],
-    random_state: int,
+    seed: int,
     say: Say,
 ) -> tuple[Prior, Sensors]:
     """Return what is known of the joint, and the sensors as the campaign has shown them."""
@@ -326,7 +329,7 @@ def _make_prior(
     if campaign is None:
         assert before is not None
         return Prior(before), Sensors()
-    found, made = _discovered(campaign, () if before is None else before.model.ids, random_state, say)
+    found, made = _discovered(campaign, () if before is None else before.model.ids, seed, say)
     evidence = found.regressor.evidence_
     known = prior_of_runs(found.model, evidence, found.states, made, before)
     if before is None:
@@ -334,11 +337,9 @@ def _make_prior(
     return known, measured_sensors(found.states)
 
 
-def _discovered(
-    campaign: Campaign, forced: Sequence[str], random_state: int, say: Say
-) -> tuple[Discovery, float]:
+def _discovered(campaign: Campaign, forced: Sequence[str], seed: int, say: Say) -> tuple[Discovery, float]:
     """Return what was discovered, the terms that the joint was said to have among it, and the time of the runs."""
-    found = discover(campaign, forced=forced, random_state=random_state, progress=say)
+    found = discover(campaign, forced=forced, rng=seed, progress=say)
     if not found.found:
         raise InputError(f"no model was discovered from the campaign: {found.reason}; plan without it")
     used = ", ".join(each.name for each in found.model.used_inputs)

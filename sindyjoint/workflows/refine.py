@@ -14,15 +14,16 @@ from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.equation.test_record import TestNuisances
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.refined import estimated_errors
+from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import corrected, put_right
-from sindyjoint.response.output_error_parts import Nuisance as Kind
-from sindyjoint.response.refine import Refinement
-from sindyjoint.response.refine import refine as refine_response
+from sindyjoint.response.compared import corrected, put_right
+from sindyjoint.response.output_error_runs import Nuisance as Kind
+from sindyjoint.response.refinement import Refinement
+from sindyjoint.response.refinement import refine as refine_response
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
@@ -88,6 +89,7 @@ def number_labels(model: JointModel) -> list[tuple[str, str]]:
     return terms + [(f"{n.name} of {each.id}", n.unit) for each in model.elements for n in each.numbers]
 
 
+@checks_options()
 @single_threaded()
 def refine(
     model: JointModel | str | Path,
@@ -99,7 +101,7 @@ def refine(
     window: float | None = None,
     tolerance: float = POLICY.verification_tolerance,
     draws: int = 0,
-    random_state: int | np.random.Generator | None = 0,
+    rng: RNG = 0,
     progress: Callable[[str], None] | None = None,
 ) -> RefinedModel:
     """Fit the numbers of a given model, elements among them, to the simulated response of a campaign.
@@ -111,9 +113,9 @@ def refine(
         Fitted are the runs that may be used for identification; compared are those marked ``use = "validate"``, or all
         where none is. ``None``: the built-in virtual test.
     nuisance : sequence of {"delay", "gain", "offset"}
-        What to estimate with the numbers; see :func:`sindyjoint.response.refine.refine`. They become a part of the
+        What to estimate with the numbers; see :func:`sindyjoint.response.refinement.refine`. They become a part of the
         model's ``test``.
-    accept, align, window, tolerance, draws, random_state, progress
+    accept, align, window, tolerance, draws, rng, progress
         As in :func:`~sindyjoint.workflows.verify.verify`.
 
     Returns
@@ -150,7 +152,7 @@ def refine(
         )
         shown = corrected(TestNuisances("", nuisances=tuple(estimated)), usable)
         notes = (*notes, *lost)
-    settings = Settings(tolerance, draws, np.random.default_rng(random_state), window or WINDOW)
+    settings = Settings(tolerance, draws, np.random.default_rng(rng), window or WINDOW)
     verified = verify_campaign(
         later, align_channels(shown) if align else shown, settings, say, applied, seen_runs(later, given)
     )

@@ -10,16 +10,17 @@ import numpy as np
 
 from sindyjoint.described import Described, same
 from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import checks_options
 from sindyjoint.judgement.paper_tables import TableCheck, check_tables, table_findings
 from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
-from sindyjoint.numeric import Array
+from sindyjoint.mechanics.virtual_rig import hinges
+from sindyjoint.numeric import RNG, Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TABLES, TERMS, UNITS, PaperTable
 from sindyjoint.record import Campaign
-from sindyjoint.response.model_law import with_coefficients
-from sindyjoint.response.oscillation import Oscillation
+from sindyjoint.response.laws import with_coefficients
+from sindyjoint.response.oscillations import Oscillation
 from sindyjoint.response.verification import Verification
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.surface import ForceStateMap, SurfaceFit, fit_surface, map_of_states
@@ -193,17 +194,18 @@ class Reproduction(Described):
     statements: tuple[str, ...]
 
 
-def reproduce(random_state: int = 0, progress: Callable[[str], None] | None = None) -> Reproduction:
+@checks_options()
+def reproduce(rng: RNG = 0, progress: Callable[[str], None] | None = None) -> Reproduction:
     """Make what can be made of the paper's tables and figures.
 
     Parameters
     ----------
-    random_state : int
+    rng : int, Generator or None
         Seed of the sensors' noise.
     progress : callable, optional
     """
     say = progress or (lambda stage: None)
-    generator = np.random.default_rng(random_state)
+    generator = np.random.default_rng(rng)
     joints = []
     for table in TABLES:
         say(f"virtual tests of the {table.joint}")
@@ -277,8 +279,8 @@ def _fit_five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel
 
 def _reproduce_pulse(model: JointModel, generator: np.random.Generator) -> PulseReproduction:
     rig = load_rig("pulse-rig")
-    plain = verify(model, rig, draws=0, random_state=generator)
-    richer = verify(model, rig, draws=0, presliding=PRESLIDING, random_state=generator)
+    plain = verify(model, rig, draws=0, rng=generator)
+    richer = verify(model, rig, draws=0, presliding=PRESLIDING, rng=generator)
     stuck = rig.respond().stuck[[hinge.name for hinge in hinges(rig)].index("joint")]
     slipping = np.flatnonzero(~stuck)
     return PulseReproduction(

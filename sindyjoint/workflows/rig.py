@@ -12,9 +12,9 @@ import numpy as np
 from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
-from sindyjoint.mechanics.pulse_test import hinges
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.transient import Response
+from sindyjoint.mechanics.virtual_rig import hinges
 from sindyjoint.numeric import Array
 from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, joint_range_warnings
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from sindyjoint.described import Described
 from sindyjoint.errors import InputError, checks_options
+from sindyjoint.numeric import RNG
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
@@ -53,20 +53,20 @@ class WrittenTest(Described):
     runs: tuple[WrittenRun, ...]
 
 
-def _plan_options() -> tuple[str, ...]:
-    from sindyjoint.mechanics.virtual import VirtualTest, virtual_test
+def _options() -> tuple[str, ...]:
+    from sindyjoint.mechanics.virtual import plan_options
 
-    return (*inspect.signature(virtual_test).parameters, *inspect.signature(VirtualTest).parameters)
+    return plan_options()
 
 
-@checks_options(_plan_options)
+@checks_options(_options)
 def simulate(
     joint: str | Law = "inter-panel",
     *,
     plan: str | os.PathLike[str] | None = None,
     out: str | os.PathLike[str] | None = None,
     format: str = "csv",
-    random_state: Any = 0,
+    rng: RNG = 0,
     force: bool = False,
     **options: Any,
 ) -> Campaign:
@@ -81,7 +81,7 @@ def simulate(
         Folder to write ``campaign.toml`` and the run files to.
     format : {"csv", "tsv", "npz", "parquet", "h5", "mat"}
         Of the run files.
-    random_state : int, Generator or None
+    rng : int, Generator or None
         Of the noise.
     force : bool
         Replace files of the same names that were not written so, or were changed since.
@@ -106,12 +106,12 @@ def simulate(
     from sindyjoint.planning.plan_file import play, read_plan
 
     if plan is None:
-        campaign = virtual_campaign(joint, random_state=random_state, **options)
+        campaign = virtual_campaign(joint, rng=rng, **options)
     elif options:
         raise InputError(f"a plan and {', '.join(options)} were given; expected one of them: edit the plan")
     else:
         listed = read_plan(Path(plan))
-        campaign = play(named_joint(joint), listed.runs, listed.sensors, random_state)
+        campaign = play(named_joint(joint), listed.runs, listed.sensors, rng)
     if out is not None:
         write_campaign(campaign, out, format, force=force)
     return campaign

@@ -11,10 +11,10 @@ import numpy as np
 
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import align_channels
+from sindyjoint.equation.candidates import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_model, read_models
 from sindyjoint.equation.test_record import TestNuisances
-from sindyjoint.equation.without_rate import NO_DELAY, NO_RESPONSE, without_rate
 from sindyjoint.errors import InputError, MissingInputError, checks_options, refuse
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
@@ -25,8 +25,9 @@ from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_pa
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.mechanics.rigs import Rig, load_rig
+from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
-from sindyjoint.response.nuisances import put_right
+from sindyjoint.response.compared import put_right
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import seen_runs, verify_campaign
@@ -70,7 +71,7 @@ def verify(
     noise: float | None = None,
     presliding: float | None = None,
     loss_factor: float | None = None,
-    random_state: int | np.random.Generator | None = 0,
+    rng: RNG = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Verification:
     """Simulate a model and compare it with measured response.
@@ -101,7 +102,7 @@ def verify(
     noise, presliding, loss_factor : float, optional
         Of the virtual pulse test: sensor noise (fraction of RMS, 0.01), elastic presliding of the friction (rad) and
         the beams' loss factor.
-    random_state : int, Generator or None
+    rng : int, Generator or None
     progress : callable, optional
 
     Returns
@@ -129,7 +130,7 @@ def verify(
     if not isinstance(model, JointModel | Sequence) or isinstance(model, str):
         model = read_models(model) if isinstance(against, RigTest) else read_model(model)
     models = [model] if isinstance(model, JointModel) else list(model)
-    settings = Settings(tolerance, draws, np.random.default_rng(random_state), window, free_run)
+    settings = Settings(tolerance, draws, np.random.default_rng(rng), window, free_run)
     given = {"noise": noise, "presliding": presliding, "loss_factor": loss_factor}
     truth = {name: value for name, value in given.items() if value is not None}
     several = f"{len(models)} models were given; expected one, or a rig with runs and several kinds of joint"

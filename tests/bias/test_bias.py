@@ -10,9 +10,8 @@ from sindyjoint.bias.broadband import estimate_exciter_inertia as broadband_exci
 from sindyjoint.bias.correction import corrected_model
 from sindyjoint.bias.periodic import Spectrum, amplitudes, estimate_exciter_inertia, kept_shift, series
 from sindyjoint.bias.replicates import make_replicates
-from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.mechanics import INTER_PANEL
-from sindyjoint.mechanics.virtual import BEAM_INERTIA
+from sindyjoint.equation import load_catalogue
+from sindyjoint.mechanics import BEAM_INERTIA, INTER_PANEL
 from sindyjoint.states import campaign_states
 from sindyjoint.states.policy import POLICY
 

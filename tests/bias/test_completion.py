@@ -9,8 +9,7 @@ import sympy
 from sindyjoint import discover, simulate
 from sindyjoint.bias.completion import completed_states
 from sindyjoint.bias.policy import POLICY
-from sindyjoint.mechanics import INTER_PANEL
-from sindyjoint.mechanics.laws import FormulaLaw
+from sindyjoint.mechanics import INTER_PANEL, FormulaLaw
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.states import campaign_states
 

@@ -243,7 +243,7 @@ CASES = {
     bandwidth: ("bandwidth is -3.0 Hz", "a positive number"),
     threshold: ("threshold is 7.0", "from 0 to below 1"),
     method: ("method is 'magic'", "expected one of stlsq"),
-    option: ("No such option: --libary", "--library"),
+    option: ("No such option", "--libary", "--library"),
 }
 
 

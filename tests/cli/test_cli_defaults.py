@@ -12,65 +12,48 @@ from sindyjoint.cli.options import default_of, given
 REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
 SPREAD = ("jobs", "workers", "cluster")
-OF_REGRESSOR = {"method": "method", "selection": "selection", "threshold": "threshold"}
+OF_REGRESSOR = ("method", "selection", "threshold")
 OF_DISCOVER = ("states", "bandwidth", "align", "random_state")
+
+
+def of(function, *names):
+    """Return option → function and parameter; the command line has for `rng` the older name."""
+    return {name: (function, "rng" if name == "random_state" else name) for name in names}
+
 
 # Command: option → function and parameter that it becomes.
 CHANGED = "workflows.changed:changed"
 REACHED = {
-    "discover": {
-        **{name: (DISCOVER, name) for name in (*OF_DISCOVER, "correct", "paper", *SPREAD)},
-        **{name: (REGRESSOR, name) for name in OF_REGRESSOR},
-    },
-    "batch": {
-        **{name: (DISCOVER, name) for name in OF_DISCOVER},
-        **{name: (REGRESSOR, name) for name in OF_REGRESSOR},
-        **{name: ("workflows.batch:batch", name) for name in SPREAD},
-    },
-    "compare": {
-        "align": (DISCOVER, "align"),
-        **{
-            name: ("workflows.compare:compare", name)
-            for name in ("replicates", "margin", "random_state", *SPREAD)
-        },
-    },
-    "diagnose": {
-        name: ("workflows.diagnose:diagnose", name)
-        for name in ("model", "advise", "align", "random_state", *SPREAD)
-    },
-    "verify": {
-        name: ("workflows.verify:verify", name)
-        for name in (
-            "align",
-            "tolerance",
-            "draws",
-            "window",
-            "free_run",
-            "noise",
-            "presliding",
-            "loss_factor",
-            "random_state",
-        )
-    },
-    "rig": {"model": ("workflows.rig:rig_motion", "model")},
-    "reproduce": {"random_state": ("workflows.reproduce:reproduce", "random_state")},
+    "discover": of(DISCOVER, *OF_DISCOVER, "correct", "paper", *SPREAD) | of(REGRESSOR, *OF_REGRESSOR),
+    "batch": of(DISCOVER, *OF_DISCOVER) | of(REGRESSOR, *OF_REGRESSOR) | of("workflows.batch:batch", *SPREAD),
+    "compare": of(DISCOVER, "align")
+    | of("workflows.compare:compare", "replicates", "margin", "random_state", *SPREAD),
+    "diagnose": of("workflows.diagnose:diagnose", "model", "advise", "align", "random_state", *SPREAD),
+    "verify": of(
+        "workflows.verify:verify",
+        "align",
+        "tolerance",
+        "draws",
+        "window",
+        "free_run",
+        "noise",
+        "presliding",
+        "loss_factor",
+        "random_state",
+    ),
+    "rig": of("workflows.rig:rig_motion", "model"),
+    "reproduce": of("workflows.reproduce:reproduce", "random_state"),
     "simulate": {
-        **{name: (TEST, name) for name in ("joint", "noise", "frequencies", "levels")},
-        **{name: (PLAN, name) for name in ("drive", "sample_rate", "duration", "settling")},
+        **of(TEST, "joint", "noise", "frequencies", "levels"),
+        **of(PLAN, "drive", "sample_rate", "duration", "settling"),
         "bits": (TEST, "quantisation"),
         "drift": (PLAN, "angle_drift"),
         "raw": (TEST, "raw_channels"),
         "format": ("files.writers:write_campaign", "format"),
     },
-    "changed": {
-        "margin": (CHANGED, "margin"),
-        "same_sensors": (CHANGED, "same_sensors"),
-    },
-    "plan": {
-        name: ("workflows.plan:plan", name)
-        for name in ("like", "model", "campaign", "drive", "goal", "until", "random_state")
-    },
-    "curves": {name: ("workflows.curves:curves", name) for name in ("modes", "at", "point", "harmonics")},
+    "changed": of(CHANGED, "margin", "same_sensors"),
+    "plan": of("workflows.plan:plan", "like", "model", "campaign", "drive", "goal", "until", "random_state"),
+    "curves": of("workflows.curves:curves", "modes", "at", "point", "harmonics"),
     "plot": {
         "width": ("reporting.registry:draw", "width"),
         "dpi": ("reporting.style:figure_bytes", "dpi"),

@@ -162,7 +162,7 @@ def test_rigs_beyond_all_measure(tmp_path, sindyjoint, old, new, word):
 
 
 def test_functions_of_functions_are_refused_before_they_are_printed():
-    from sindyjoint.equation.formula import formula_latex, parse_formula
+    from sindyjoint.equation import formula_latex, parse_formula
     from sindyjoint.errors import FormulaError
 
     def nested(levels):

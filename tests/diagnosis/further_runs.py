@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.mechanics.laws import SumLaw
-from sindyjoint.mechanics.sensors import delayed
-from sindyjoint.mechanics.stickslip import transfer_moment
+from sindyjoint.mechanics import SumLaw, delayed, transfer_moment
 from sindyjoint.record import Run
 from tests.diagnosis.hidden_effects import law_at
 

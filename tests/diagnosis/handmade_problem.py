@@ -4,12 +4,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.loop import add_effects
-from sindyjoint.diagnosis.policy import CAMPAIGN
+from sindyjoint.diagnosis import CAMPAIGN, Gap, Residual, add_effects, rank
 from sindyjoint.diagnosis.problem import Start
-from sindyjoint.diagnosis.ranking import rank
-from sindyjoint.diagnosis.result import Gap
-from sindyjoint.diagnosis.verdict import Residual
 from sindyjoint.evidence.score import Score
 
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sindyjoint.mechanics.laws import FunctionLaw, SumLaw
-from sindyjoint.mechanics.stickslip import transfer_moment
+from sindyjoint.mechanics import FunctionLaw, SumLaw, transfer_moment
 from sindyjoint.record import Campaign
 from tests.diagnosis.hidden_laws import LAWS
 from tests.recovery.random_joints import aperiodic_campaign, random_plan

@@ -8,11 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sindyjoint.mechanics.beam import Beam
-from sindyjoint.mechanics.laws import INTER_PANEL, FunctionLaw, PaperLaw
-from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
-from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
-from sindyjoint.mechanics.structure import LumpedMass
+from sindyjoint.mechanics import (
+    INTER_PANEL,
+    Beam,
+    FunctionLaw,
+    LumpedMass,
+    MeasuredResponse,
+    PaperLaw,
+    load_rig,
+    with_laws,
+    with_loss_factor,
+)
 from tests.made_models import paper_model
 
 NAMES = ("beam_loss", "lumped_mass", "clamp_stiffness", "dahl", "jenkins", "pulse_scale", "nothing")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis import Advice
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, WAVEFORMS, Design, designs, expected_states
-from sindyjoint.diagnosis.result import Advice
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.reporting import advice_words
 from sindyjoint.states import force_states

@@ -2,8 +2,7 @@
 
 import pytest
 
-from sindyjoint.diagnosis.engine import explain_gap
-from sindyjoint.diagnosis.result import Gap
+from sindyjoint.diagnosis import Gap, explain_gap
 from tests.diagnosis.handmade_problem import Based, Effect
 
 

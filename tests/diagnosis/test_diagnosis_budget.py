@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis import CAMPAIGN
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.start import Work, cut_up, first_model
 from sindyjoint.diagnosis.campaign.unnamed import make_budget, shares
-from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
 from tests.diagnosis.hidden_effects import hide

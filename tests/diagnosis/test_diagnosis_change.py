@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis import FittedEffect, effect_law, load_effects, select_effects
 from sindyjoint.diagnosis.campaign.change import changes, segments, steady_before
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.effects.fitted import FittedEffect, Instant, effect_law
+from sindyjoint.diagnosis.effects.fitted import Instant
 from sindyjoint.record import Run
 from sindyjoint.states import force_states
 from tests.diagnosis.hidden_effects import hide

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects, read_effects, select_effects
-from sindyjoint.diagnosis.effects.motion import MeasuredMotion
-from sindyjoint.equation.terms import Reference
+from sindyjoint.diagnosis import MeasuredMotion, load_effects, read_effects, select_effects
+from sindyjoint.equation import Reference
 from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
 
 WANTED = """quintic_stiffness bilinear_stiffness dead_zone constant_moment direction_dependent_damping quadratic_damping

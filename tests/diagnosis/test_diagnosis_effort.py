@@ -7,11 +7,9 @@ import pytest
 
 from sindyjoint import diagnose
 from sindyjoint.clock import Portion, ProcessorTime
-from sindyjoint.diagnosis import engine
+from sindyjoint.diagnosis import CAMPAIGN, engine, load_effects
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import designs
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.files import write_campaign
 from sindyjoint.parallel import side_by_side, spread
 from tests.diagnosis.hidden_effects import hide

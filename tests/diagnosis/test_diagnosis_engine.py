@@ -8,11 +8,19 @@ from hypothesis import given
 from hypothesis.strategies import booleans, floats, just, one_of, tuples
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.loop import Progress, add_effects
-from sindyjoint.diagnosis.policy import CAMPAIGN, STRUCTURE
-from sindyjoint.diagnosis.ranking import rank
-from sindyjoint.diagnosis.result import Gap
-from sindyjoint.diagnosis.verdict import Gaps, Residual, discount, judge, share_beyond_noise
+from sindyjoint.diagnosis import (
+    CAMPAIGN,
+    STRUCTURE,
+    Gap,
+    Gaps,
+    Progress,
+    Residual,
+    add_effects,
+    discount,
+    judge,
+    rank,
+    share_beyond_noise,
+)
 from sindyjoint.policy import described
 from tests.diagnosis.handmade_problem import Effect, Made, scored
 
@@ -218,7 +226,7 @@ def test_beside_a_misfit_of_a_hundred_times_the_noise_the_same_gain_says_nothing
 
 
 def test_the_shipped_laws_name_special_cases_that_are_there():
-    from sindyjoint.diagnosis.effects.catalogue import load_effects
+    from sindyjoint.diagnosis import load_effects
 
     effects = {effect.id: effect for effect in load_effects()}
     nested = {e.id: e.contains for e in effects.values() if e.contains}

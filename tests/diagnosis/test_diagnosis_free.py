@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles, reversals, transition_steps
-from sindyjoint.equation.catalogue import load_catalogue
+from sindyjoint.equation import load_catalogue
 from sindyjoint.record import Campaign, Joint, Run
 
 INERTIA, STIFFNESS, DAMPING = 1.0, 64.0, 0.05

@@ -5,20 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint.diagnosis import FittedEffect, MeasuredMotion, effect_law, load_effects, select_effects
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.processing import is_seen
 from sindyjoint.diagnosis.campaign.repair import held_out_gap, modelled, refit, rest_angle
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work, first_model
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.effects.fitted import FittedEffect, effect_law
-from sindyjoint.diagnosis.effects.motion import MeasuredMotion
-from sindyjoint.equation.terms import Reference
-from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import PaperLaw, SumLaw
-from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.equation import Reference
+from sindyjoint.mechanics import PaperLaw, SumLaw, sampled, simulate
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.response.run import simulate_run
+from sindyjoint.response import simulate_run
 from sindyjoint.states import campaign_states, force_states
 
 STEP = 0.002

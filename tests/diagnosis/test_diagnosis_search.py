@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis import JoinedMotions, MeasuredMotion, load_effects, select_effects
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
-from sindyjoint.equation.terms import Reference
+from sindyjoint.equation import Reference
 from tests.diagnosis.hidden_effects import hide
 from tests.diagnosis.test_diagnosis_budget import work_on
 

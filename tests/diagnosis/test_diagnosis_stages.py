@@ -7,15 +7,9 @@ import pytest
 
 from sindyjoint import diagnose
 from sindyjoint.clock import Portion, Spent, spend
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.engine import Stages, explain_gap
-from sindyjoint.diagnosis.parts import Budget
-from sindyjoint.diagnosis.policy import CAMPAIGN
-from sindyjoint.diagnosis.result import Gap
+from sindyjoint.diagnosis import CAMPAIGN, Budget, Gap, Stages, explain_gap, load_effects
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.excitation import harmonic
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.mechanics import INTER_PANEL, harmonic, simulate
 from sindyjoint.reporting import figures_of
 from tests.diagnosis.handmade_problem import Based, Effect
 from tests.diagnosis.hidden_effects import hide

@@ -11,12 +11,16 @@ import pytest
 
 from sindyjoint import diagnose_structure
 from sindyjoint.cli import main
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.mechanics.pulse_test import with_laws, with_loss_factor
-from sindyjoint.mechanics.rig_file import RIG_FOLDER
-from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
+from sindyjoint.mechanics import (
+    INTER_PANEL,
+    MeasuredResponse,
+    load_rig,
+    rig_path,
+    with_laws,
+    with_loss_factor,
+)
 from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_structures import hide
 from tests.made_models import paper_model
@@ -149,7 +153,7 @@ def test_what_one_record_cannot_tell_apart_the_advised_one_does():
 
 
 def rig_file(tmp_path, law="inter-panel", extra=""):
-    text = (RIG_FOLDER / "pulse-rig.toml").read_text("utf-8")
+    text = rig_path("pulse-rig").read_text("utf-8")
     text = text.replace('law = "inter-panel" ', f'law = "{law}" ').replace('"20 s"', '"3 s"')
     path = tmp_path / "rig.toml"
     path.write_text(text + extra, "utf-8")

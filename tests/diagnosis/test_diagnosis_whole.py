@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis import FittedEffect, MeasuredMotion, load_effects, select_effects
 from sindyjoint.diagnosis.campaign.numbers.whole import whole_model
 from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.effects.motion import MeasuredMotion
-from sindyjoint.equation.dimensions import same_dimension
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation import JointModel, same_dimension
 from tests.diagnosis.hidden_effects import hide
 from tests.made_models import model_of, term
 

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis import FittedEffect, load_effects, select_effects
 from sindyjoint.diagnosis.campaign import repair
 from sindyjoint.diagnosis.campaign.add import counted_from_zero
 from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.start import Work, first_model
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.mechanics.laws import FunctionLaw
-from sindyjoint.mechanics.stickslip import transfer_moment
+from sindyjoint.mechanics import FunctionLaw, transfer_moment
 from sindyjoint.record import Run
-from sindyjoint.response.run import rest_of
+from sindyjoint.response import rest_of
 from sindyjoint.states import campaign_states, force_states
 from sindyjoint.states.rows import group_labels
 from tests.diagnosis.hidden_effects import hide

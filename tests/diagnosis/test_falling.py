@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.falling import grows, reported_together, with_falling_gaps
-from sindyjoint.diagnosis.result import Gap, Step
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.diagnosis import (
+    Gap,
+    Step,
+    grows,
+    load_effects,
+    reported_together,
+    select_effects,
+    with_falling_gaps,
+)
+from sindyjoint.mechanics import virtual_campaign
 
 
 @pytest.fixture(scope="module")

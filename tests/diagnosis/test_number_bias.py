@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
 from tests.diagnosis.hidden_effects import hide
 
 FINER = 32  # the referee stops its sliders in steps of its samples

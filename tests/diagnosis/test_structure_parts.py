@@ -6,17 +6,20 @@ import numpy as np
 import pytest
 import sympy
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.diagnosis.effects.change import structure_changes
-from sindyjoint.diagnosis.effects.joint import JointLaws, joint_changes, steady_level
-from sindyjoint.diagnosis.effects.setup import Scales, Setup
-from sindyjoint.diagnosis.structure.gap import regions_of
-from sindyjoint.diagnosis.structure.noise import record_noise
-from sindyjoint.equation.terms import Reference
-from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw
-from sindyjoint.mechanics.pulse_test import presliding_law, with_laws
-from sindyjoint.mechanics.rigs import load_rig
-from sindyjoint.mechanics.structure import LumpedMass
+from sindyjoint.diagnosis import (
+    JointLaws,
+    Scales,
+    Setup,
+    joint_changes,
+    load_effects,
+    record_noise,
+    regions_of,
+    select_effects,
+    steady_level,
+    structure_changes,
+)
+from sindyjoint.equation import Reference
+from sindyjoint.mechanics import INTER_PANEL, FormulaLaw, LumpedMass, load_rig, presliding_law, with_laws
 from tests.made_models import paper_model
 
 THETA, OMEGA, Z = sympy.symbols("theta omega z", real=True)

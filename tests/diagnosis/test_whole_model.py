@@ -10,12 +10,10 @@ from typer.testing import CliRunner
 
 from sindyjoint import diagnose, diagnose_structure, verify
 from sindyjoint.cli.app import app
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.equation.model_file import read_model
-from sindyjoint.equation.test_record import read_test
+from sindyjoint.diagnosis import load_effects, select_effects
+from sindyjoint.equation import read_model, read_test
 from sindyjoint.files import write_campaign
-from sindyjoint.mechanics.rigs import MeasuredResponse, load_rig
-from sindyjoint.mechanics.sensors import Channel
+from sindyjoint.mechanics import Channel, MeasuredResponse, load_rig
 from sindyjoint.reporting import write_results
 from tests.diagnosis.hidden_effects import hide
 
@@ -84,7 +82,7 @@ def test_a_diagnosis_goes_on_from_the_whole_model(found):
 
 
 def test_presliding_found_in_a_structure_predicts_another_pulse():
-    from sindyjoint.diagnosis.structure.start import hide as hide_in_rig
+    from sindyjoint.diagnosis import hide as hide_in_rig
 
     rig, generator = replace(load_rig("pulse-rig"), duration=8.0), np.random.default_rng(5)
     truth = hide_in_rig(rig, "dahl_friction")

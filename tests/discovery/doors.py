@@ -4,7 +4,7 @@ import numpy as np
 import pysindy
 
 from sindyjoint import JointRegressor, TermLibrary, UniqueShareSTLSQ, discover
-from sindyjoint.equation.catalogue import default_candidates
+from sindyjoint.equation import default_candidates
 from sindyjoint.soundness import check_campaign
 from sindyjoint.states import campaign_states, regression_rows
 

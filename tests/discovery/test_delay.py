@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.discovery.delay import estimate_delay, reference_of, shifted
-from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint.equation import load_catalogue
+from sindyjoint.mechanics import virtual_campaign
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states, force_states
 

@@ -1,5 +1,7 @@
 """Frequency tests against published formulas, their size and power on made-up estimates, and three answers."""
 
+from inspect import signature
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -15,7 +17,12 @@ from sindyjoint.errors import InputError
 
 HERTZ = np.array([3.0, 4.0, 5.0, 6.0])
 
+WELCH = pytest.mark.skipif(
+    "equal_var" not in signature(scipy.stats.f_oneway).parameters, reason="Welch's test came with SciPy 1.16"
+)
 
+
+@WELCH
 def test_homogeneity_with_equal_groups_is_the_analysis_of_variance():
     """With equal standard errors that rest on many degrees, Welch's F is the ordinary one."""
     rng = np.random.default_rng(0)
@@ -28,6 +35,7 @@ def test_homogeneity_with_equal_groups_is_the_analysis_of_variance():
     assert q / 3 == pytest.approx(reference.statistic, rel=1e-3)
 
 
+@WELCH
 def test_homogeneity_with_unequal_groups_is_welchs_test():
     rng = np.random.default_rng(1)
     samples = [rng.normal(0.5 * (i == 2), 1 + i, size=6 + 3 * i) for i in range(4)]
@@ -109,7 +117,8 @@ def test_units_do_not_matter(factor):
     x, s = np.array([100.0, 104.0, 99.0, 101.0]), np.array([1.0, 2.0, 1.0, 3.0])
     plain, scaled = frequency_test("c", HERTZ, x, s), frequency_test("c", HERTZ, factor * x, abs(factor) * s)
     for name in ("q", "p_homogeneity", "p_trend", "i_squared", "change", "change_bound"):
-        assert getattr(scaled, name) == pytest.approx(getattr(plain, name), rel=1e-9)
+        # SciPy before 1.16 has the F distribution of many degrees to eight digits.
+        assert getattr(scaled, name) == pytest.approx(getattr(plain, name), rel=1e-7)
     assert scaled.answer == plain.answer
 
 

@@ -8,9 +8,7 @@ import pytest
 from sindyjoint import Campaign, JointRegressor, TermLibrary
 from sindyjoint.discovery.crossvalidation import cross_validate
 from sindyjoint.discovery.input_lag import find_lags
-from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.equation.dependences import with_dependences
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation import JointModel, load_catalogue, with_dependences
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, lagged, levels, run_levels
 from sindyjoint.judgement.at_each_level import changed_term

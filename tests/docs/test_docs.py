@@ -198,7 +198,7 @@ def test_every_figure_of_the_guide_has_a_command():
 
 def test_the_keys_page_has_every_key():
     from sindyjoint.files import manifest_schema
-    from sindyjoint.mechanics.rig_file import RigFile
+    from sindyjoint.mechanics import RigFile
 
     page = (DOCS / "guide" / "keys.md").read_text(encoding="utf-8")
     for schema in (manifest_schema(), RigFile.model_json_schema()):
@@ -265,9 +265,9 @@ def test_the_main_path_is_short():
 
 
 def test_samples_of_manifests_and_catalogues_load(tmp_path):
-    from sindyjoint.equation.catalogue import load_catalogue
+    from sindyjoint.equation import load_catalogue
     from sindyjoint.files import Manifest
-    from sindyjoint.mechanics.rig_file import RigFile
+    from sindyjoint.mechanics import RigFile
 
     manifests = catalogues = 0
     for page in PAGES:

@@ -8,16 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.equation.catalogue import (
+from sindyjoint.equation import (
     Catalogue,
     Reference,
     as_catalogue,
     library_folder,
     list_catalogues,
     load_catalogue,
+    parse_formula,
     term_columns,
 )
-from sindyjoint.equation.formula import parse_formula
 from sindyjoint.errors import InputError, UnknownNameError
 
 NAMES = (

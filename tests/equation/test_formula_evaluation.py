@@ -8,19 +8,22 @@ import numpy as np
 import pytest
 
 from sindyjoint import JointModel
-from sindyjoint.equation.dimensions import (
+from sindyjoint.equation import (
+    ElementState,
+    JointElement,
+    Value,
     coefficient_unit,
+    compile_terms,
     formula_unit,
     is_coherent,
+    parse_formula,
     parse_unit,
     same_dimension,
+    state_symbol,
     to_si,
     unit_for,
     unit_text,
 )
-from sindyjoint.equation.element import ElementState, JointElement, Value
-from sindyjoint.equation.evaluation import BLOCK
-from sindyjoint.equation.formula import compile_terms, parse_formula, state_symbol
 from sindyjoint.errors import FormulaError, InputError, SindyJointError, UnitError
 from tests.made_models import paper_model
 
@@ -45,7 +48,7 @@ def compiled(texts, arguments=("theta", "omega", "alpha"), parameters=()):
     return compile_terms([parse_formula(text, parameters) for text in texts], arguments)
 
 
-@pytest.mark.parametrize("n", [1, 7, BLOCK, BLOCK + 1, 3 * BLOCK + 7])
+@pytest.mark.parametrize("n", [1, 7, 4096, 4097, 3 * 4096 + 7])
 def test_blocks_do_not_show(n):
     generator = np.random.default_rng(3)
     theta, omega = generator.normal(size=(2, n))

@@ -5,10 +5,16 @@ from functools import cache
 import numpy as np
 
 from sindyjoint import JointModel
-from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
-from sindyjoint.equation.element import ElementState, JointElement, Value
-from sindyjoint.equation.model import Fitted, model_terms
-from sindyjoint.equation.terms import Reference
+from sindyjoint.equation import (
+    ElementState,
+    Fitted,
+    JointElement,
+    Reference,
+    Value,
+    list_catalogues,
+    load_catalogue,
+    model_terms,
+)
 from sindyjoint.record import Joint
 
 # Table 1 of the paper, inter-panel joint, and the range in which it was tested here.

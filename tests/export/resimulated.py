@@ -7,9 +7,8 @@ import subprocess
 import numpy as np
 
 from sindyjoint.export import export_model, write_export
-from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.response.model_law import model_law
+from sindyjoint.mechanics import sampled, simulate
+from sindyjoint.response import model_law
 
 RATE = 2000.0  # Hz, of the samples, which straight lines join
 #: What a runner needs beside numpy; a compiler is looked for.

@@ -11,10 +11,7 @@ import pytest
 
 from sindyjoint.errors import MissingExtraError
 from sindyjoint.export import export_model, write_export
-from sindyjoint.mechanics import PaperLaw
-from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import FormulaLaw
-from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.mechanics import FormulaLaw, PaperLaw, sampled, simulate
 
 RATE, DURATION = 2000.0, 1.0  # Hz, s: four periods, the joint sticks in each of them twice
 LAW = PaperLaw(6.066e3, -1.927e5, -2.684e9, 48.13, 1.867, inertia=0.02)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from test_export_decks import abaqus_blocks, apdl_elements
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.equation.element import ElementState, JointElement, Value
-from sindyjoint.equation.formula import formula_text
+from sindyjoint.diagnosis import load_effects
+from sindyjoint.equation import ElementState, JointElement, Value, formula_text
 from sindyjoint.errors import InputError
 from sindyjoint.export import TARGETS, BoucWen, Cycles, Gap, LuGre, Maxwell, Slider, export_model, kind_of
 from tests.export.made import ELEMENTS

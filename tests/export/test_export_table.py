@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
+from sindyjoint.equation import list_catalogues, load_catalogue
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.export import (
     ALL_TERMS,

@@ -23,8 +23,8 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def read_formula(text: str) -> None:
+    from sindyjoint.equation import coefficient_unit
     from sindyjoint.equation import formula as f
-    from sindyjoint.equation.dimensions import coefficient_unit
 
     expression = f.parse_formula(text, ["v_s"], ["z"])
     f.formula_latex(expression)
@@ -34,7 +34,7 @@ def read_formula(text: str) -> None:
 
 
 def read_unit(text: str) -> None:
-    from sindyjoint.equation.dimensions import parse_unit
+    from sindyjoint.equation import parse_unit
     from sindyjoint.errors import SindyJointError
     from sindyjoint.files import QUANTITIES, conversion, parse_quantity, unit_ratio
 
@@ -89,7 +89,7 @@ def read_folder(path: Path) -> None:
 
 
 def read_test(path: Path) -> None:
-    from sindyjoint.equation.test_record import read_test as read
+    from sindyjoint.equation import read_test as read
 
     read(path)
 
@@ -101,13 +101,13 @@ def read_manifest(path: Path) -> None:
 
 
 def read_catalogue(path: Path) -> None:
-    from sindyjoint.equation.catalogue import load_catalogue
+    from sindyjoint.equation import load_catalogue
 
     load_catalogue(path)
 
 
 def read_effects(path: Path) -> None:
-    from sindyjoint.diagnosis.effects.catalogue import read_effects as read
+    from sindyjoint.diagnosis import read_effects as read
 
     read(path)
 
@@ -243,7 +243,7 @@ def made_test() -> Any:
     """Return errors of channels, a drift, and a moment of the frequency."""
     from dataclasses import replace
 
-    from sindyjoint.equation.test_record import Nuisance, TestNuisances
+    from sindyjoint.equation import Nuisance, TestNuisances
     from tests.equation.test_formula_evaluation import JENKINS, value
 
     stiffer = replace(
@@ -257,7 +257,7 @@ def made_test() -> Any:
 def _results(folder: Path, wanted: str) -> dict[str, Target]:
     """Return the factors of a campaign, or the data that figures of one kind of result are drawn from."""
     from sindyjoint import diagnose, discover, simulate, verify
-    from sindyjoint.diagnosis.effects.catalogue import load_effects
+    from sindyjoint.diagnosis import load_effects
     from sindyjoint.discovery.evidence_file import evidence_bytes
     from sindyjoint.reporting import write_results
     from sindyjoint.soundness import check_campaign

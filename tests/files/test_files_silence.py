@@ -10,7 +10,7 @@ from fuzz import made_test
 from made_files import lvm, xlsx
 
 from sindyjoint.documents import SUMS, sums_of, sums_text
-from sindyjoint.equation.test_record import read_test
+from sindyjoint.equation import read_test
 from sindyjoint.errors import InputError
 from sindyjoint.files import VARIABLE, read_table
 

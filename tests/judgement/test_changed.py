@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import t
 
 from sindyjoint import JointRegressor, changed
-from sindyjoint.equation.calibration import gain_errors, with_gain_uncertainty
+from sindyjoint.equation import gain_errors, with_gain_uncertainty
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.changed import compare_models
 from sindyjoint.reporting import text_of

@@ -7,8 +7,8 @@ import pytest
 
 from sindyjoint import discover
 from sindyjoint.judgement.refined import refined
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.mechanics import virtual_campaign
+from sindyjoint.response import with_coefficients
 
 
 @pytest.fixture(scope="module")

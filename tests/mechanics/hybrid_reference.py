@@ -55,10 +55,12 @@ def solve_stick_slip(law, moment, duration, time, rtol=1e-10, method="DOP853", i
             return y[1] * direction
 
         reversal.terminal, reversal.direction = True, -1
-        solution = solve_ivp(
-            slip, (t, duration), [x, v], method=method, rtol=rtol, atol=[rtol * 1e-4, rtol * 1e-2],
-            events=reversal, dense_output=True,
-        )  # fmt: skip
+        # Older SciPy tries a first step so long that the force overflows, and takes it back.
+        with np.errstate(over="ignore"):
+            solution = solve_ivp(
+                slip, (t, duration), [x, v], method=method, rtol=rtol, atol=[rtol * 1e-4, rtol * 1e-2],
+                events=reversal, dense_output=True,
+            )  # fmt: skip
         inside = (time >= t) & (time <= solution.t[-1])
         if inside.any():
             angle[inside], rate[inside] = solution.sol(time[inside])

@@ -4,12 +4,21 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.mechanics import INTER_PANEL, FunctionLaw, PaperLaw
-from sindyjoint.mechanics.beam import Beam, rectangular_section
-from sindyjoint.mechanics.excitation import pulse, sampled
-from sindyjoint.mechanics.laws import SumLaw
-from sindyjoint.mechanics.structure import Hinge, LumpedMass, assemble, craig_bampton
-from sindyjoint.mechanics.transient import respond
+from sindyjoint.mechanics import (
+    INTER_PANEL,
+    Beam,
+    FunctionLaw,
+    Hinge,
+    LumpedMass,
+    PaperLaw,
+    SumLaw,
+    assemble,
+    craig_bampton,
+    pulse,
+    rectangular_section,
+    respond,
+    sampled,
+)
 
 STIFFNESS, MASS = rectangular_section(70e9, 2700.0, 0.050, 0.020)
 HAMMER = pulse(65.0, 0.005)
@@ -131,7 +140,7 @@ def maxwell(theta, omega, direction, state, parameters, out):
 def test_one_joint_alone_agrees_with_the_single_joint_solver(branch):
     # A short stiff beam with a mass at its end is an inertia m·L² on the joint. The two solvers share no stepping.
     # The beam is damped: without, it rings while the joint sticks and shakes it loose for a sample here and there.
-    from sindyjoint.mechanics.stickslip import simulate
+    from sindyjoint.mechanics import simulate
 
     law = INTER_PANEL if branch is None else SumLaw(INTER_PANEL, branch)
     arm = Beam("arm", 0.5, 1e8, 1e-4, 1, loss_factor=0.3)

@@ -5,21 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.equation.model import INERTIA, model_terms
+from sindyjoint.equation import INERTIA, load_catalogue, model_terms
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.planning.information import (
+from sindyjoint.mechanics import INTER_PANEL
+from sindyjoint.planning import (
     Information,
+    PlannedRun,
     Sensors,
     changes_over_band,
     half_widths,
+    like_law,
+    play,
     run_information,
     stacked,
 )
-from sindyjoint.planning.plan_file import play
-from sindyjoint.planning.prior import like_law
-from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.states import force_states
 
 MODEL = like_law(INTER_PANEL).model

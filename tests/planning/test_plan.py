@@ -12,16 +12,23 @@ from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import PLANNED, designs
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.planning import planner
-from sindyjoint.planning.information import Sensors, half_widths, run_information, stacked
-from sindyjoint.planning.plan_file import plan_text, play, read_plan
-from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.prior import like_law
-from sindyjoint.planning.runs import PlannedRun
-from sindyjoint.planning.separating_runs import rivals_of
+from sindyjoint.mechanics import INTER_PANEL
+from sindyjoint.planning import (
+    POLICY,
+    PlannedRun,
+    Sensors,
+    half_widths,
+    like_law,
+    plan_text,
+    planner,
+    play,
+    read_plan,
+    rivals_of,
+    run_information,
+    stacked,
+)
 from sindyjoint.reporting import record_schema
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response import model_law
 from tests.diagnosis.hidden_effects import hide
 from tests.equation.test_formula_evaluation import JENKINS, with_elements
 
@@ -131,10 +138,10 @@ def test_a_plan_is_played_and_becomes_a_campaign(found, tmp_path):
 
 
 @pytest.mark.parametrize("change, error, text", [
-    (('drive = "angle"', 'drive = "force"'), InputError, "run.0.drive: expected 'moment' or 'angle'"),
+    (('drive = "angle"', 'drive = "force"'), InputError, "[[run]] 1 drive: expected 'moment' or 'angle', not 'force'"),
     ((" rad", " N*m"), UnitError, "run 1: level"),
     (('frequency = "', 'frequency = "-'), InputError, "expected positive numbers"),
-    (("[[run]]", "[[ran]]"), InputError, "run: "),
+    (("[[run]]", "[[ran]]"), InputError, "unknown key 'ran'"),
 ])  # fmt: skip
 def test_what_is_no_plan_is_refused_by_field(found, tmp_path, change, error, text):
     (tmp_path / "plan.toml").write_text(plan_text(found.runs[:1], found.sensors).replace(*change))

@@ -8,12 +8,8 @@ import numpy as np
 import pytest
 
 from sindyjoint import plan, simulate
-from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.planning import planner, runs
-from sindyjoint.planning.information import Sensors
-from sindyjoint.planning.plan_file import play
-from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.mechanics import PaperLaw
+from sindyjoint.planning import POLICY, PlannedRun, Sensors, planner, play, runs
 
 
 def joint_and_runs(seed, drive):

@@ -6,17 +6,25 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.mechanics.excitation import tones
-from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw, softening_limit
+from sindyjoint.mechanics import INTER_PANEL, Actuator, PaperLaw, softening_limit, tones
+from sindyjoint.planning import (
+    POLICY,
+    Choice,
+    Information,
+    PlannedRun,
+    Sensors,
+    best_runs,
+    candidates,
+    highest_level,
+    like_law,
+    like_model,
+    motion,
+    play,
+    run_information,
+)
 from sindyjoint.planning import runs as planned_runs
-from sindyjoint.planning.information import Information, Sensors, run_information
-from sindyjoint.planning.plan_file import play
-from sindyjoint.planning.policy import POLICY
-from sindyjoint.planning.prior import like_law, like_model
-from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, highest_level, motion
-from sindyjoint.planning.search import Choice, best_runs
 from sindyjoint.record import Campaign, Joint
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response import model_law
 from sindyjoint.soundness import POLICY as SOUNDNESS
 from sindyjoint.soundness import find_faults, main_line
 from tests.equation.test_formula_evaluation import JENKINS, with_elements
@@ -136,7 +144,7 @@ def test_runs_lie_in_the_band_and_the_grid_is_three_by_three():
     assert {run.frequency for run in grid} == {2.0, 5.0, 8.0} and len(grid) == 9
     assert all(2.0 <= run.frequency <= 8.0 for run in offered)
     top = max(run.level for run in grid)
-    assert {round(run.level / top, 2) for run in grid} == set(POLICY.grid_levels)
+    assert {round(run.level / top, 2) for run in grid} == set(POLICY.levels[::2])
 
 
 @pytest.mark.parametrize("given, text", [

@@ -6,7 +6,7 @@ What is missing is what the data sets' owners say, or what made them; nothing he
 import pytest
 
 from sindyjoint import diagnose
-from sindyjoint.equation.catalogue import load_catalogue
+from sindyjoint.equation import load_catalogue
 
 pytestmark = [pytest.mark.shared, pytest.mark.slow]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import discover
-from sindyjoint.equation.catalogue import load_catalogue
+from sindyjoint.equation import load_catalogue
 from sindyjoint.text import percent
 
 pytestmark = pytest.mark.shared

@@ -11,9 +11,7 @@ import sympy
 
 from sindyjoint import simulate as virtual_campaign
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics import INTER_PANEL, PaperLaw
-from sindyjoint.mechanics.laws import FormulaLaw, SumLaw
-from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.mechanics import INTER_PANEL, FormulaLaw, PaperLaw, SumLaw, simulate
 from sindyjoint.record import Campaign, Joint, Run
 from tests.made_models import multisine, sweep
 

@@ -5,7 +5,7 @@ from itertools import cycle
 import numpy as np
 
 from sindyjoint import JointModel
-from sindyjoint.equation.model import Fitted, ModelTerm
+from sindyjoint.equation import Fitted, ModelTerm
 from sindyjoint.record import Joint
 from sindyjoint.reporting import GroupFit, Loop, PathStep, Provenance, ReportData, model_sheets, view_of
 from sindyjoint.states.surface import force_state_map

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 from handmade import model
 
-from sindyjoint.diagnosis.parts import Budget, Place
-from sindyjoint.diagnosis.result import Advice, AdviceSearch, Diagnosis, Gap, RecordGap, RunGap, Step
+from sindyjoint.diagnosis import Advice, Budget, Gap, Step
+from sindyjoint.diagnosis.parts import Place
+from sindyjoint.diagnosis.result import AdviceSearch, Diagnosis, RecordGap, RunGap
 from sindyjoint.discovery.frequency import frequency_test
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
-from sindyjoint.response.oscillation import Oscillation
-from sindyjoint.response.verification import Band, RunVerification, Verification
+from sindyjoint.response import Band, Oscillation, RunVerification, Verification
 
 
 def verification(name="bench joint", runs=("pulse at tip",), subject="a rig", failed=False):

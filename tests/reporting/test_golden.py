@@ -11,7 +11,7 @@ from handmade_results import comparison, diagnosis, verification
 from test_reporting_page import read
 from test_reporting_results import written
 
-from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
+from sindyjoint.equation import list_catalogues, load_catalogue
 from sindyjoint.reporting import draw_all, show
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from handmade_results import comparison, diagnosis, verification
 
-from sindyjoint.diagnosis.result import Gap
+from sindyjoint.diagnosis import Gap
 from sindyjoint.judgement.headlines import (
     judge_check,
     judge_comparison,

@@ -6,8 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis import FittedEffect, load_effects
 from sindyjoint.reporting import effect_mathml, kinds_of, mathml
 from sindyjoint.text import in_words_of
 from tests.reporting.handmade_results import diagnosis

@@ -9,8 +9,7 @@ from xml.etree import ElementTree
 import pytest
 from handmade import HOSTILE, ORIGIN, TERMS, model, page_html, report_data
 
-from sindyjoint.equation.catalogue import list_catalogues, load_catalogue
-from sindyjoint.equation.model import ModelTerm
+from sindyjoint.equation import ModelTerm, list_catalogues, load_catalogue
 from sindyjoint.reporting import draw_all, mathml
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "report.txt"

@@ -9,8 +9,7 @@ from handmade import trust
 
 from sindyjoint import JointModel
 from sindyjoint.discovery.delay import ChannelDelay
-from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.equation.model import Fitted, ModelTerm
+from sindyjoint.equation import Fitted, ModelTerm, load_catalogue
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.record import Joint

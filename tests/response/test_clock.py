@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import simulate
-from sindyjoint.response.element_law import Instant, Part, sum_law
-from sindyjoint.response.run import along_motion
+from sindyjoint.response import Instant, Part, along_motion, sum_law
 from sindyjoint.states import force_states
 from tests.conftest import effects_named
 

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics import FunctionLaw, PaperLaw
-from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import SumLaw
-from sindyjoint.mechanics.stickslip import simulate, transfer_moment
+from sindyjoint.mechanics import FunctionLaw, PaperLaw, SumLaw, sampled, simulate, transfer_moment
 from sindyjoint.numeric import rms
 from sindyjoint.record import Run
-from sindyjoint.response.run import simulate_run
+from sindyjoint.response import simulate_run
 from sindyjoint.states import force_states
 
 RATE = 500.0

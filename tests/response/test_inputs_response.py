@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from sindyjoint import Campaign, JointRegressor
-from sindyjoint.diagnosis.effects.fitted import input_effects
+from sindyjoint.diagnosis import input_effects
 from sindyjoint.errors import InputError
 from sindyjoint.export import export_model
 from sindyjoint.inputs import Input
-from sindyjoint.response.law_in_run import LawInRun, held_laws, law_in_run
-from sindyjoint.response.run import simulate_run
+from sindyjoint.response import LawInRun, held_laws, law_in_run, simulate_run
 from sindyjoint.states import force_states
 
 T = np.arange(3000) / 500.0

@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics import INTER_PANEL, PaperLaw
-from sindyjoint.mechanics.excitation import harmonic
-from sindyjoint.mechanics.laws import FormulaLaw
-from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.response.model_law import draw_models, elastic_moment, model_law, with_coefficients
+from sindyjoint.mechanics import INTER_PANEL, FormulaLaw, PaperLaw, harmonic, simulate
+from sindyjoint.response import draw_models, elastic_moment, model_law, with_coefficients
 from tests.made_models import model_of, paper_model, term
 
 

@@ -4,12 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.numeric import main_frequency
-from sindyjoint.response.oscillation import (
-    compare_oscillations,
-    hilbert_envelope,
-    oscillation,
-    white_noise,
-)
+from sindyjoint.response import compare_oscillations, hilbert_envelope, oscillation, white_noise
 
 RATE = 1000.0
 TIME = np.arange(20_000) / RATE

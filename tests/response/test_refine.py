@@ -8,12 +8,9 @@ import pytest
 from sindyjoint import simulate as virtual_campaign
 from sindyjoint import verify
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.mechanics import INTER_PANEL, PaperLaw
-from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.mechanics import INTER_PANEL, PaperLaw, simulate
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.response.output_error import ROUGH_STEP, OutputError
-from sindyjoint.response.output_error_parts import Parameter
-from sindyjoint.response.refine import refine, undetermined_directions
+from sindyjoint.response import OutputError, Parameter, refine, undetermined_directions
 from sindyjoint.states import campaign_states
 from tests.made_models import FORMULAS, model_of, paper_model, sweep, term
 
@@ -157,7 +154,7 @@ def test_without_a_restoring_moment_every_segment_starts_from_an_estimated_state
     x = np.array([p.start for p in problem.parameters])
     jacobian, place = problem.jacobian(x), names.index("initial rate of fast, segment 3")
     step = np.zeros(x.size)
-    step[place] = ROUGH_STEP * problem.parameters[place].scale
+    step[place] = 1e-2 * problem.parameters[place].scale
     separate = (problem.residual(x + step) - problem.residual(x)) / step[place]
     np.testing.assert_allclose(jacobian[:, place], separate, atol=1e-6 * np.abs(separate).max())
     found = refine(free_model(2.2, 0.7), made)

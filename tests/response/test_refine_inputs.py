@@ -7,9 +7,8 @@ import pytest
 
 from sindyjoint import JointRegressor
 from sindyjoint.inputs import Input
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.response.refine import refine
+from sindyjoint.mechanics import INTER_PANEL, virtual_campaign
+from sindyjoint.response import refine
 from sindyjoint.states import campaign_states, regression_rows
 
 TEMPERATURES = (250.0, 290.0, 330.0)

@@ -7,13 +7,9 @@ import numpy as np
 import pytest
 
 from sindyjoint import simulate as virtual_campaign
-from sindyjoint.mechanics import INTER_PANEL, FunctionLaw, PaperLaw
-from sindyjoint.mechanics.excitation import harmonic
-from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.mechanics import INTER_PANEL, FunctionLaw, PaperLaw, harmonic, simulate
 from sindyjoint.record import Run
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.run import measured_drive, simulate_run
-from sindyjoint.response.verify_campaign import cycle_energy
+from sindyjoint.response import cycle_energy, measured_drive, model_law, simulate_run
 from sindyjoint.states import force_states
 from tests.made_models import model_of, sweep, term
 

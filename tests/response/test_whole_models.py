@@ -6,14 +6,10 @@ import numpy as np
 import pytest
 
 from sindyjoint import verify
-from sindyjoint.equation.element import Value
-from sindyjoint.equation.model_parts import range_warnings
-from sindyjoint.equation.test_record import Nuisance, TestNuisances, read_test
+from sindyjoint.equation import Nuisance, TestNuisances, Value, range_warnings, read_test
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.laws import FunctionLaw, SumLaw
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.response.model_law import draw_models, model_law
-from sindyjoint.response.nuisances import law_of_test
+from sindyjoint.mechanics import FunctionLaw, SumLaw, virtual_campaign
+from sindyjoint.response import draw_models, law_of_test, model_law
 from sindyjoint.states import force_states
 from sindyjoint.states.campaigns import content_hash, run_hash
 from tests.equation.test_formula_evaluation import JENKINS, MAXWELL, with_elements
@@ -51,8 +47,7 @@ def test_verification_takes_the_slider_that_it_fails_without(with_slider):
 
 def test_a_law_with_elements_still_sticks():
     # Half the Coulomb moment leaves the joint where it is, but for the springs of slider and joint.
-    from sindyjoint.mechanics.excitation import harmonic
-    from sindyjoint.mechanics.stickslip import simulate
+    from sindyjoint.mechanics import harmonic, simulate
 
     model = with_elements(JENKINS)
     held = simulate(model_law(model), harmonic(0.5 * model["coulomb_friction"].coefficient, 2.0), 2.0, 1000.0)

@@ -6,9 +6,7 @@ import scipy.linalg
 
 from sindyjoint.discovery.accumulate import TILE, TOLERANCE, FactorSum, Tiles
 from sindyjoint.discovery.factors import Factor, dependent_columns
-from sindyjoint.equation.catalogue import Reference, load_catalogue
-from sindyjoint.equation.formula import compile_terms
-from sindyjoint.equation.terms import term_columns
+from sindyjoint.equation import Reference, compile_terms, load_catalogue, term_columns
 from sindyjoint.errors import InputError
 
 

@@ -12,9 +12,9 @@ from small_joints import write_joint
 from sindyjoint import simulate
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
-from sindyjoint.errors import InputError, MissingInputError, OutputError, UnknownNameError
+from sindyjoint.errors import InputError, MissingInputError, OptionError, OutputError, UnknownNameError
 from sindyjoint.files import write_campaign
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response import model_law
 from sindyjoint.workflows import find_tasks
 from sindyjoint.workflows.batch import batch
 from tests.export.made import ELEMENTS, PAPER, model_of
@@ -160,8 +160,8 @@ def test_bad_input_is_refused_before_anything_is_done(joints, tmp_path):
         batch(joints, tmp_path / "out", "papr")
     with pytest.raises(UnknownNameError, match="has no term 'k9'"):
         batch(joints, tmp_path / "out", "paper", forced=("k9",))
-    with pytest.raises(InputError, match="random_state: expected a whole number"):
-        batch(joints, tmp_path / "out", "paper", random_state=np.random.default_rng(0))
+    with pytest.raises(OptionError, match="has no option 'treshold'; did you mean 'threshold'"):
+        batch(joints, tmp_path / "out", "paper", treshold=0.1)
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="is a file"):
         batch(joints, tmp_path / "file", "paper")

@@ -8,7 +8,7 @@ import pytest
 
 from sindyjoint import JointRegressor
 from sindyjoint.discovery.large.tables import discover_rows
-from sindyjoint.equation.catalogue import Reference
+from sindyjoint.equation import Reference
 from sindyjoint.errors import InputError
 from sindyjoint.files import open_blocks, read_table
 

@@ -8,9 +8,7 @@ import pytest
 
 from sindyjoint import check, discover_rig
 from sindyjoint.errors import UnknownNameError, UnsoundError
-from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.rig_test import RigRun, RigTest, Sensor
-from sindyjoint.mechanics.structure import Hinge, Structure
+from sindyjoint.mechanics import Hinge, PaperLaw, RigRun, RigTest, Sensor, Structure
 from tests.soundness.rig_faults import RIG_FAULTS, found, inject
 
 RATE, PERIODS, FREQUENCY, LINES = 200.0, 24, 2.0, 6

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose_rig
-from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis import load_effects
 from sindyjoint.numeric import solve_factored
 from tests.doors.asked import checked_record
 

@@ -8,15 +8,15 @@ import pytest
 
 from sindyjoint import discover_rig
 from sindyjoint.cli import main
-from sindyjoint.equation.terms import term_columns
+from sindyjoint.equation import term_columns
 from sindyjoint.errors import UnsoundError
 from sindyjoint.files import ENCODERS
 from sindyjoint.judgement.rig_verdict import of_many_rows, of_slight_terms, within_the_states
 from sindyjoint.judgement.verdict import Verdict
+from sindyjoint.substructure import find_slow, joint_states
 from sindyjoint.substructure.law_errors import Source, law_errors
 from sindyjoint.substructure.policy import POLICY
-from sindyjoint.substructure.states import joint_states, kept_orders, slow_part, strongest_line
-from sindyjoint.substructure.unseen import find_slow
+from sindyjoint.substructure.states import kept_orders, slow_part, strongest_line
 from tests.doors.asked import checked_record
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test

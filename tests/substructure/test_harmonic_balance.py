@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import INTER_PANEL, FormulaLaw, PaperLaw, SumLaw
-from sindyjoint.mechanics.rigs import load_rig
-from sindyjoint.mechanics.transient import respond
-from sindyjoint.response.model_law import draw_models, model_law
-from sindyjoint.substructure.forced import frequency_response
-from sindyjoint.substructure.harmonic_balance import Balance
-from sindyjoint.substructure.joint_curves import MEASURES, loop_measures, model_curve
-from sindyjoint.substructure.modes import mode_over_amplitude, slip_amplitudes
-from sindyjoint.substructure.period import steady_states
+from sindyjoint.mechanics import INTER_PANEL, FormulaLaw, PaperLaw, SumLaw, load_rig, respond, sampled
+from sindyjoint.response import draw_models, model_law
+from sindyjoint.substructure import (
+    MEASURES,
+    Balance,
+    frequency_response,
+    loop_measures,
+    mode_over_amplitude,
+    model_curve,
+    slip_amplitudes,
+    steady_states,
+)
 from tests.made_models import paper_model
 
 STIFF = 10.0

@@ -6,15 +6,30 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.beam import Beam
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.mechanics.rig_test import RigRun, RigTest, Sensor, UncertainNumber, uncertain_numbers
-from sindyjoint.mechanics.structure import Hinge, LumpedMass, assemble
-from sindyjoint.substructure.observability import joints_seen, worth_of_sensors
-from sindyjoint.substructure.recovery import recover
-from sindyjoint.substructure.states import joint_states
-from sindyjoint.substructure.transfer import open_joints, static_moments
-from sindyjoint.substructure.update import held_spectra, held_warnings, update_structure, with_numbers
+from sindyjoint.mechanics import (
+    INTER_PANEL,
+    Beam,
+    Hinge,
+    LumpedMass,
+    RigRun,
+    RigTest,
+    Sensor,
+    UncertainNumber,
+    assemble,
+    uncertain_numbers,
+)
+from sindyjoint.substructure import (
+    held_spectra,
+    held_warnings,
+    joint_states,
+    joints_seen,
+    open_joints,
+    recover,
+    static_moments,
+    update_structure,
+    with_numbers,
+    worth_of_sensors,
+)
 
 from .two_masses import C0, K0, M1, M2, RATE, passing_run, prescribed_run, rig_test, series, structure
 

@@ -6,17 +6,19 @@ import numpy as np
 import pytest
 
 from sindyjoint import discover_rig
-from sindyjoint.diagnosis.structure.records import runs_problem
-from sindyjoint.equation.model import Fitted, JointModel, ModelTerm
+from sindyjoint.diagnosis import runs_problem
+from sindyjoint.equation import Fitted, JointModel, ModelTerm
 from sindyjoint.judgement.rig_refinement import RigRefinement, refine_rig
-from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.rig_test import RigRun, UncertainNumber
-from sindyjoint.mechanics.virtual_rig import between_samples
+from sindyjoint.mechanics import PaperLaw, RigRun, UncertainNumber, between_samples
 from sindyjoint.record import Joint
-from sindyjoint.substructure.recovery import recover
-from sindyjoint.substructure.simulated.segment_parts import slow_lines
-from sindyjoint.substructure.simulated.segments import SegmentedRun
-from sindyjoint.substructure.simulated.steady import coefficients, complex_amplitudes, steady
+from sindyjoint.substructure import (
+    SegmentedRun,
+    coefficients,
+    complex_amplitudes,
+    recover,
+    slow_lines,
+    steady,
+)
 
 from .two_masses import C0, K0, M1, M2, RATE, integrated_run, rig_test, structure, swept_run
 

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.rig_test import RigRun, RigTest, Sensor
-from sindyjoint.mechanics.structure import Hinge, Structure
+from sindyjoint.mechanics import Hinge, PaperLaw, RigRun, RigTest, Sensor, Structure
 
 M1, M2, K0, C0 = 3.0, 2.0, 4000.0, 40.0
 RATE = 200.0

@@ -38,7 +38,7 @@ def test_record_holds_what_the_schema_says(of_rig):
 def test_bands_of_a_structure_are_those_of_drawn_models(of_rig):
     level, mode = of_rig.levels[0], of_rig.modes[0]
     frequencies, dampings, peaks = [], [], []
-    from sindyjoint.response.model_law import draw_models
+    from sindyjoint.response import draw_models
 
     at = 1e-3
     for model in draw_models(paper_model(0.02), 12, np.random.default_rng(3)):

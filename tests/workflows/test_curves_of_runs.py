@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import sindyjoint
-from sindyjoint.equation.model_file import read_model, read_models
+from sindyjoint.equation import read_model, read_models
 from sindyjoint.errors import InputError, MissingInputError
-from sindyjoint.mechanics.rig_test import Sensor
-from sindyjoint.mechanics.rig_test_file import load_rig_structure
+from sindyjoint.mechanics import Sensor, load_rig_structure
 from sindyjoint.reporting import record_schema
 from tests.made_models import model_of, paper_model, term
 

@@ -7,7 +7,7 @@ import pytest
 
 from sindyjoint import simulate as virtual_campaign
 from sindyjoint.files import write_campaign
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response import model_law
 from tests.export.made import ELEMENTS, PAPER, model_of
 
 RATE = 500.0

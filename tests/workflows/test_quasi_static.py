@@ -3,7 +3,6 @@
 The truth comes from a stack of sliders that is followed here sample by sample, in NumPy, and from closed forms.
 """
 
-import json
 import warnings
 from dataclasses import replace
 
@@ -12,13 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 import sindyjoint
-from sindyjoint import Campaign, compare, verify
+from sindyjoint import Campaign, JointModel, compare, verify
 from sindyjoint.cli.app import app
-from sindyjoint.diagnosis.effects.catalogue import load_effects
-from sindyjoint.equation.catalogue import load_catalogue
-from sindyjoint.equation.element import Form
-from sindyjoint.equation.model_record import from_record, to_record
-from sindyjoint.equation.without_rate import is_rate_free, rate_free, without_rate
+from sindyjoint.diagnosis import load_effects
+from sindyjoint.equation import Form, is_rate_free, load_catalogue, rate_free, without_rate
 from sindyjoint.errors import InputError
 from sindyjoint.measurement import along_path, reversals, travelled, white_noise
 from sindyjoint.states import force_states
@@ -120,10 +116,10 @@ def test_the_law_is_found_without_time(found):
 
 
 def test_the_saved_model_knows_that_it_had_no_time(found):
-    again = from_record(json.loads(json.dumps(to_record(found.model))))
-    assert again["fitted"].quasi_static
+    again = JointModel.from_json(found.model.to_json())
+    assert again.fitted.quasi_static
     timed = replace(found.model, fitted=replace(found.model.fitted, quasi_static=False))
-    assert "quasi_static" not in to_record(timed)["fitted"]
+    assert "quasi_static" not in timed.to_dict()["fitted"]
 
 
 def test_a_model_is_held_against_the_path_without_what_depends_on_rate(found):

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose, verify
+from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.diagnosis.campaign.numbers import refined as refined_numbers
 from sindyjoint.diagnosis.campaign.numbers.refined import simulated_gap
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
-from sindyjoint.equation.model_file import read_model
-from sindyjoint.equation.test_record import Nuisance, TestNuisances
+from sindyjoint.equation import Nuisance, TestNuisances, read_model
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
 from sindyjoint.states.campaigns import content_hash

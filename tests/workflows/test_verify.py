@@ -9,8 +9,7 @@ import pytest
 from sindyjoint import simulate, verify
 from sindyjoint.errors import InputError, MissingInputError, UnitError
 from sindyjoint.files import write_campaign
-from sindyjoint.mechanics import INTER_PANEL, load_rig
-from sindyjoint.mechanics.pulse_test import presliding_law, virtual_pulse_test
+from sindyjoint.mechanics import INTER_PANEL, load_rig, presliding_law, virtual_pulse_test
 from tests.conftest import RIGS
 from tests.made_models import model_of, paper_model, term
 

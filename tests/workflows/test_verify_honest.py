@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import Campaign, Joint, Run, diagnose, discover, load_campaign, verify
-from sindyjoint.equation.element import Value
-from sindyjoint.equation.test_record import Nuisance, TestNuisances, channel_delay
+from sindyjoint.equation import Nuisance, TestNuisances, Value, channel_delay
 from sindyjoint.files import write_campaign
 from sindyjoint.states.campaigns import content_hash
 from tests.equation.test_formula_evaluation import MAXWELL

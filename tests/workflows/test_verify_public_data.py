@@ -7,7 +7,7 @@ import pytest
 
 from sindyjoint import diagnose, discover, load_campaign, verify
 from sindyjoint.judgement.refined import refined
-from sindyjoint.response.refine import refine
+from sindyjoint.response import refine
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
 

@@ -13,6 +13,7 @@ from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics.laws import INTER_PANEL, Law
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.mechanics.virtual import LEVELS, virtual_campaign
+from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
 
 CHOICES = (
@@ -29,13 +30,13 @@ SHARE = 0.06
 FREQUENCIES = (3.0, 4.0, 5.0, 6.0)
 
 
-def hidden_campaign(random_state: Any = None) -> tuple[Campaign, str]:
+def hidden_campaign(rng: RNG = None) -> tuple[Campaign, str]:
     """Return a virtual test and the name of the effect, of 6 % of the moment's RMS, that the seed hid in it."""
-    generator = np.random.default_rng(0 if random_state is None else random_state)
+    generator = np.random.default_rng(0 if rng is None else rng)
     name = str(generator.choice(CHOICES))
     peak = LEVELS[0] * INTER_PANEL.softening_angle
     law = None if name == "nothing" else hidden_law(name, INTER_PANEL, peak, FREQUENCIES, generator)
-    campaign = virtual_campaign(INTER_PANEL, hidden=law, noise=0.01, random_state=generator, duration=8.0)
+    campaign = virtual_campaign(INTER_PANEL, hidden=law, noise=0.01, rng=generator, duration=8.0)
     return campaign, name
 
 

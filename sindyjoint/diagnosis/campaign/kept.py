@@ -11,8 +11,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.laws import Law
-from sindyjoint.response.compared import compare_run, compared_states
-from sindyjoint.response.nuisances import corrected
+from sindyjoint.response.compared import compare_run, compared_states, corrected
 from sindyjoint.response.run import SimulatedRun
 from sindyjoint.states import ForceStates
 

@@ -21,9 +21,9 @@ from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.discovery.delay import find_delay, shifted
+from sindyjoint.equation.candidates import rate_free
 from sindyjoint.equation.catalogue import default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
-from sindyjoint.equation.without_rate import rate_free
 from sindyjoint.errors import InputError
 from sindyjoint.states import regression_rows
 

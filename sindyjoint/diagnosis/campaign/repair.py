@@ -16,7 +16,7 @@ from sindyjoint.diagnosis.verdict import ZERO_ERRORS
 from sindyjoint.equation.formula import VARIABLES, compile_terms, made_by_shift
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, rising_zero
-from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.response.laws import with_coefficients
 
 FRICTION = "friction"  # the family
 MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out

@@ -25,9 +25,9 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.equation.candidates import is_rate_free, rate_free
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.model import Fitted, JointModel
-from sindyjoint.equation.without_rate import is_rate_free, rate_free
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
-from sindyjoint.equation.dependences import dependences
+from sindyjoint.equation.candidates import dependences
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.element import Column, ElementState, JointElement, Value
 from sindyjoint.equation.formula import formula_text
@@ -17,8 +17,7 @@ from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.inputs import Input, reference_values
 from sindyjoint.numeric import Array
-from sindyjoint.response.element_law import Instant, Part, sum_law
-from sindyjoint.response.law_in_run import LawInRun, law_in_run, with_added
+from sindyjoint.response.laws import Instant, LawInRun, Part, law_in_run, sum_law, with_added
 from sindyjoint.states import ForceStates
 
 if TYPE_CHECKING:

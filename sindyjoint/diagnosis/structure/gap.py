@@ -15,7 +15,7 @@ from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.numeric import Array, main_frequency, rms
-from sindyjoint.response.oscillation import hilbert_envelope
+from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 
 
@@ -248,18 +248,35 @@ def locate_segments(problem: RecordsProblem) -> tuple[Place, ...]:
             cells.append(np.maximum(np.sum(own.reshape(len(sensors), -1) ** 2 - 1, axis=1), 0.0))
             runs.append(record.name)
             times.append(f"{record.name} from {first / record.rate:.3g} s to {stop / record.rate:.3g} s")
-    excess = np.array(cells)
-    if not excess.any():
-        return ()
-    regions = Regions(excess.ravel(), "segments", problem.policy)
     axes = (
         ("run", "in run", 0, runs),
         ("time", "in", 0, times),
         ("sensor", "at sensor", 1, [s.name for s in sensors]),
     )
+    return cells_of_gap(np.array(cells), "segments", axes, problem.policy)
+
+
+def cells_of_gap(
+    excess: Array, kind: str, axes: Sequence[tuple[str, str, int, Sequence[str]]], policy: DiagnosisPolicy
+) -> tuple[Place, ...]:
+    """Return along which labels what cells have beyond the noise lies.
+
+    Parameters
+    ----------
+    excess : ndarray
+        Of every cell.
+    kind : str
+        What the cells are.
+    axes : sequence of (name, words, axis, labels)
+        Labels along an axis of the cells; several may be alike.
+    policy : DiagnosisPolicy
+    """
+    if not excess.any():
+        return ()
+    regions = Regions(excess.ravel(), kind, policy)
     for name, words, axis, labels in axes:
         for label in dict.fromkeys(labels):
             mask = np.zeros(excess.shape, dtype=bool)
             mask[(slice(None),) * axis + (np.array(labels) == label,)] = True
             regions.add(name, label, f"{words} {label}", mask.ravel())
-    return most_informative(regions.found, problem.policy, one_per_axis=True)
+    return most_informative(regions.found, policy, one_per_axis=True)

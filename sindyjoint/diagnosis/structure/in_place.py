@@ -16,11 +16,17 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change, structure_changes
 from sindyjoint.diagnosis.effects.joint import joint_changes
 from sindyjoint.diagnosis.effects.setup import Scales
-from sindyjoint.diagnosis.parts import Place, Regions, most_informative
+from sindyjoint.diagnosis.parts import Place
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
-from sindyjoint.diagnosis.structure.gap import UNITS, locate_segments, measured_power, segment_gaps
+from sindyjoint.diagnosis.structure.gap import (
+    UNITS,
+    cells_of_gap,
+    locate_segments,
+    measured_power,
+    segment_gaps,
+)
 from sindyjoint.diagnosis.structure.kinds import with_slopes
 from sindyjoint.diagnosis.structure.output_error import FittedChange, fit
 from sindyjoint.diagnosis.structure.problem import StructureProblem
@@ -184,19 +190,12 @@ class RunsDiagnosis(StructureProblem):
             if found is not None:
                 names.append(run.name)
                 square.append(np.maximum(np.abs((found[1] - run.measured) / run.sigma) ** 2 - 2, 0.0))
-        if not square or not any(each.any() for each in square):
+        if not square:
             return ()
         count = min(each.shape[1] for each in square)
-        excess = np.array([each[:, :count] for each in square])
-        regions = Regions(excess.ravel(), "harmonics", self.policy)
-        axes = (("run", "in run", names), ("sensor", "at sensor", [s.name for s in self.pulse.test.sensors]),
-                ("harmonic", "at harmonic", [str(order) for order in range(1, count + 1)]))  # fmt: skip
-        for axis, (name, words, labels) in enumerate(axes):
-            for number, label in enumerate(labels):
-                mask = np.zeros(excess.shape, dtype=bool)
-                mask[(slice(None),) * axis + (number,)] = True
-                regions.add(name, label, f"{words} {label}", mask.ravel())
-        return most_informative(regions.found, self.policy, one_per_axis=True)
+        axes = (("run", "in run", 0, names), ("sensor", "at sensor", 1, [s.name for s in self.pulse.test.sensors]),
+                ("harmonic", "at harmonic", 2, [str(order) for order in range(1, count + 1)]))  # fmt: skip
+        return cells_of_gap(np.array([each[:, :count] for each in square]), "harmonics", axes, self.policy)
 
     def separating_runs(
         self, step: Step, ranking: Ranking[FittedChange], search: Portion, say: Say

@@ -17,7 +17,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array, root_of
-from sindyjoint.response.model_law import model_law
+from sindyjoint.response.laws import model_law
 
 # No positive number of an element falls below this share of it.
 LEAST = 0.02

@@ -18,12 +18,8 @@ from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.evidence.score import Evidence, Score
 from sindyjoint.numeric import Array
 
-# Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
-STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4
 # Parts of the rows, at least, that are predicted one from the others.
 GROUPS = 8
-# Modes are added to the search only as far as records can show them.
-MODES = 6
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,7 +37,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.evidence.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import RNG, Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class StructureProblem(Problem):
         model: JointModel | None,
         effects: Sequence[Effect],
         hold_out: Sequence[Rig | str | Path],
-        random_state: int | np.random.Generator | None,
+        random_state: RNG,
         policy: DiagnosisPolicy,
         say: Say,
     ) -> StructureProblem:
@@ -124,7 +124,7 @@ class StructureProblem(Problem):
         rows = self.pulse.rows()
         # Variance of a mean square in units of noise, times the samples: 2 of its own, the rest of the noise's.
         variance = 2 + 2 / self.policy.late_share
-        sure = self.policy.explained_sure * float(np.sqrt(variance / rows))
+        sure = self.policy.significant_fall * float(np.sqrt(variance / rows))
         return self.best.cost / rows < 1 + sure
 
     @cached_property

@@ -27,10 +27,9 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.recovery import Recovery, Update, held_spectra, update_structure, with_numbers
 from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
 from sindyjoint.substructure.simulated.steady import Condensed, Steady
-from sindyjoint.substructure.update import Update, held_spectra, update_structure, with_numbers
 
 Complex = NDArray[np.complex128]
 

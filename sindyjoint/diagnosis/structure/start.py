@@ -14,23 +14,22 @@ from sindyjoint.diagnosis.effects.joint import joint_changes
 from sindyjoint.diagnosis.effects.setup import PLACES, Scales
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind
-from sindyjoint.diagnosis.structure.noise import RecordNoise, record_noise
 from sindyjoint.diagnosis.structure.output_error import Fit, fit
-from sindyjoint.diagnosis.structure.pulses import PulseProblem
+from sindyjoint.diagnosis.structure.pulses import PulseProblem, RecordNoise, record_noise
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, ModelTerm
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.laws import PaperLaw
-from sindyjoint.mechanics.pulse_test import hinges, presliding_law, with_laws, with_loss_factor
 from sindyjoint.mechanics.rig_file import shipped_rigs
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import LumpedMass
+from sindyjoint.mechanics.virtual_rig import hinges, presliding_law, with_laws, with_loss_factor
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Joint
-from sindyjoint.response.model_law import draw_models, model_law
-from sindyjoint.response.oscillation import main_frequency
+from sindyjoint.response.laws import draw_models, model_law
+from sindyjoint.response.oscillations import main_frequency
 from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.response.verify_rig import (
     MODEL_PLACEHOLDER,

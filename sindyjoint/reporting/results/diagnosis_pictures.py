@@ -34,7 +34,7 @@ from sindyjoint.reporting.figure import (
 )
 from sindyjoint.reporting.results.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
-from sindyjoint.response.oscillation import hilbert_envelope, main_frequency
+from sindyjoint.response.oscillations import hilbert_envelope, main_frequency
 from sindyjoint.text import percent, quantities, spelled
 
 MOST_RIVALS = 4

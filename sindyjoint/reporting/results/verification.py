@@ -39,7 +39,7 @@ from sindyjoint.reporting.tables import (
     tabulate,
 )
 from sindyjoint.reporting.view import View
-from sindyjoint.response.oscillation import hilbert_envelope
+from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.response.verification import Band, RunVerification, Verification
 from sindyjoint.text import in_words_of_origin, percent, quantities, rounded, spelled
 from sindyjoint.trust import Trust

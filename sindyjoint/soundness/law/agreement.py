@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.recovery import Recovery, solved
+from sindyjoint.substructure.recovery import Recovery, solved, with_numbers
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.transfer import jump_columns, open_joints
-from sindyjoint.substructure.update import with_numbers
 
 Complex = NDArray[np.complex128]
 

@@ -22,9 +22,8 @@ from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
 from sindyjoint.numeric import Array, rms
-from sindyjoint.response.model_law import model_law
-from sindyjoint.response.models_by_kind import place_by_kind
-from sindyjoint.response.oscillation import compare_oscillations, oscillation
+from sindyjoint.response.laws import model_law
+from sindyjoint.response.oscillations import compare_oscillations, oscillation
 from sindyjoint.response.verification import (
     Band,
     RunVerification,
@@ -34,6 +33,7 @@ from sindyjoint.response.verification import (
     judged,
     seen_words,
 )
+from sindyjoint.response.verify_rig import place_by_kind
 from sindyjoint.states.campaigns import signals_hash
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
@@ -182,7 +182,7 @@ def verify_runs(
     Parameters
     ----------
     models : sequence of JointModel
-        For the joints of their kinds; see :func:`~sindyjoint.response.models_by_kind.place_by_kind`.
+        For the joints of their kinds; see :func:`~sindyjoint.response.verify_rig.place_by_kind`.
     test : RigTest
     settings : Settings
     say : callable

@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.record import Campaign
-from sindyjoint.response.refine import refine
+from sindyjoint.response.refinement import refine
 from sindyjoint.states import ForceStates
 
 FEWEST_SAMPLES = 50

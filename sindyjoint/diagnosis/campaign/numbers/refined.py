@@ -19,9 +19,8 @@ from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
-from sindyjoint.response.compared import simulated_gap
-from sindyjoint.response.nuisances import corrected
-from sindyjoint.response.refine import refine
+from sindyjoint.response.compared import corrected, simulated_gap
+from sindyjoint.response.refinement import refine
 from sindyjoint.states import campaign_states, one_after_another
 
 if TYPE_CHECKING:

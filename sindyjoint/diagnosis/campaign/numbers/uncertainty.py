@@ -18,7 +18,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
-from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.response.laws import with_coefficients
 from sindyjoint.response.run import SimulatedRun, pooled_nrmse
 
 DRAWS = 3  # of numbers and noise, by which the response is simulated again

@@ -24,7 +24,7 @@ from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.numeric import Array
-from sindyjoint.response.model_law import with_coefficients
+from sindyjoint.response.laws import with_coefficients
 
 # Step of the differences by a nonlinear parameter, relative to it.
 STEP = 1e-3

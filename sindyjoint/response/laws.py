@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sindyjoint.equation.element import Form, JointElement
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
+from sindyjoint.equation.test_record import TEST_SIGNALS
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import FormulaLaw, Law, PaperLaw, SumLaw
+from sindyjoint.mechanics.laws import FormulaLaw, Law, LawWithNumbers, PaperLaw, SumLaw, as_compiled
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, root_of
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
-from sindyjoint.response.element_law import parts_of, sum_law
+from sindyjoint.record import Campaign
+from sindyjoint.response.policy import POLICY
+from sindyjoint.states import ForceStates
+from sindyjoint.states.campaigns import with_lags
 from sindyjoint.text import in_words_of
 
 # The softening limit of a general law is searched up to this multiple of the largest angle tested.
@@ -194,3 +200,189 @@ def _find_softening_limit(law: Law, tested: float) -> tuple[float, float]:
         # Without a stiffness at zero nothing can soften.
         limits.append(side * float(angle[falls[0]]) if falls.size and falls[0] > 0 else side * np.inf)
     return limits[0], limits[1]
+
+
+CLOCK = "clock"  # the state that gives a law the time
+
+
+@dataclass(frozen=True)
+class Instant:
+    """When a law is asked: ``time`` s into a run that ``began`` s after the first; whether time ``runs`` on."""
+
+    time: float = 0.0
+    began: float = 0.0
+    runs: bool = False
+
+    @classmethod
+    def of(cls, states: ForceStates) -> Instant:
+        """Return when a run's states are: what repeats is as it is in its middle, elsewhere time runs on.
+
+        It runs from the first sample along which internal states are brought, that of the lead where there is one.
+        """
+        if states.method == "periodic":
+            return cls(float(np.mean(states.time)), states.began)
+        early = 0 if states.lead is None else states.lead[0].size
+        return cls(float(states.time[0]) - early / states.sample_rate, states.began, True)
+
+
+class Part(NamedTuple):
+    """A form with its numbers: nonlinear parameters, and coefficients of the columns; SI."""
+
+    form: Form
+    values: Array
+    coefficients: Array
+
+
+def parts_of(elements: Sequence[JointElement]) -> list[Part]:
+    """Return elements as parts of a law."""
+    return [Part(each.form, each.values, each.coefficients) for each in elements]
+
+
+def sum_law(
+    parts: Sequence[Part], frequency: float = 0.0, instant: Instant | None = None
+) -> FormulaLaw | None:
+    """Return the sum of the moments of some parts as a law; None where nothing adds one.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    frequency : float
+        Of the excitation, Hz.
+    instant : Instant, optional
+        Time that runs is a state with the rate one.
+    """
+    if not parts:
+        return None
+    from sympy import Float, Symbol
+
+    instant = instant or Instant()
+    now = {"frequency": frequency, "time": instant.time, "elapsed": instant.time + instant.began}
+    expression: Any = Float(0)
+    rates: dict[str, Any] = {}
+    values: dict[str, float] = {}
+    for index, (form, inner, coefficients) in enumerate(parts):
+        names = {n: f"p{index}_{n}" for n in form.names}
+        values |= {names[n]: float(v) for n, v in zip(form.names, inner, strict=True)}
+        given: dict[str, Any] = {}
+        used = {symbol.name for symbol in form.symbols}
+        for signal in [signal for signal in TEST_SIGNALS if signal in used]:
+            # It is a parameter: another frequency, or segment of a run, needs no compilation of its own.
+            values[f"at_{signal}"] = now[signal]
+            given[signal] = Symbol(f"at_{signal}", real=True)
+            if instant.runs and signal != "frequency":
+                given[signal] += Symbol(CLOCK, real=True)
+                rates[CLOCK] = Float(1)
+        columns, own = form.written(names | {s.name: f"state{index}_{s.name}" for s in form.states}, given)
+        for place, (column, value) in enumerate(zip(columns, coefficients, strict=True)):
+            values[f"c{index}_{place}"] = float(value)
+            expression += Symbol(f"c{index}_{place}", real=True) * column
+        rates |= own
+    return FormulaLaw(expression, values, rates)
+
+
+@dataclass(frozen=True, eq=False)
+class LawInRun(LawWithNumbers):
+    """A law whose inputs move within a run: held at their means, and what they add along the measured motion.
+
+    Parameters
+    ----------
+    added : ndarray, shape (n,)
+        Moment at the samples of the run's states, N·m (N).
+    moves : tuple of str
+        Inputs that move the law.
+    """
+
+    added: Array
+    moves: tuple[str, ...]
+
+    @classmethod
+    def of(cls, held: Law, added: Array, moves: tuple[str, ...]) -> LawInRun:
+        """Return a law that is held at the means of its inputs, with what these add."""
+        return cls(held, as_compiled(held).parameters, held.inertia, added, moves)
+
+
+def with_added(law: Law | LawInRun, added: Law | None) -> Law | LawInRun:
+    """Return a law with another one added, if there is one."""
+    if added is None:
+        return law
+    if isinstance(law, LawInRun):
+        return LawInRun.of(SumLaw(law.law, added), law.added, law.moves)
+    return SumLaw(law, added)
+
+
+def as_followed(campaign: Campaign, model: JointModel) -> Campaign:
+    """Return a campaign whose inputs are as a model takes them: its references, and the lags of its joint.
+
+    Raises
+    ------
+    InputError
+        If the campaign has no input that the law depends on, or has it in a unit of another kind.
+    """
+    declared = {each.name: each for each in campaign.inputs}
+    for each in model.used_inputs:
+        other = declared.get(each.name)
+        if other is None:
+            raise InputError(
+                f"the model depends on the input {each.name!r}, which the campaign does not have (it has "
+                f"{', '.join(declared) or 'none'}); declare it in [inputs], or use the model at a value of it"
+            )
+        if other.unit != each.unit:
+            raise InputError(
+                f"the input {each.name!r} is in {other.shown_unit} in the campaign and in {each.shown_unit} in the "
+                "model; state in [inputs] of the campaign a unit of the model's kind"
+            )
+    # One reference for the coefficients that the model has and for those that are added.
+    of_model = {each.name: each.reference for each in model.inputs if each.name in declared}
+    inputs = tuple(
+        replace(each, reference=of_model.get(each.name, each.reference)) for each in campaign.inputs
+    )
+    return with_lags(replace(campaign, inputs=inputs), {each.name: each.lag for each in model.inputs})
+
+
+def law_in_run(model: JointModel, states: ForceStates) -> Law | LawInRun:
+    """Return the law of a model in a run.
+
+    An input that makes the moment differ from that at its mean by less than a hundredth is held there.
+
+    Raises
+    ------
+    InputError
+        If the run has no value of an input on which the model depends.
+    """
+    used = [each.name for each in model.used_inputs]
+    if not used:
+        return model_law(model)
+    lacking = [name for name in used if name not in states.inputs]
+    if lacking:
+        raise InputError(
+            f"run {states.run!r} has no value of {lacking[0]!r}, on which the model depends; declare it in [inputs]"
+        )
+    held = model.at(**{name: float(np.mean(states.inputs[name])) for name in used})
+    law = model_law(held)
+    moves = tuple(name for name in used if np.ptp(states.inputs[name]) > 0)
+    if not moves:
+        return law
+    # At standstill friction keeps the side of the motion before.
+    rate = np.where(states.rate == 0, 1e-300, states.rate)
+    along = model.without_elements().moment(states.angle, rate, inputs=states.inputs)
+    added = along - held.without_elements().moment(states.angle, rate)
+    return LawInRun.of(law, added, moves) if np.std(added) > POLICY.input_moves * np.std(along) else law
+
+
+def held_laws(model: JointModel, states: Sequence[ForceStates]) -> list[Law]:
+    """Return the law of a model in each run, for simulations of which no measured motion is at hand.
+
+    Raises
+    ------
+    InputError
+        If an input moves the law within a run.
+    """
+    if not any(term.inputs for term in model.terms):
+        return [model_law(model)] * len(states)
+    laws = [law_in_run(model, each) for each in states]
+    for law, each in zip(laws, states, strict=True):
+        if isinstance(law, LawInRun):
+            raise InputError(
+                f"{', '.join(law.moves)} moves the law within run {each.run!r}: it is not simulated"
+            )
+    return laws

@@ -96,7 +96,7 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     smooth = savgol_filter(values, width, 3)
     # A cubic over w points keeps 9/(4w) of the noise's variance (its value in the middle).
     least = max(
-        POLICY.half_cycle_significance * white_noise(values) * np.sqrt(2.25 / width),
+        POLICY.significance * white_noise(values) * np.sqrt(2.25 / width),
         POLICY.least_half_cycle * float(np.ptp(smooth)),
     )
     maxima, _ = find_peaks(smooth, prominence=least)

@@ -13,11 +13,9 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.compared import predicts_worse
-from sindyjoint.response.nuisances import law_of_test
+from sindyjoint.response.compared import law_of_test, predicts_worse
 from sindyjoint.response.output_error import OutputError, without_negative_friction
-from sindyjoint.response.output_error_parts import NUISANCE, Nuisance, Parameter
-from sindyjoint.response.output_error_runs import term_columns
+from sindyjoint.response.output_error_runs import NUISANCE, Nuisance, Parameter, range_of, term_columns
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
@@ -298,9 +296,8 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
         order = np.argsort(-np.abs(direction))
         named = [parameters[i].name for i in order if abs(direction[i]) >= POLICY.named_share]
         single = len(named) == 1
-        if size <= (POLICY.undetermined if single else POLICY.undetermined_together) or not (
-            single or entangled[order[1]]
-        ):
+        seen = POLICY.undetermined / (1 if single else POLICY.entangled)
+        if size <= seen or not (single or entangled[order[1]]):
             continue
         if single:
             sentences.append(
@@ -335,8 +332,8 @@ def spread_starts(model: JointModel, states: Sequence[ForceStates]) -> list[Join
 def _spread(element: JointElement, index: int, signs: dict[tuple[int, str], int]) -> JointElement:
     numbers = [(number.value, number.standard_error) for number in element.numbers]
     for place, number in enumerate(element.parameters, len(element.columns)):
-        factor = POLICY.shape_spread if number.unit in ("", "1") else POLICY.start_spread
-        numbers[place] = number.value * factor ** signs[index, number.name], number.standard_error
+        factor = range_of(element, number) ** (signs[index, number.name] / 3)
+        numbers[place] = number.value * factor, number.standard_error
     return element.with_numbers(numbers)
 
 
