@@ -14,7 +14,7 @@ from sindyjoint.cli.quantities import curves, plan
 from sindyjoint.cli.simulate import simulate
 from sindyjoint.cli.verbs import batch, changed, check, compare, reproductions, rig, verify
 
-app = typer.Typer(
+application = typer.Typer(
     name="sindyjoint",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -31,7 +31,7 @@ def _version(requested: bool) -> None:
         raise typer.Exit()
 
 
-@app.callback()
+@application.callback()
 def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
@@ -65,12 +65,12 @@ COMMANDS = (
 )  # fmt: skip
 NEED_ARGUMENTS = {init, batch, simulate, verify, rig, curves, changed, export, plot}
 for each in COMMANDS:
-    app.command(each.__name__, no_args_is_help=each in NEED_ARGUMENTS)(each)
-app.add_typer(reproductions, name="reproduce")
-app.add_typer(libraries, name="libraries")
+    application.command(each.__name__, no_args_is_help=each in NEED_ARGUMENTS)(each)
+application.add_typer(reproductions, name="reproduce")
+application.add_typer(libraries, name="libraries")
 
 
 @cache
 def command() -> Any:
     """Return the application as the parser of options makes use of it, made once in a process."""
-    return typer.main.get_command(app)
+    return typer.main.get_command(application)

@@ -39,7 +39,7 @@ __getattr__ = fetched(
         "documents": "batch_samples",
         "elements": "BoucWen Gap LuGre Maxwell Slider kind_of",
         "fidelity": "ALL_TERMS Cycles Represented fidelity_table",
-        "nastran": "field",
+        "nastran": "field read_field",
         "parts": "Parts softening_limits",
     },
 )

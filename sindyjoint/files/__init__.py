@@ -17,7 +17,7 @@ __all__ = ["load_campaign", "manifest_schema", "write_campaign"]
 __getattr__ = fetched(
     __name__,
     {
-        "atomic": "OLD check_output hold_folder output_folder prepare_output settle whole_folder "
+        "atomic": "OLD check_output hold_folder name_temporary output_folder prepare_output settle whole_folder "
         "write_bytes write_text",
         "campaign": "load_campaign load_segment",
         "drafting.draft": "draft_manifest",

@@ -25,7 +25,8 @@ __getattr__ = fetched(
         "results.diagnosis": "advice_words",
         "results.discovery_data": "GroupFit Loop PathStep ReportData model_sheets",
         "results.verification": "KEPT_SAMPLES thinned",
-        "style": "DOUBLE_COLUMN SINGLE_COLUMN figure_bytes prefixed pretty_unit shortened",
+        "results.discovery": "DISCOVERY",
+        "style": "drawing_style DOUBLE_COLUMN SINGLE_COLUMN figure_bytes prefixed pretty_unit shortened",
         "tables": "DASH TextTable csv_text findings_table fitting_blocks terminal_table",
     },
 )

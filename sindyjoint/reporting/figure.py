@@ -15,12 +15,12 @@ from sindyjoint.reporting.style import (
     DASHES,
     INK,
     PALETTE,
+    drawing_style,
     legend_above,
     plain,
     prefixed,
     pretty_unit,
     shortened,
-    style,
 )
 from sindyjoint.text import power_of_ten, quantities, superscript
 
@@ -110,7 +110,7 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
     rows = math.ceil(len(panels) / columns)
     cell = width / columns if len(panels) > 1 or chosen.wide else min(width, 4.6)
     height = chosen.height(data) if chosen.height else max(2.0, min(0.78 * cell, 2.7))
-    with style():
+    with drawing_style():
         from matplotlib.figure import Figure
         from matplotlib.layout_engine import ConstrainedLayoutEngine
 

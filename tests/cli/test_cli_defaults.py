@@ -6,8 +6,7 @@ import inspect
 import pytest
 import typer
 
-from sindyjoint.cli.app import app
-from sindyjoint.cli.options import default_of, given
+from sindyjoint.cli import application, default_of, given
 
 REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
@@ -122,7 +121,7 @@ OWN = {
 
 
 def options():
-    commands = typer.main.get_command(app).commands
+    commands = typer.main.get_command(application).commands
     for name, command in commands.items():
         if name in ("libraries", "schema", "export"):
             continue

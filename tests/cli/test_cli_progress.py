@@ -4,8 +4,7 @@ import sys
 
 import pytest
 
-from sindyjoint.cli import progress
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli import Progress, progress
 
 
 class Spinner:

@@ -209,10 +209,10 @@ def test_the_keys_page_has_every_key():
 
 
 def test_every_command_has_a_line():
-    from sindyjoint.cli.app import app
+    from sindyjoint.cli import application
 
-    names = {command.name for command in app.registered_commands} | {
-        group.name for group in app.registered_groups
+    names = {command.name for command in application.registered_commands} | {
+        group.name for group in application.registered_groups
     }
     text = (DOCS / "guide" / "commands.md").read_text(encoding="utf-8")
     assert names - set(re.findall(r"^- `sindyjoint (\w+)", text, re.M)) == set()

@@ -162,9 +162,8 @@ def test_every_target_of_the_list_has_a_module():
     "value", [0.0, -2.684e9, 6066.0, 1 / 3, -1 / 3e5, 1.2345678901234567e-100, -9.99999999999999e15]
 )
 def test_nastran_numbers_keep_nine_digits_in_sixteen_characters(value):
-    from sindyjoint.export import field
-    from sindyjoint.export.nastran import _read
+    from sindyjoint.export import field, read_field
 
     text = field(value)
     assert len(text) <= 16 and "." in text
-    assert _read(text) == pytest.approx(value, rel=1e-8)
+    assert read_field(text) == pytest.approx(value, rel=1e-8)

@@ -24,7 +24,7 @@ from sindyjoint.reporting import (
     terminal_table,
     terms_csv,
 )
-from sindyjoint.reporting.results.discovery import DISCOVERY as VIEW
+from sindyjoint.reporting import DISCOVERY as VIEW
 from sindyjoint.soundness import Finding
 
 
