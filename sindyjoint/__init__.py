@@ -15,12 +15,10 @@ if TYPE_CHECKING:
     from sindyjoint.files import load_campaign
     from sindyjoint.files.drafting.init import init
     from sindyjoint.record import Campaign, Joint, Run
-    from sindyjoint.workflows.changed import changed
-    from sindyjoint.workflows.check import check
-    from sindyjoint.workflows.compare import compare
+    from sindyjoint.workflows.compare import changed, compare
     from sindyjoint.workflows.curves import curves
     from sindyjoint.workflows.diagnose import diagnose, diagnose_rig, diagnose_structure
-    from sindyjoint.workflows.discover import discover, discover_rig
+    from sindyjoint.workflows.discover import check, discover, discover_rig
     from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
     from sindyjoint.workflows.verify import verify
@@ -60,8 +58,8 @@ _HOMES = {
     "JointRegressor": "discovery.estimator",
     "TermLibrary": "discovery.library",
     "UniqueShareSTLSQ": "discovery.optimizer",
-    "changed": "workflows.changed",
-    "check": "workflows.check",
+    "changed": "workflows.compare",
+    "check": "workflows.discover",
     "compare": "workflows.compare",
     "curves": "workflows.curves",
     "diagnose": "workflows.diagnose",

@@ -71,7 +71,7 @@ def answer(
 
 
 def call(function: str, *arguments: Any, **options: Any) -> Callable[[], Any]:
-    """Return a call of a function of the package, such as ``"workflows.check:check"``, imported when it is made."""
+    """Return a call of a function of the package, such as ``"workflows.discover:check"``, imported when it is made."""
 
     def made() -> Any:
         module, _, name = function.partition(":")

@@ -9,6 +9,7 @@ __getattr__ = fetched(
         "joints.population": "holm median_spread population random_effects",
         "joints.record": "CampaignRecord FACTORS_FILE find_tasks last_result read_record",
         "joints.summary": "summarised",
-        "rig": "rig_motion",
+        "simulate": "rig_motion",
+        "verify": "refine",
     },
 )

@@ -1,4 +1,4 @@
-"""A campaign goes in, a joint model comes out, with a verdict on the paper's five terms; of a structure, its joints."""
+"""A campaign goes in, checked; a joint model comes out, with a verdict on the paper's terms; of a rig, its joints."""
 
 from __future__ import annotations
 
@@ -38,11 +38,20 @@ from sindyjoint.judgement.verdict import (
     undecided_without_time,
     unresolved_delay,
 )
+from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.numeric import RNG
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
+from sindyjoint.soundness.check import (
+    Check,
+    RigCheck,
+    check_accepted,
+    check_campaign,
+    check_rig_test,
+    require_sound,
+)
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
@@ -372,3 +381,50 @@ def laws_of_rig(
             described(found), recoveries, models, starts=3 if refine else 1, random_state=state, progress=say
         ),
     )
+
+
+@checks_options()
+@single_threaded()
+def check(
+    campaign: Campaign | RigTest | str | Path | Any = None,
+    accept: Sequence[str] = (),
+    *,
+    rng: RNG = None,
+    progress: Callable[[str], None] | None = None,
+) -> Check | RigCheck:
+    """Check whether the data of a campaign, or of a structure's test, are sound.
+
+    Parameters
+    ----------
+    campaign : Campaign, RigTest, path of a campaign.toml or of a rig.toml or of the folder with it, or None
+        ``None``: the built-in virtual test of the inter-panel joint, which is simulated. Of runs that are too long for
+        memory the first segment is checked.
+    accept : sequence of str
+        Ids of findings that shall not stop the work.
+    rng : int, Generator or None
+        Of the virtual test.
+    progress : callable, optional
+        Called with the name of each stage.
+
+    Returns
+    -------
+    Check or RigCheck
+        With ``soundness`` (verdict and findings) and ``usable``, the campaign without the samples that are left out (of
+        a structure, with these filled in).
+
+    Raises
+    ------
+    InputError
+        For data that cannot be read.
+    UnknownNameError
+        For an id that no finding has.
+    """
+    say = progress or (lambda stage: None)
+    check_accepted(accept)
+    if isinstance(campaign, RigTest) or (isinstance(campaign, str | Path) and is_rig_test(campaign)):
+        test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
+        say("checking the data")
+        return check_rig_test(test, accept)
+    opened = the_campaign(campaign, rng, LONGEST)
+    say("checking the data")
+    return check_campaign(opened, accept)

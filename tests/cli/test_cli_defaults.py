@@ -21,7 +21,7 @@ def of(function, *names):
 
 
 # Command: option → function and parameter that it becomes.
-CHANGED = "workflows.changed:changed"
+CHANGED = "workflows.compare:changed"
 REACHED = {
     "discover": of(DISCOVER, *OF_DISCOVER, "correct", "paper", *SPREAD) | of(REGRESSOR, *OF_REGRESSOR),
     "batch": of(DISCOVER, *OF_DISCOVER) | of(REGRESSOR, *OF_REGRESSOR) | of("workflows.batch:batch", *SPREAD),
@@ -40,7 +40,7 @@ REACHED = {
         "loss_factor",
         "random_state",
     ),
-    "rig": of("workflows.rig:rig_motion", "model"),
+    "rig": of("workflows.simulate:rig_motion", "model"),
     "reproduce": of("workflows.reproduce:reproduce", "random_state"),
     "simulate": {
         **of(TEST, "joint", "noise", "frequencies", "levels"),

@@ -80,7 +80,7 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
         curves.append((None, scatter.mean, {"color": INK, "lw": 0.9}))
     curves += _points(x, result, scatter, known)
     title = spelled(term, result.motion)
-    plot(ax, "", up.unit, curves, title, xlim=(-0.7, values.size - 0.3))
+    plot(ax, "", replace(up, name=up.unit, unit=""), curves, title, xlim=(-0.7, values.size - 0.3))
     for i in (i for i in scatter.outliers if known[i]):
         # Towards the middle, so that it stays on the paper.
         right = i < 0.6 * values.size

@@ -43,8 +43,7 @@ RUNS_PER_FIGURE = 6
 # The figure of all runs, or of so many.
 TOGETHER, RUNS_TOGETHER = "runs", 24
 # Of the least and the largest value of so many segments the picture of a channel is made.
-SEGMENTS, MOST_SEGMENTS = 450, 30_000
-FEWEST_SEGMENTS = 60
+SEGMENTS, MOST_SEGMENTS, FEWEST_SEGMENTS = 450, 30_000, 60
 # A marked sample is drawn at least so wide, as a share of the run; a picture shows no more marks than these.
 LEAST_WIDTH, MOST_MARKS = 0.006, 400
 COLOURS = {"stops": ACCENT, "biases": PALETTE[4], "note": PALETTE[5]}
@@ -230,8 +229,6 @@ HEADLINES = {
     "unsound": "No model is made of these data as they are.",
 }
 CSV_COLUMNS = ("id", "run", "channel", "severity", "masked", "extent", "effect", "remedy")
-# A terminal of 80 columns, less the other columns.
-EXTENT = 34
 
 
 def _check_of(result: Any) -> Checked:
@@ -310,7 +307,8 @@ def _print(result: Any, console: Console) -> None:
     """Print a line for each finding, and what stops a model."""
     check, (table,) = _check_of(result), _tables(result)
     rows = tuple(
-        (severity, id, shortened(where, 26), textwrap.shorten(extent, EXTENT, placeholder="…"))
+        # A terminal of 80 columns, less the other columns.
+        (severity, id, shortened(where, 26), textwrap.shorten(extent, 34, placeholder="…"))
         for id, where, severity, extent, _ in table.rows
     )
     if rows:

@@ -32,7 +32,8 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
-from sindyjoint.reporting.results.verification import KEPT_SAMPLES
+from sindyjoint.reporting.results.discovery_data import MAP_CELLS
+from sindyjoint.reporting.results.verification import CYCLES_SHOWN, KEPT_SAMPLES
 from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
 from sindyjoint.response.oscillations import hilbert_envelope, main_frequency
 from sindyjoint.text import percent, quantities, spelled
@@ -126,7 +127,6 @@ def where(result: Diagnosis, ax: Axes) -> Axes:
     return ax
 
 
-CELLS = 24
 SHOWN = 2  # runs
 
 
@@ -167,7 +167,7 @@ def _edges(runs: Sequence[RunGap], name: str) -> Array:
     if name == "rate":
         # Zero rate is an edge, so that no cell averages over the friction step.
         low, high = -max(-low, high), max(-low, high)
-    return np.linspace(low, high if high > low else low + 1.0, CELLS + 1)
+    return np.linspace(low, high if high > low else low + 1.0, MAP_CELLS + 1)
 
 
 def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
@@ -289,9 +289,6 @@ CAMPAIGN_KINDS = by_name(
         height=rivals_height,
     ),
 )
-
-
-CYCLES_SHOWN = 6
 
 
 def thinned(record: RecordGap) -> RecordGap:

@@ -220,8 +220,6 @@ def correlation(model: JointModel) -> Any:
 
 
 POINTS = 13
-# Points of a cycle of the law.
-CYCLE = 401
 
 
 def drawn_over(data: ReportData) -> list[tuple[OverInput, CoefficientOver]]:
@@ -239,7 +237,7 @@ def _law_at(data: ReportData, over: OverInput, value: float) -> JointModel:
 def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> Axes:
     """Draw one cycle of the law, through the largest tested angle and rate, at the values of its table."""
     fitted, motion = data.model.fitted, data.model.joint.motion
-    phase = np.linspace(0, 2 * np.pi, CYCLE)
+    phase = np.linspace(0, 2 * np.pi, 401)
     angle, rate = fitted.angle * np.sin(phase), fitted.rate * np.cos(phase)
     moments = [_law_at(data, over, value).moment(angle, rate) for value in over.values]
     x, y = angle_scale(motion, fitted.angle), moment_scale(motion, moments)

@@ -34,9 +34,6 @@ from sindyjoint.text import percent
 from sindyjoint.workflows.reproduce import JointReproduction, Reproduction
 
 TRUTHS = {"plain": "truth: only the model's terms", "richer": "truth: friction that first gives way"}
-# What one panel shows of a response.
-COMPARED = 10.0  # s
-LEVELS_SHOWN = slice(0, 7, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +88,7 @@ def one_period(state: ForceStates) -> Array:
 
 def loops(result: ReproductionFigures, ax: Axes, joint: JointFigures) -> Axes:
     """Draw moment over angle at 3 Hz for some of the levels: one period each (Figure 5)."""
-    shown = joint.loops[LEVELS_SHOWN]
+    shown = joint.loops[:7:2]
     curves = [(1e3 * theta, moment, cycled(place, lw=0.9)) for place, (theta, moment) in enumerate(shown)]
     return plot(ax, "Angle $\\theta$ (mrad)", "Moment $M$ (N·m)", curves, f"{joint.name}, 3 Hz")
 
@@ -196,7 +193,7 @@ KINDS = by_name(
         "figure-11",
         "Figure 11",
         "Figure 11: virtual test and identified model, first 10 s.",
-        fixed(*(partial(displacement, truth=truth, until=COMPARED, model=True) for truth in TRUTHS)),
+        fixed(*(partial(displacement, truth=truth, until=10.0, model=True) for truth in TRUTHS)),
     ),
     Kind(
         "amplitude-and-period",
@@ -214,8 +211,6 @@ KINDS = by_name(
 
 
 WIDTH = 118  # characters, for the widest of the tables
-# Powers of ten that k1, k2, k3, c1, M_F are printed in.
-_POWERS = (3, 5, 9, 1, 0)
 _LEGEND = (
     "Identified (paper). Deviation: population standard deviation over the frequencies. Furthest: largest distance "
     "of a row from the paper's, in the paper's deviations. Paper's way: cells averaged with the sticking samples in "
@@ -352,7 +347,8 @@ def _details(result: Reproduction) -> Iterator[str]:
 
 def joint_table(joint: JointReproduction) -> TextTable:
     """Return a table of the paper: identified, and the paper's value in brackets."""
-    powers = [power if power > 1 else 0 for power in _POWERS]
+    # Of ten, that k1, k2, k3, c1, M_F are printed in.
+    powers = [3, 5, 9, 0, 0]
     units = [
         f"{f'1e{power} ' if power else ''}{pretty_unit(u)}" for u, power in zip(UNITS, powers, strict=True)
     ]

@@ -14,13 +14,12 @@ from rich.markup import escape
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, section
+from sindyjoint.reporting.results.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import MUTED, PALETTE, amount, plain, shortened
 from sindyjoint.reporting.tables import Console, TextTable, csv_columns, tabulate
 from sindyjoint.reporting.view import View, print_tables
 from sindyjoint.trust import Light, Trust
-from sindyjoint.workflows.rig import RigMotion
-
-DRAWN_SAMPLES = 4000  # of a curve in a picture
+from sindyjoint.workflows.simulate import RigMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +54,7 @@ class RigFigures:
 def gather(result: RigMotion) -> RigFigures:
     """Return no more samples than a picture shows."""
     response = result.response
-    step = -(-response.time.size // DRAWN_SAMPLES)
+    step = -(-response.time.size // KEPT_SAMPLES)
     displacement = {name: values[::step] for name, values in response.displacement.items()}
     angle, locked = response.angle[:, ::step], response.stuck.mean(axis=1)
     return RigFigures(

@@ -43,7 +43,7 @@ from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.response.verification import Band, RunVerification, Verification
 from sindyjoint.text import in_words_of_origin, percent, quantities, rounded, spelled
 from sindyjoint.trust import Trust
-from sindyjoint.workflows.refine import RefinedModel
+from sindyjoint.workflows.verify import RefinedModel
 
 CYCLES_SHOWN = 6
 UNITS = {
