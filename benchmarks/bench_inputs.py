@@ -40,7 +40,7 @@ def draw(seed: int) -> dict:
 
 def campaign_of(plan: dict, seed: int):
     """Return the campaign of a plan, and the true values at the middle of the range and their slopes."""
-    from sindyjoint.inputs import Input, with_range
+    from sindyjoint.inputs import Input
     from sindyjoint.mechanics.laws import INTER_PANEL
     from sindyjoint.mechanics.virtual import virtual_campaign
 
@@ -58,8 +58,7 @@ def campaign_of(plan: dict, seed: int):
             angle_limit=limit, random_state=rng,
         )  # fmt: skip
         runs += [replace(r, name=f"{r.name} {value:.0f}", inputs={plan["input"]: value}) for r in made.runs]
-    inputs = with_range([Input(plan["input"], unit)], runs, [])
-    return replace(made, runs=tuple(runs), inputs=inputs), middle, slope
+    return replace(made, runs=tuple(runs), inputs=(Input(plan["input"], unit),)), middle, slope
 
 
 def one(seed: int) -> dict:

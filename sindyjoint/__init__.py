@@ -15,10 +15,11 @@ if TYPE_CHECKING:
     from sindyjoint.files import load_campaign
     from sindyjoint.files.drafting.init import init
     from sindyjoint.record import Campaign, Joint, Run
+    from sindyjoint.workflows.check import check
     from sindyjoint.workflows.compare import changed, compare
     from sindyjoint.workflows.curves import curves
     from sindyjoint.workflows.diagnose import diagnose, diagnose_rig, diagnose_structure
-    from sindyjoint.workflows.discover import check, discover, discover_rig
+    from sindyjoint.workflows.discover import discover, discover_rig
     from sindyjoint.workflows.plan import plan
     from sindyjoint.workflows.simulate import simulate
     from sindyjoint.workflows.verify import verify
@@ -59,7 +60,7 @@ _HOMES = {
     "TermLibrary": "discovery.library",
     "UniqueShareSTLSQ": "discovery.optimizer",
     "changed": "workflows.compare",
-    "check": "workflows.discover",
+    "check": "workflows.check",
     "compare": "workflows.compare",
     "curves": "workflows.curves",
     "diagnose": "workflows.diagnose",

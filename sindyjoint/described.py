@@ -24,8 +24,6 @@ from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-import numpy as np
-
 from sindyjoint.hooks import supplied
 
 if TYPE_CHECKING:
@@ -36,7 +34,7 @@ Maybe = Annotated[float, "null where it is not known"]
 
 _TYPES = {str: "string", Path: "string", bool: "boolean", int: "integer", float: "number", NoneType: "null"}
 _UNKNOWN = {"type": ["number", "null"]}
-_ITEMS: dict[Any, dict[str, Any]] = {np.bool_: {"type": "boolean"}, np.float64: _UNKNOWN}
+_ITEMS: dict[str, dict[str, Any]] = {"bool": {"type": "boolean"}, "float64": _UNKNOWN}
 
 
 def same(*names: str) -> dict[str, str]:
@@ -57,7 +55,7 @@ def to_plain(value: Any, full: bool = False) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         # A result within another is written as --json prints it.
         return _record(value, full and not hasattr(value, "SCHEMA"))
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # an array, or a number of NumPy, which is not imported to ask
         return to_plain(value.tolist())
     if isinstance(value, Mapping):
         return {str(key): to_plain(item, full) for key, item in value.items()}
@@ -110,8 +108,9 @@ def _schema_of(hint: Any, definitions: dict[str, Any], more: str = "") -> dict[s
         return {"enum": list(args)}
     if origin in (Union, UnionType):
         return {"anyOf": [_schema_of(each, definitions, more) for each in args]}
-    if origin is np.ndarray:
-        schema, shape = _ITEMS[get_args(args[1])[0]], re.search(r"shape \(([^)]*)\)", more)
+    if getattr(origin, "__name__", "") == "ndarray":
+        schema: dict[str, Any] = _ITEMS[get_args(args[1])[0].__name__.rstrip("_")]
+        shape = re.search(r"shape \(([^)]*)\)", more)
         for _ in filter(str.strip, shape[1].split(",") if shape else "n"):
             schema = {"type": "array", "items": schema}
         return schema

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -163,12 +164,16 @@ def delayed(signal: Array, samples: float) -> Array:
     All samples move by the same: with f the part of a sample, s(i − f) is a weighted sum of four spline coefficients,
     Σ_k β³(f + k) c(i + k), k = −2 … 1.
     """
-    from scipy.ndimage import spline_filter1d
+    from scipy.linalg.lapack import dptsv
 
     whole = int(np.floor(samples))
     part = samples - whole
     margin = EDGE + abs(whole) + 2
-    coefficients = spline_filter1d(np.pad(signal, margin, mode="edge"), order=3)
+    # (c(i − 1) + 4 c(i) + c(i + 1)) / 6 is the signal; at the ends the coefficients go on as in a mirror.
+    held = 6 * np.pad(signal, margin, mode="edge")
+    middle = np.full(held.size, 4.0)
+    held[[0, -1]], middle[[0, -1]] = held[[0, -1]] / 2, 2.0
+    coefficients = dptsv(middle, np.ones(held.size - 1), held)[2]
     weights = [
         (1 - part) ** 3,
         4 - 6 * part**2 + 3 * part**3,
@@ -178,6 +183,18 @@ def delayed(signal: Array, samples: float) -> Array:
     first = margin - whole + 1
     terms = (w / 6 * coefficients[first - k : first - k + signal.size] for k, w in enumerate(weights))
     return np.asarray(sum(terms))
+
+
+def convolve(signal: Array, kernel: Array, mode: Literal["full", "valid"] = "valid") -> Array:
+    """Return a convolution by Fourier transforms: at all samples, or where one lies within the other.
+
+    As ``scipy.signal.fftconvolve``, with which all of SciPy's statistics is imported.
+    """
+    whole = signal.size + kernel.size - 1
+    size = 1 << (whole - 1).bit_length()
+    product = np.fft.irfft(np.fft.rfft(signal, size) * np.fft.rfft(kernel, size), size)[:whole]
+    least, most = sorted((signal.size, kernel.size))
+    return np.asarray(product if mode == "full" else product[least - 1 : most])
 
 
 def root_of(covariance: Array) -> Array:

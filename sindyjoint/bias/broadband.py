@@ -12,7 +12,7 @@ from sindyjoint.measurement.policy import POLICY as NOISE
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate, transfer_moment
-from sindyjoint.numeric import Array, without_line
+from sindyjoint.numeric import Array, convolve, without_line
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
@@ -76,13 +76,10 @@ class BroadbandReplicate:
 
 def _smooth_motion(channels: list[Array], kernels: Motion) -> Motion:
     """Return angle, rate and acceleration of an angle, or of an angle and a rate, where the kernels cover them."""
-    from scipy.signal import fftconvolve
-
     last = channels[-1] - channels[-1].mean() * (len(channels) == 1)
-    angle = fftconvolve(channels[0], kernels[0], mode="valid")
+    angle = convolve(channels[0], kernels[0])
     rate, acceleration = (
-        fftconvolve(last, kernel, mode="valid")
-        for kernel in (kernels[1:] if len(channels) == 1 else kernels[:2])
+        convolve(last, kernel) for kernel in (kernels[1:] if len(channels) == 1 else kernels[:2])
     )
     return angle, rate, acceleration
 
@@ -97,15 +94,13 @@ def make_broadband_replicate(law: Law, run: Run, state: ForceStates) -> Broadban
     SimulationError
         If the law has no finite moment along the measured motion.
     """
-    from scipy.signal import fftconvolve
-
     kernels = smoothing_kernels(state.bandwidth, state.sample_rate)
     half = kernels[0].size // 2
     middle = slice(half, state.n_samples - half)
     measured = run.rate is not None
     # The moment smoothed as the angle was, over the states' span.
     whole = np.pad(state.moment, half, mode="wrap") if state.repeated else run.moment
-    moment = fftconvolve(whole, kernels[0], mode="valid")
+    moment = convolve(whole, kernels[0])
     moved = _simulate_driven(law, state, moment)
     motion = None
     if moved is not None:
@@ -142,8 +137,6 @@ def _simulate_driven(law: Law, state: ForceStates, moment: Array) -> Motion | No
     The drive is M + J·θ̈, J the exciter inertia. It is used up to the frequency at which it falls below its noise,
     which must be well below that of the angle: where the motion was prescribed, the moment has the friction's steps.
     """
-    from scipy.signal import fftconvolve
-
     if not law.inertia > 0:
         return None
     exciter_inertia = estimate_exciter_inertia(state, moment)
@@ -158,7 +151,7 @@ def _simulate_driven(law: Law, state: ForceStates, moment: Array) -> Motion | No
         if room >= drive.size:
             return None
         # The ends are continued: there the replicate moves a little differently from the joint, but by the law.
-        drive = fftconvolve(np.pad(drive, room, mode="reflect", reflect_type="odd"), low, mode="valid")
+        drive = convolve(np.pad(drive, room, mode="reflect", reflect_type="odd"), low)
     try:
         motion = simulate(
             law, sampled(drive, state.sample_rate), drive.size / state.sample_rate, state.sample_rate,
@@ -180,7 +173,7 @@ def estimate_exciter_inertia(state: ForceStates, moment: Array) -> float:
     moment : ndarray, shape (n,)
         Smoothed as the angle was, N·m.
     """
-    from scipy.signal import fftconvolve, welch
+    from scipy.signal import welch
 
     segment = int(min(state.n_samples, max(256, state.n_samples // 4)))
     frequency, density = welch(state.angle, state.sample_rate, window="blackmanharris", nperseg=segment)
@@ -194,8 +187,7 @@ def estimate_exciter_inertia(state: ForceStates, moment: Array) -> float:
         return 0.0
     half = low.size // 2
     x, y = (
-        signal[half : signal.size - half] - fftconvolve(signal, low, mode="valid")
-        for signal in (state.acceleration, moment)
+        signal[half : signal.size - half] - convolve(signal, low) for signal in (state.acceleration, moment)
     )
     both, size = -float(x @ y), float(np.linalg.norm(x) * np.linalg.norm(y))
     return float(y @ y) / both if size > 0 and both > POLICY.inertia_correlation * size else 0.0

@@ -15,7 +15,7 @@ from typing import TextIO
 
 from sindyjoint.hooks import fetched
 
-__getattr__ = fetched(__name__, {"app": "application", "options": "default_of given", "progress": "Progress"})
+__getattr__ = fetched(__name__, {"app": "make_app", "options": "default_of given", "progress": "Progress"})
 
 # Error handler and codec as Python knows them.
 SPELLED = "sindyjoint.spelled"
@@ -156,7 +156,9 @@ def _run(arguments: list[str]) -> int:
     here = PLACES.set(Places(("sindyjoint", *arguments)))
     try:
         with nullcontext() if limited else all_cores():
-            status = command()(args=arguments, prog_name="sindyjoint", standalone_mode=False)
+            status = command(arguments[0] if arguments else "")(
+                args=arguments, prog_name="sindyjoint", standalone_mode=False
+            )
     except typer.Exit as error:
         status = error.exit_code
     except Interrupted as error:

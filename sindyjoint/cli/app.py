@@ -1,26 +1,25 @@
-"""All commands in one application. The file of each command imports what is heavy only when it runs."""
+"""The commands in one application. The file of each is imported when it is asked for, what is heavy when it runs."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 
-from sindyjoint.cli.files import export, init, limits, plot, schema
-from sindyjoint.cli.find import diagnose, discover
-from sindyjoint.cli.libraries import app as libraries
-from sindyjoint.cli.quantities import curves, plan
-from sindyjoint.cli.simulate import simulate
-from sindyjoint.cli.verbs import batch, changed, check, compare, reproductions, rig, verify
-
-application = typer.Typer(
-    name="sindyjoint",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+# Where each command is found, in the order of the help. Its module is imported when it is asked for.
+COMMANDS = {
+    "init": "files", "check": "verbs", "discover": "find", "compare": "verbs", "batch": "verbs", "plan": "quantities",
+    "simulate": "simulate", "verify": "verbs", "rig": "verbs", "curves": "quantities", "diagnose": "find",
+    "changed": "verbs", "export": "files", "plot": "files", "schema": "files", "limits": "files",
+    "reproduce": "verbs", "libraries": "libraries",
+}  # fmt: skip
+# Groups of commands, by the name of the application.
+GROUPS = {"reproduce": "reproductions", "libraries": "app"}
+# Those that can do nothing without an argument show their help.
+NEED_ARGUMENTS = {"init", "batch", "simulate", "verify", "rig", "curves", "changed", "export", "plot"}
 
 
 def _version(requested: bool) -> None:
@@ -31,7 +30,6 @@ def _version(requested: bool) -> None:
         raise typer.Exit()
 
 
-@application.callback()
 def options(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and leave.")
@@ -58,19 +56,26 @@ def options(
         os.environ[VARIABLE] = str(parse_size(largest))
 
 
-# In the order of the help; those that can do nothing without an argument show theirs.
-COMMANDS = (
-    init, check, discover, compare, batch, plan, simulate, verify, rig, curves, diagnose, changed, export, plot,
-    schema, limits,
-)  # fmt: skip
-NEED_ARGUMENTS = {init, batch, simulate, verify, rig, curves, changed, export, plot}
-for each in COMMANDS:
-    application.command(each.__name__, no_args_is_help=each in NEED_ARGUMENTS)(each)
-application.add_typer(reproductions, name="reproduce")
-application.add_typer(libraries, name="libraries")
+def make_app(names: Iterable[str] = COMMANDS) -> typer.Typer:
+    """Return the application with some of its commands, or all; the others are not even imported."""
+    app = typer.Typer(
+        name="sindyjoint",
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    app.callback()(options)
+    for name in names:
+        module = import_module(f"sindyjoint.cli.{COMMANDS[name]}")
+        if name in GROUPS:
+            app.add_typer(getattr(module, GROUPS[name]), name=name)
+        else:
+            app.command(name, no_args_is_help=name in NEED_ARGUMENTS)(getattr(module, name))
+    return app
 
 
 @cache
-def command() -> Any:
-    """Return the application as the parser of options makes use of it, made once in a process."""
-    return typer.main.get_command(application)
+def command(name: str = "") -> Any:
+    """Return the application as the parser of options makes use of it: with the command that is named, if one is."""
+    return typer.main.get_command(make_app([name] if name in COMMANDS else COMMANDS))

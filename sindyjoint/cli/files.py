@@ -96,7 +96,7 @@ def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Checked, Pa
     from sindyjoint.reporting.registry import draw
     from sindyjoint.reporting.results.check import TOGETHER
     from sindyjoint.reporting.style import figure_bytes
-    from sindyjoint.workflows.discover import check
+    from sindyjoint.workflows.check import check
 
     target = manifest.with_name("runs.svg")
     refuse_foreign_file(target, force)

@@ -129,7 +129,7 @@ Nuisance = StrEnum("Nuisance", ["delay", "gain", "offset"])
 States = StrEnum("States", ["auto", "periodic", "broadband"])
 
 
-REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
+REGRESSOR, DISCOVER = "discovery.regression:TermRegression", "workflows.discover:discover"
 METHOD: str = default_of(REGRESSOR, "method")
 SELECTION = Selection(default_of(REGRESSOR, "selection"))
 STATES = States(default_of(DISCOVER, "states"))

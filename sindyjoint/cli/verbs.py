@@ -62,7 +62,7 @@ def check(
 
     Example: sindyjoint check virtual --out soundness
     """
-    find = call("workflows.discover:check", campaign, tuple(accept or ()), progress=progress.say)
+    find = call("workflows.check:check", campaign, tuple(accept or ()), progress=progress.say)
     result = answer(find, out, output, progress, subject=campaign)
     raise typer.Exit(1 if result.stopping else 0)
 

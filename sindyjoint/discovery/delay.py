@@ -8,7 +8,7 @@ before any of these is believed. τ is a parameter of the regression, found by G
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.candidates import linear_dependences
-from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue, term_columns
-from sindyjoint.equation.terms import ResolvedTerm
+from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
-from sindyjoint.numeric import Array, delayed, main_frequency, scaled_least_squares
+from sindyjoint.numeric import Array, convolve, delayed, main_frequency, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
 from sindyjoint.states.campaigns import aligned_run
@@ -107,10 +105,32 @@ def shifted(states: ForceStates, time: float) -> ForceStates:
     )
 
 
-def law_of_channels(inertia: float | None) -> Catalogue:
-    """Return the law that two channels of any joint have in common: the paper's, a constant, an unknown inertia."""
-    law = load_catalogue("paper").union(load_catalogue("extended").select(["constant_moment"]))
-    return law.union(load_catalogue("inertia")) if inertia is None else law
+Columns = Callable[[Array, Array, Array, Mapping[str, Array]], Array]
+"""Columns of a law, shape (n, p), at angle, rate, acceleration and inputs of n samples."""
+
+
+def law_of_channels(inertia: float | None, inputs: Sequence[Input]) -> Columns:
+    """Return the columns of the law that two channels of any joint have in common.
+
+    Those of the paper's law, each linear in every input that was tested at more than one level, a constant, and an
+    unknown inertia. They are no terms of a catalogue: every check of data needs them.
+    """
+    zero = dict(reference_values(inputs))
+    moved = [each.name for each in inputs if each.levels > 1]
+
+    def columns(angle: Array, rate: Array, acceleration: Array, values: Mapping[str, Array]) -> Array:
+        law = np.column_stack([angle, angle**2, angle**3, rate, np.sign(rate)])
+        others = [np.ones(angle.size), *([acceleration] if inertia is None else [])]
+        return np.column_stack([law, *others, *((values[n] - zero[n])[:, None] * law for n in moved)])
+
+    return columns
+
+
+def columns_of(terms: Sequence[ResolvedTerm]) -> Columns:
+    """Return the columns of a law that is made of terms."""
+    return lambda angle, rate, acceleration, values: term_columns(
+        terms, angle, rate, acceleration, inputs=values
+    )
 
 
 def find_delay(
@@ -122,10 +142,8 @@ def find_delay(
     """
     if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
         return None
-    law = linear_dependences(law_of_channels(inertia), inputs)
-    reference = replace(reference_of(states), inputs=reference_values(inputs))
     try:
-        return estimate_delay(states, law.resolve(reference), inertia)
+        return estimate_delay(states, law_of_channels(inertia, inputs), inertia)
     except (np.linalg.LinAlgError, InputError):
         # Dependent columns (one level of a pure sine): a delay cannot be distinguished from damping there.
         return None
@@ -160,16 +178,16 @@ def without_delay(campaign: Campaign, delay: ChannelDelay) -> Campaign:
 
 def estimate_delay(
     states: Sequence[ForceStates],
-    terms: Sequence[ResolvedTerm],
+    law: Columns,
     inertia: float | None,
 ) -> ChannelDelay:
-    """Return the time by which the moment lags the angle, under a law made of ``terms``.
+    """Return the time by which the moment lags the angle, under a law.
 
     Parameters
     ----------
     states : sequence of ForceStates
-    terms : sequence of ResolvedTerm
-        The law, its coefficients fitted anew at every step. Inertia among them where it is not declared.
+    law : callable
+        Its columns, whose coefficients are fitted anew at every step. Inertia among them where it is not declared.
     inertia : float or None
         kg·m².
     """
@@ -178,8 +196,8 @@ def estimate_delay(
     time, error, residual = 0.0, float("inf"), float("nan")
     evidence: Evidence | None = None
     for _ in range(STEPS):
-        evidence = _linearise_law([shifted(s, time) for s in states], terms, inertia, stride)
-        fit = fit_columns(evidence, range(len(terms) + 1))
+        evidence = _linearise_law([shifted(s, time) for s in states], law, inertia, stride)
+        fit = fit_columns(evidence, range(len(evidence.ids)))
         step, error, residual = float(fit.coefficients[-1]), float(fit.standard_errors[-1]), fit.residual_rms
         time = float(np.clip(time + step, -POLICY.longest_delay, POLICY.longest_delay))
         if abs(step) < 0.05 * error:
@@ -187,7 +205,7 @@ def estimate_delay(
     if evidence is None:
         return ChannelDelay(time, error, residual)
     apart = _disagreement(evidence, residual)
-    lacking = _error_by_lacking(states, evidence, time, terms, inertia, residual)
+    lacking = _error_by_lacking(states, evidence, time, law, inertia, residual)
     return ChannelDelay(time, float(np.hypot(apart * error, lacking)), residual, apart)
 
 
@@ -195,7 +213,7 @@ def _error_by_lacking(
     states: Sequence[ForceStates],
     evidence: Evidence,
     time: float,
-    terms: Sequence[ResolvedTerm],
+    law: Columns,
     inertia: float | None,
     residual_rms: float,
 ) -> float:
@@ -210,7 +228,7 @@ def _error_by_lacking(
     unique = abs(float(evidence.pooled.triangle[-2, -2])) / np.sqrt(evidence.pooled.rows)
     if not beyond > 0 or not unique > 0:
         return 0.0
-    parts = [_evaluate_columns(shifted(s, time), terms, inertia, 1)[:2] for s in states]
+    parts = [_evaluate_columns(shifted(s, time), law, inertia, 1)[:2] for s in states]
     X, y = (np.concatenate(column) for column in zip(*parts, strict=True))
     coefficients = scaled_least_squares(X, y, 1e-12)
     values = [
@@ -225,12 +243,10 @@ def _independent_values(residual: Array, states: ForceStates) -> float:
 
     Samples of a period over the integrated autocorrelation, 1 + 2 Σ r_k up to its first zero (Bartlett 1946).
     """
-    from scipy.signal import correlate
-
     frequency = states.frequency or main_frequency(states.angle, states.sample_rate)
     period = min(states.moving_fraction * states.sample_rate / max(frequency, 1e-300), residual.size)
     centred = residual - residual.mean()
-    alike = correlate(centred, centred, "full", "fft")[centred.size - 1 :]
+    alike = convolve(centred, centred[::-1], mode="full")[centred.size - 1 :]
     if not alike[0] > 0:
         return 1.0
     alike = alike / alike[0]
@@ -264,10 +280,10 @@ def _disagreement(evidence: Evidence, residual_rms: float) -> float:
 
 
 def _linearise_law(
-    states: Sequence[ForceStates], terms: Sequence[ResolvedTerm], inertia: float | None, stride: int
+    states: Sequence[ForceStates], law: Columns, inertia: float | None, stride: int
 ) -> Evidence:
-    """Return the evidence of [terms | ∂M/∂τ], the derivative taken with the terms' present coefficients."""
-    rows = [_evaluate_columns(s, terms, inertia, stride) for s in states]
+    """Return the evidence of [law | ∂M/∂τ], the derivative taken with the law's present coefficients."""
+    rows = [_evaluate_columns(s, law, inertia, stride) for s in states]
     stacked = Factor.of(np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows]))
     coefficients = scaled_least_squares(stacked.triangle[:, :-1], stacked.triangle[:, -1], 1e-12)
     runs = []
@@ -277,11 +293,11 @@ def _linearise_law(
         extended = np.column_stack([columns, derivative])
         parts = tuple(Factor.of(extended[block == b], moment[block == b]) for b in np.unique(block))
         runs.append(RunEvidence(state.run, state.run, Factor.of(extended, moment), parts))
-    return Evidence((*(t.id for t in terms), "delay"), tuple(runs))
+    return Evidence((*map(str, range(coefficients.size)), "delay"), tuple(runs))
 
 
 def _evaluate_columns(
-    states: ForceStates, terms: Sequence[ResolvedTerm], inertia: float | None, stride: int
+    states: ForceStates, law: Columns, inertia: float | None, stride: int
 ) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """Return columns, target, time derivatives of columns and known inertial moment, and blocks of the moving rows."""
     half = 0.5 / states.sample_rate
@@ -290,25 +306,15 @@ def _evaluate_columns(
     inputs = {name: values[index] for name, values in states.inputs.items()}
     jerk = np.gradient(states.acceleration, 1 / states.sample_rate)
     slope = (states.rate, states.acceleration, jerk)
-    here, after, before = (
-        term_columns(
-            terms, *(m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True)), inputs=inputs
-        )
-        for offset in (0.0, half, -half)
-    )
+
+    def columns_at(offset: float) -> Array:
+        angle, rate, acceleration = (m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True))
+        return law(angle, rate, acceleration, inputs)
+
+    here, after, before = map(columns_at, (0.0, half, -half))
     derivative = (after - before) / (2 * half)
     # A lag of the moment shifts the inertia's moment as well. Where it is known it moves to the other side, but its
     # slope stays: without the jerk even 0.02 kg·m² of the paper's joint shows 0.04 ms that are not there.
     known = inertia or 0.0
     moment = states.moment[index] - known * states.acceleration[index]
     return here, moment, derivative, known * jerk[index], states.block[index]
-
-
-def reference_of(states: Sequence[ForceStates]) -> Reference:
-    """Return the largest angle, rate and moment over the moving samples of all runs."""
-    return Reference(
-        *(
-            float(max(np.abs(getattr(s, name)[s.moving]).max() for s in states))
-            for name in ("angle", "rate", "moment")
-        )
-    )

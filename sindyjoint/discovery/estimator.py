@@ -1,9 +1,7 @@
-"""Discovery as a scikit-learn regressor."""
+"""The regression of terms as a scikit-learn regressor."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,27 +9,14 @@ from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from sindyjoint.clock import single_threaded
-from sindyjoint.discovery.choice import SelectionRules
-from sindyjoint.discovery.evidence import Evidence
-from sindyjoint.discovery.factors import Factor, dependent_columns
-from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frame_order import ordered_frame
 from sindyjoint.discovery.library import TermLibrary
-from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
-from sindyjoint.discovery.policy import POLICY
-from sindyjoint.discovery.rows import RowLabels, Rows, gather, row_weights, state_columns
-from sindyjoint.equation.candidates import with_dependences
-from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
-from sindyjoint.equation.model import Fitted, JointModel, model_terms
-from sindyjoint.equation.terms import ResolvedTerm
-from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
+from sindyjoint.discovery.regression import TermRegression
+from sindyjoint.inputs import input_names
 from sindyjoint.numeric import Array
-from sindyjoint.record import Joint, Motion
 
 
-class JointRegressor(RegressorMixin, BaseEstimator):
+class JointRegressor(RegressorMixin, BaseEstimator, TermRegression):
     """Sparse regression of a joint's moment on candidate terms of its state.
 
     Parameters
@@ -102,36 +87,6 @@ class JointRegressor(RegressorMixin, BaseEstimator):
     ('linear_stiffness', 'cubic_stiffness', 'coulomb_friction')
     """
 
-    def __init__(
-        self,
-        library: Any = "extended",
-        method: Any = "stlsq",
-        selection: str = "evidence",
-        threshold: float | None = None,
-        significance: float = POLICY.term_significance,
-        least_share: float = POLICY.least_share,
-        forced: Sequence[str] = (),
-        forbidden: Sequence[str] = (),
-        signs: Mapping[str, int] | None = None,
-        fixed: Mapping[str, float] | None = None,
-        motion: Motion = "rotation",
-        inputs: Sequence[str | Input] = (),
-        random_state: Any = None,
-    ):
-        self.library = library
-        self.method = method
-        self.selection = selection
-        self.threshold = threshold
-        self.significance = significance
-        self.least_share = least_share
-        self.forced = forced
-        self.forbidden = forbidden
-        self.signs = signs
-        self.fixed = fixed
-        self.motion = motion
-        self.inputs = inputs
-        self.random_state = random_state
-
     def fit(
         self,
         X: Any,
@@ -173,213 +128,17 @@ class JointRegressor(RegressorMixin, BaseEstimator):
         names = input_names(self.inputs)
         X = ordered_frame(X, names)
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
-        motion = X.shape[1] - len(names)
-        if motion not in (2, 3):
-            behind = f", then {len(names)} input(s): {', '.join(names)}" if names else ""
-            raise InputError(
-                f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected{behind}"
-            )
-        weight = row_weights(sample_weight, X.shape[0])
-        labels = RowLabels.of(X.shape[0], groups, runs, blocks)
-        parts = [X[rows, motion:] for run in labels.runs for rows in run.blocks]
-        self.inputs_ = tested_inputs(self.inputs, parts)
-        reference = Reference.of(X[:, 0], X[:, 1], y)
-        terms = self.candidates(reference, motion == 3)
-        shared = X_replicate is not None and np.array_equal(X_replicate, X)
-        with single_threaded():
-            rows = Rows(X, y, weight)
-            evidence = gather(terms, rows, labels, rows.again(X_replicate, y_replicate), names)
-            return self._fit(terms, evidence, reference, X.shape[0], X.shape[1], shared)
-
-    def candidates(self, reference: Reference, with_acceleration: bool = False) -> tuple[ResolvedTerm, ...]:
-        """Return the candidate terms, their nonlinear parameters at the scales of the data."""
-        known = self._inputs
-        if known:
-            reference = replace(reference, inputs=reference_values(known))
-        return tuple(self._catalogue(with_inertia=with_acceleration).resolve(reference))
+        labels = {"runs": runs, "blocks": blocks, "X_replicate": X_replicate, "y_replicate": y_replicate}
+        super().fit(X, y, groups, sample_weight, **labels)
+        return self
 
     @property
-    def _inputs(self) -> tuple[Input, ...]:
-        """Inputs as the last rows showed them, or, of rows that are not in memory, as they were declared."""
-        known = getattr(self, "inputs_", ())
-        if tuple(each.name for each in known) == input_names(self.inputs):
-            return known
-        return tuple(Input(each) if isinstance(each, str) else each for each in self.inputs)
-
-    def fit_evidence(
-        self,
-        terms: Sequence[ResolvedTerm],
-        evidence: Evidence,
-        reference: Reference,
-        *,
-        shared_motion: bool = False,
-    ) -> JointRegressor:
-        """Find the terms from the factors of rows that are not in memory.
-
-        Parameters
-        ----------
-        terms : sequence of ResolvedTerm
-            As :meth:`candidates` gives them.
-        evidence : Evidence
-            Factors of these terms' columns.
-        reference : Reference
-            Largest angle and rate of the rows.
-        shared_motion : bool
-            Whether the blocks of a run share one estimate of the motion; see `X_replicate` of :meth:`fit`.
-
-        Raises
-        ------
-        InputError
-            For parameters or rows that cannot be used.
-        """
-        self.check_parameters()
-        features = 3 if any(term.term.needs_acceleration for term in terms) else 2
-        features += len(self.inputs)
-        self.inputs_ = self._inputs
-        rows = int(evidence.pooled.rows)
-        with single_threaded():
-            return self._fit(tuple(terms), evidence, reference, rows, features, shared_motion)
-
-    def _fit(
-        self,
-        terms: tuple[ResolvedTerm, ...],
-        evidence: Evidence,
-        reference: Reference,
-        samples: int,
-        features: int,
-        shared_motion: bool,
-    ) -> JointRegressor:
-        self.reference_, self.terms_, self.n_features_in_ = reference, terms, features
-        if samples <= len(terms):
-            raise InputError(
-                f"n_samples = {samples} for {len(terms)} candidate terms: too few samples; record more or "
-                "choose a smaller library"
-            )
-        gathered = self._without_dependent(evidence)
-        self.library_ = TermLibrary.of_terms(self.terms_, reference, features, self.inputs_)
-        self._moment_rms = gathered.target_rms
-        self.evidence_ = self._with_fixed(gathered)
-        self.optimizer_ = UniqueShareSTLSQ(**vars(self._rules())).fit_evidence(
-            self.evidence_, shared_motion=shared_motion
-        )
-        self.selection_result_ = self.optimizer_.selection_result_
-        self.least_share_ = self.optimizer_.least_share_
-        self._keep_model(samples, len(evidence.runs))
-        return self
+    def library_(self) -> TermLibrary:
+        """The candidates, fitted, in physical units: what ``found.sindy`` has as its feature library."""
+        return TermLibrary.of_regression(self)
 
     def predict(self, X: Any) -> Array:
         """Return the moment at force states, shape (n,), N·m."""
         check_is_fitted(self)
-        names = input_names(self.inputs)
-        X = validate_data(self, ordered_frame(X, names), dtype=np.float64, reset=False)
-        if not self.selected_:
-            return np.zeros(X.shape[0])
-        terms = [term for term in self.terms_ if term.id in self.selected_]
-        return (
-            state_columns(terms, X, names) @ self.coef_[[term.id in self.selected_ for term in self.terms_]]
-        )
-
-    def check_parameters(self) -> None:
-        """Refuse a method, a selection or a number that there is not."""
-        self._rules().check()
-        for term, value in (self.fixed or {}).items():
-            if not np.isfinite(value):
-                raise InputError(f"fixed: {term!r} is {value!r}; expected a finite coefficient")
-
-    def _catalogue(self, with_inertia: bool) -> Catalogue:
-        catalogue = with_dependences(catalogue_of(self.library), self._inputs)
-        if with_inertia and "inertia" not in catalogue:
-            catalogue = catalogue.union(load_catalogue("inertia"))
-        elif not with_inertia and "inertia" in catalogue:
-            catalogue = catalogue.without(["inertia"])
-        return catalogue.without(self.forbidden) if self.forbidden else catalogue
-
-    def _without_dependent(self, evidence: Evidence) -> Evidence:
-        """Leave out candidates that these data cannot distinguish from those before them; refuse what no data could."""
-        dependent = dependent_columns(evidence.pooled)
-        if not dependent:
-            self.indistinct_: tuple[str, ...] = ()
-            return evidence
-        generic = np.random.default_rng(0).normal(size=(8 * len(self.terms_), self.n_features_in_))
-        names, spans = input_names(self.inputs), [np.ptp(each.tested or (0.0, 1.0)) for each in self.inputs_]
-        scales = [self.reference_.angle or 1.0, self.reference_.rate or 1.0, 1.0]
-        scales = [*scales[: self.n_features_in_ - len(names)], *(span or 1.0 for span in spans)]
-        offsets = np.zeros(len(scales))
-        offsets[len(scales) - len(names) :] = [each.reference for each in self.inputs_]
-        columns = state_columns(self.terms_, offsets + generic * scales, names)
-        # Of a person's own term of an input and the one that is offered for it the own one stays.
-        own = catalogue_of(self.library)
-        never = [
-            i
-            for i in dependent_columns(Factor.of(columns, np.zeros(generic.shape[0])))
-            if not self.terms_[i].term.inputs or evidence.ids[i] in own
-        ]
-        if never:
-            raise InputError(
-                f"more terms than independent columns: {', '.join(evidence.ids[i] for i in never)} can be written as "
-                "a combination of the other candidates whatever the motion; take one of them out of the library"
-            )
-        keep = [i for i in range(len(evidence.ids)) if i not in dependent]
-        self.indistinct_ = tuple(evidence.ids[i] for i in dependent)
-        self.terms_ = tuple(self.terms_[i] for i in keep)
-        return evidence.take(keep)
-
-    def _rules(self) -> SelectionRules:
-        return SelectionRules.of(self, self.forced, self.signs or {})
-
-    def _with_fixed(self, evidence: Evidence) -> Evidence:
-        """Take what the fixed terms carry out of the target, and remember their share of it."""
-        self._fixed_share: dict[str, float] = {}
-        for term_id, value in (self.fixed or {}).items():
-            if term_id not in evidence.ids:
-                raise UnknownNameError(
-                    f"fixed names {term_id!r}, which is not among the candidates: {', '.join(evidence.ids)}"
-                )
-            rms = evidence.pooled.column_rms[evidence.ids.index(term_id)]
-            self._fixed_share[term_id] = abs(value) * rms / evidence.target_rms
-        return evidence.fixing(self.fixed) if self.fixed else evidence
-
-    def _keep_model(self, samples: int, runs: int) -> None:
-        step = self.selection_result_.step
-        self.coef_ = np.zeros(len(self.terms_))
-        positions = {term.id: index for index, term in enumerate(self.terms_)}
-        chosen: list[int] = []
-        values, covariance, shares = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
-        residual, degrees = self.evidence_.target_rms, np.zeros(0)
-        if step is not None:
-            fit = step.fit
-            chosen = [positions[self.evidence_.ids[i]] for i in fit.columns]
-            values, covariance, shares = fit.coefficients, fit.covariance, fit.unique_share
-            residual, degrees = fit.residual_rms, fit.effective_degrees
-        if self.fixed and step is not None:
-            chosen += [positions[name] for name in self.fixed]
-            values = np.concatenate([values, [*self.fixed.values()]])
-            covariance = np.pad(covariance, (0, len(self.fixed)))
-            shares = np.concatenate([shares, [*self._fixed_share.values()]])
-            degrees = np.pad(degrees, (0, len(self.fixed)), constant_values=1.0)
-        # Terms are listed in the order of the catalogue.
-        order = np.argsort(chosen)
-        chosen = [chosen[i] for i in order]
-        values, covariance, shares = values[order], covariance[np.ix_(order, order)], shares[order]
-        degrees = degrees[order]
-        self.coef_[chosen] = values
-        kept = [self.terms_[i] for i in chosen]
-        self.selected_ = tuple(term.id for term in kept)
-        self.model_ = JointModel(
-            joint=Joint(
-                motion=self.motion, inertia=None if self.n_features_in_ - len(self.inputs) == 3 else 0.0
-            ),
-            inputs=self.inputs_,
-            terms=model_terms(kept, values, covariance, shares, degrees, self.motion),
-            covariance=tuple(tuple(float(v) for v in row) for row in covariance),
-            fitted=Fitted(
-                moment_rms=self._moment_rms,
-                residual_rms=residual,
-                noise_floor=float("nan"),
-                moving_fraction=1.0,
-                samples=samples,
-                runs=runs,
-                angle=float(self.reference_.angle or 0.0),
-                rate=float(self.reference_.rate or 0.0),
-            ),
-        )
+        X = ordered_frame(X, input_names(self.inputs))
+        return super().predict(validate_data(self, X, dtype=np.float64, reset=False))

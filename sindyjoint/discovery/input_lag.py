@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from sindyjoint.discovery.delay import ROWS, law_of_channels, reference_of
+from sindyjoint.discovery.delay import ROWS, Columns, law_of_channels
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.candidates import linear_dependences
-from sindyjoint.equation.catalogue import term_columns
-from sindyjoint.equation.terms import ResolvedTerm
-from sindyjoint.inputs import Input, lagged, reference_values
+from sindyjoint.inputs import Input, lagged
 from sindyjoint.states.record import ForceStates
 
 # Time constants that are tried, s; the best is refined between its neighbours.
@@ -50,14 +47,14 @@ def find_lags(
     for each in inputs:
         if each.lag or all(np.ptp(s.inputs[each.name]) == 0 for s in states):
             continue
-        terms = _law(states, inertia, inputs)
+        law = law_of_channels(inertia, inputs)
         lags = {lag.name: lag.time for lag in found}
-        without = _left(states, terms, inertia, lags)
-        errors = [_left(states, terms, inertia, lags | {each.name: float(time)}) for time in TRIED]
+        without = _left(states, law, inertia, lags)
+        errors = [_left(states, law, inertia, lags | {each.name: float(time)}) for time in TRIED]
         best = int(np.argmin(errors))
         low, high = TRIED[max(best - 1, 0)], TRIED[min(best + 1, TRIED.size - 1)]
         finer = np.geomspace(low, high, 9)
-        again = [_left(states, terms, inertia, lags | {each.name: float(time)}) for time in finer]
+        again = [_left(states, law, inertia, lags | {each.name: float(time)}) for time in finer]
         removed = 1 - min(again) / without if without > 0 else 0.0
         if removed > POLICY.lag_explains:
             found.append(InputLag(each.name, float(f"{finer[int(np.argmin(again))]:.3g}"), removed))
@@ -74,16 +71,9 @@ def lag_notes(lags: Sequence[InputLag]) -> list[str]:
     ]
 
 
-def _law(
-    states: Sequence[ForceStates], inertia: float | None, inputs: Sequence[Input]
-) -> tuple[ResolvedTerm, ...]:
-    law = linear_dependences(law_of_channels(inertia), inputs)
-    return law.resolve(replace(reference_of(states), inputs=reference_values(inputs)))
-
-
 def _left(
     states: Sequence[ForceStates],
-    terms: Sequence[ResolvedTerm],
+    law: Columns,
     inertia: float | None,
     lags: Mapping[str, float],
 ) -> float:
@@ -96,8 +86,10 @@ def _left(
             name: lagged(values, lags.get(name, 0.0) * state.sample_rate)[index]
             for name, values in state.inputs.items()
         }
-        motion = (signal[index] for signal in (state.angle, state.rate, state.acceleration))
-        columns.append(term_columns(terms, *motion, inputs=inputs))
+        angle, rate, acceleration = (
+            signal[index] for signal in (state.angle, state.rate, state.acceleration)
+        )
+        columns.append(law(angle, rate, acceleration, inputs))
         target.append(state.moment[index] - (inertia or 0.0) * state.acceleration[index])
     matrix = np.vstack(columns)
     size = np.sqrt(np.mean(matrix**2, axis=0))

@@ -17,9 +17,10 @@ from pysindy.utils import AxesArray, comprehend_axes
 from sklearn.utils.validation import check_is_fitted
 
 from sindyjoint.discovery.foreign_library import catalogue_of
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.discovery.rows import state_columns
 from sindyjoint.equation.candidates import with_dependences
-from sindyjoint.equation.catalogue import Catalogue, Reference, ResolvedTerm, load_catalogue
+from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
 
@@ -85,18 +86,13 @@ class TermLibrary(BaseFeatureLibrary):
         self.scale = scale
 
     @classmethod
-    def of_terms(
-        cls,
-        terms: Sequence[ResolvedTerm],
-        reference: Reference,
-        n_features: int,
-        inputs: Sequence[str | Input] = (),
-    ) -> TermLibrary:
-        """Return the library of terms that are resolved already, fitted, in physical units."""
+    def of_regression(cls, regression: TermRegression) -> TermLibrary:
+        """Return the library of the candidates of a regression, fitted, in physical units."""
+        terms, reference = regression.terms_, regression.reference_
         catalogue = Catalogue("candidates", "candidate terms of a fit", tuple(each.term for each in terms))
-        library = cls(catalogue, reference=reference, scale=None, inputs=tuple(inputs))
-        library.terms_, library.reference_ = tuple(terms), reference
-        library.n_features_in_, library.n_output_features_ = n_features, len(terms)
+        library = cls(catalogue, reference=reference, scale=None, inputs=regression.inputs_)
+        library.terms_, library.reference_ = terms, reference
+        library.n_features_in_, library.n_output_features_ = regression.n_features_in_, len(terms)
         library.scales_ = np.ones(len(terms))
         return library
 

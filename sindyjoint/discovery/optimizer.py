@@ -19,6 +19,7 @@ from sindyjoint.discovery.choice import SelectionRules, choose
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.policy import POLICY
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, row_weights
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.errors import InputError, UnknownNameError
@@ -194,6 +195,14 @@ class UniqueShareSTLSQ(BaseOptimizer):
         self._check_parameters()
         self._keep([self._choice(evidence, shared_motion)], evidence.ids)
         return self
+
+    @classmethod
+    def of_regression(cls, regression: TermRegression) -> UniqueShareSTLSQ:
+        """Return the optimizer that chose the terms of a regression, fitted."""
+        optimizer = cls(**vars(regression.rules()))
+        optimizer.least_share_ = regression.least_share_
+        optimizer._keep([(regression.evidence_, regression.selection_result_)], regression.evidence_.ids)
+        return optimizer
 
     def _choice(self, evidence: Evidence, shared_motion: bool) -> tuple[Evidence, Selection]:
         """Return the evidence on the columns that may be used, and the choice among them."""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pysindy import SINDy
 
-from sindyjoint.discovery.estimator import JointRegressor
 from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
@@ -50,22 +49,22 @@ class JointSINDy(SINDy):
 
     @classmethod
     def of(
-        cls, regressor: JointRegressor, model: JointModel, simulator: Simulator | None = None
+        cls, regressor: TermRegression, model: JointModel, simulator: Simulator | None = None
     ) -> JointSINDy:
         """Return what a fitted regressor found, with the coefficients of a model of the same terms.
 
         Parameters
         ----------
-        regressor : JointRegressor
+        regressor : TermRegression
         model : JointModel
             The regressor's own, or the one whose bias is taken out.
         simulator : callable, optional
         """
         values = {term.id: term.coefficient for term in model.terms}
-        optimizer = copy(regressor.optimizer_)
+        optimizer = UniqueShareSTLSQ.of_regression(regressor)
         optimizer.coef_ = np.array([[values.get(term.id, 0.0) for term in regressor.terms_]])
         optimizer.ind_, optimizer.n_features_in_ = optimizer.coef_ != 0, len(regressor.terms_)
-        found = cls(optimizer, regressor.library_, simulator=simulator)
+        found = cls(optimizer, TermLibrary.of_regression(regressor), simulator=simulator)
         found.feature_names = ["angle", "rate", "acceleration"][: regressor.n_features_in_]
         found.n_control_features_ = 0
         found._fit_shape()

@@ -32,11 +32,6 @@ def with_dependences(catalogue: Catalogue, inputs: Iterable[Input]) -> Catalogue
     return catalogue.union(new) if new.terms else catalogue
 
 
-def linear_dependences(catalogue: Catalogue, inputs: Iterable[Input]) -> Catalogue:
-    """Return a catalogue with each of its terms linear in the inputs that were tested at more than one level."""
-    return with_dependences(catalogue, [replace(each, levels=2) for each in inputs if each.levels > 1])
-
-
 def dependences(inputs: Iterable[Input], offered: Iterable[str]) -> Catalogue:
     """Return the candidates that declared inputs bring.
 

@@ -29,7 +29,7 @@ from sindyjoint.trust import Light, Trust
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Bias
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
     from sindyjoint.discovery.selection import Selection
     from sindyjoint.discovery.sindy import JointSINDy
 
@@ -82,7 +82,7 @@ class Discovery(Shown):
         Time by which the moment lags the angle, as searched for before anything else.
     warnings : tuple of str
     states : tuple of ForceStates
-    regressor : JointRegressor
+    regressor : TermRegression
         Fitted; holds candidates, path and factors.
     campaign : Campaign
         As it was used: without the samples that the check of the data leaves out.
@@ -121,7 +121,7 @@ class Discovery(Shown):
     skew: ChannelDelay | None
     warnings: tuple[str, ...]
     states: tuple[ForceStates, ...] = field(repr=False)
-    regressor: JointRegressor = field(repr=False)
+    regressor: TermRegression = field(repr=False)
     campaign: Campaign = field(repr=False)
     bias: Bias | None = field(repr=False, default=None)
     soundness: Soundness = Soundness()
@@ -185,7 +185,7 @@ class Discovery(Shown):
         )  # fmt: skip
 
 
-def stopped_by_data(checked: Check, regressor: JointRegressor) -> Discovery:
+def stopped_by_data(checked: Check, regressor: TermRegression) -> Discovery:
     """Return the result on data of which no model is made."""
     campaign = checked.campaign
     runs = checked.usable.identification_runs

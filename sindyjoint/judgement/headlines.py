@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.judgement.comparison import Choice, Comparison
 from sindyjoint.judgement.headline import (
     EXPORT,
     SEE_FAULTS,
@@ -17,11 +16,15 @@ from sindyjoint.judgement.headline import (
 )
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
-from sindyjoint.response.verification import Verification, seen_words
 from sindyjoint.soundness.check import Checked, RigCheck
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import ORDER, Colour, Light, Trust
+
+if TYPE_CHECKING:
+    from sindyjoint.diagnosis.result import Diagnosis
+    from sindyjoint.judgement.comparison import Choice, Comparison
+    from sindyjoint.response.verification import Verification
 
 Step = tuple[str, str]
 DISCOVER = ("sindyjoint discover CAMPAIGN --out results", "find the terms of the joint’s equation")
@@ -83,6 +86,8 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         fit = Light("response", colour, f"error {percent(result.response_nrmse)}, {floor}; {tolerated}")
     own = [fit]
     if result.kind == "campaign" or any(run.drive != "pulse" for run in result.runs):
+        from sindyjoint.response.verification import seen_words
+
         words = seen_words({run.name: run.seen for run in result.runs})
         own.append(
             Light("held out", "fair", "; ".join(words))

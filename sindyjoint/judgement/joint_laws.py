@@ -12,10 +12,10 @@ import numpy as np
 from sindyjoint.bias.correction import corrected_model
 from sindyjoint.bias.replicates import Replicate
 from sindyjoint.described import same
-from sindyjoint.discovery.estimator import JointRegressor
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frequency import heterogeneity
 from sindyjoint.discovery.large.segments import SampleCount
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
@@ -204,7 +204,7 @@ def _find_law(
 class _Search(NamedTuple):
     """Terms, with the slow angles and whole states that go with them."""
 
-    regressor: JointRegressor
+    regressor: TermRegression
     rows: LawRows | None
     states: tuple[ForceStates, ...]
     unseen: Sequence[Array]
@@ -217,7 +217,7 @@ def _search(
     # Before terms are known the paper's stand for them: one of them bends as the stiffness does.
     allowed = set(PAPER_TERMS)
     for _ in range(SEARCHES):
-        regressor = JointRegressor(**options)
+        regressor = TermRegression(**options)
         reference = Reference.of(*(np.concatenate([getattr(s, name) for s in states]) for name in COLUMNS))
         terms = [term for term in regressor.candidates(reference) if term.id in allowed]
         unseen = find_slow(states, slow, terms, weights).unknowns if terms else [each.start for each in slow]
@@ -237,7 +237,7 @@ def _search(
 
 
 def _beyond(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     rows: LawRows,
     states: Sequence[ForceStates],
     recovered: Sequence[Recovered],
@@ -271,7 +271,7 @@ def _counted(recovered: Sequence[Recovered]) -> tuple[int, int]:
     return moving, sum(each.unseen.size for each in recovered)
 
 
-def _terms_of(regressor: JointRegressor) -> list[ResolvedTerm]:
+def _terms_of(regressor: TermRegression) -> list[ResolvedTerm]:
     """Return the terms that were found, in the order of the model."""
     resolved = {term.id: term for term in regressor.terms_}
     return [resolved[term.id] for term in regressor.model_.terms]
@@ -285,7 +285,7 @@ def _judged(
     test: RigTest,
     kind: str,
     recovered: tuple[Recovered, ...],
-    regressor: JointRegressor,
+    regressor: TermRegression,
     rows: LawRows | None,
     errors: LawErrors | None,
 ) -> Discovery:

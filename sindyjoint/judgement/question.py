@@ -219,7 +219,7 @@ def by_library(
     question: Question, libraries: Sequence[str], forbidden: Sequence[str]
 ) -> tuple[tuple[Choice, dict[str, str]], ...]:
     """Fit each library to the force states that are there already; return choices and the units of their terms."""
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
     found = question.found
     rows = regression_rows(found.states, found.campaign.joint.inertia).fit_arguments()
@@ -228,7 +228,7 @@ def by_library(
         catalogue = as_catalogue([part.strip() for part in name.split("+")])
         catalogue = rate_free(catalogue) if found.campaign.quasi_static else catalogue
         left_out = [term for term in (*forbidden, *NEVER_VISIBLE) if term in catalogue]
-        regressor = JointRegressor(
+        regressor = TermRegression(
             catalogue,
             method=question.names[0],
             forbidden=left_out,

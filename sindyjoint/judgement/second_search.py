@@ -22,7 +22,7 @@ from sindyjoint.text import in_words_of, quantities, spelled
 
 if TYPE_CHECKING:
     from sindyjoint.bias.correction import Corrected
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
 # The model that completes the states is itself found on incomplete ones: as often as its terms change, at most.
 COMPLETIONS = 4
@@ -38,7 +38,7 @@ class TermSearch:
 
     Parameters
     ----------
-    regressor : JointRegressor
+    regressor : TermRegression
     model : JointModel
     states : tuple of ForceStates
         Completed where the second search was used, else as given.
@@ -46,7 +46,7 @@ class TermSearch:
         What was done, with the residual of each end of the search; empty where nothing was.
     """
 
-    regressor: JointRegressor
+    regressor: TermRegression
     model: JointModel
     states: tuple[ForceStates, ...]
     note: str = ""
@@ -92,7 +92,6 @@ def _search_from(
 ) -> tuple[TermSearch, float | None]:
     """Complete states and choose terms in turn; return the best so far and the least residual on the way."""
     from sindyjoint.bias.completion import completed_states
-    from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.response.laws import held_laws
 
     found, least = start, None
@@ -106,7 +105,7 @@ def _search_from(
         if more is None:
             break
         say("selecting terms with the harmonics below the noise")
-        fitted = JointRegressor(**first.regressor.get_params(deep=False))
+        fitted = first.regressor.again()
         fitted.fit(**regression_rows(more, campaign.joint.inertia).fit_arguments())
         before, found = found.ids, campaign_model(fitted, campaign, more, counts)
         if not found.terms:
@@ -120,7 +119,7 @@ def _search_from(
     return best, least
 
 
-def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | None:
+def paper_model(regressor: TermRegression, model: JointModel) -> JointModel | None:
     """Return the paper's five terms, and inertia where it is one, fitted to a regressor's data; None if not offered."""
     ids = regressor.evidence_.ids
     wanted = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
@@ -139,7 +138,7 @@ def paper_model(regressor: JointRegressor, model: JointModel) -> JointModel | No
 
 def softened(
     verdict: Verdict,
-    regressor: JointRegressor,
+    regressor: TermRegression,
     model: JointModel,
     campaign: Campaign,
     states: Sequence[ForceStates],
@@ -163,7 +162,7 @@ def softened(
 
 def _made_by_processing(
     paper: JointModel,
-    regressor: JointRegressor,
+    regressor: TermRegression,
     model: JointModel,
     verdict: Verdict,
     campaign: Campaign,
@@ -189,7 +188,7 @@ def _made_by_processing(
 
 
 def campaign_model(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     campaign: Campaign,
     states: Sequence[ForceStates],
     counts: Sequence[SampleCount],
@@ -217,7 +216,7 @@ def campaign_model(
     return replace(model, joint=campaign.joint, fitted=fitted)
 
 
-def without_bias(found: TermSearch, measured: JointRegressor, campaign: Campaign) -> Corrected:
+def without_bias(found: TermSearch, measured: TermRegression, campaign: Campaign) -> Corrected:
     """Take out of a model's coefficients what the processing does to them.
 
     ``measured`` was fitted to the states before their completion, which has moved the coefficients: a part of that

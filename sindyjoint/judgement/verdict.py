@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from sindyjoint.described import same
-from sindyjoint.discovery.delay import ChannelDelay, estimate_delay
+from sindyjoint.discovery.delay import ChannelDelay, columns_of, estimate_delay
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
@@ -23,7 +23,7 @@ from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, spelled
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def undecided_without_time(verdict: Verdict) -> Verdict:
 
 
 def judge(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     model: JointModel,
     completed: bool = False,
     unresolved: ChannelDelay | None = None,
@@ -109,7 +109,7 @@ def judge(
 
     Parameters
     ----------
-    regressor : JointRegressor
+    regressor : TermRegression
         Fitted; holds the candidates and their evidence.
     model : JointModel
         What it found, with the noise floor of the campaign.
@@ -165,7 +165,7 @@ def _spell_delay(delay: ChannelDelay) -> str:
 
 
 def _reach_verdict(
-    regressor: JointRegressor, model: JointModel, missing: tuple[str, ...], extra: tuple[str, ...]
+    regressor: TermRegression, model: JointModel, missing: tuple[str, ...], extra: tuple[str, ...]
 ) -> tuple[str, str]:
     """Return the verdict and its reason."""
     word, _ = channel_words(model)
@@ -236,7 +236,7 @@ def _tolerated(model: JointModel, least: float) -> float:
     return min(max(least, uncertainty), EQUATION.tolerated_misfit)
 
 
-def _is_needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
+def _is_needed(regressor: TermRegression, extra: Sequence[str]) -> bool:
     """Return whether any of the given terms is significant when all of the paper's terms are in the law with them."""
     ids = regressor.evidence_.ids
     columns = [ids.index(term) for term in dict.fromkeys((*extra, *PAPER_TERMS)) if term in ids]
@@ -245,7 +245,7 @@ def _is_needed(regressor: JointRegressor, extra: Sequence[str]) -> bool:
     return bool(np.any(fit.t_ratios[others] >= regressor.significance))
 
 
-def _paper_terms_suffice(regressor: JointRegressor, model: JointModel) -> bool:
+def _paper_terms_suffice(regressor: TermRegression, model: JointModel) -> bool:
     """Return whether the residual of the five terms is that of the noise or the found ones, within its uncertainty."""
     ids = regressor.evidence_.ids
     columns = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
@@ -266,7 +266,7 @@ def _spell_terms(terms: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
-def _find_largest_share(regressor: JointRegressor, model: JointModel, term: str) -> float:
+def _find_largest_share(regressor: TermRegression, model: JointModel, term: str) -> float:
     """Return the share of the moment that a term may carry at the end of its 95 % interval.
 
     It joins the found terms; a term that these runs cannot distinguish from the found ones may carry anything.
@@ -281,7 +281,7 @@ def _find_largest_share(regressor: JointRegressor, model: JointModel, term: str)
 
 
 def unresolved_delay(
-    delay: ChannelDelay | None, regressor: JointRegressor, model: JointModel, states: Sequence[ForceStates]
+    delay: ChannelDelay | None, regressor: TermRegression, model: JointModel, states: Sequence[ForceStates]
 ) -> ChannelDelay | None:
     """Return the delay that is left in the channels, or that explains the moment as well as terms beyond the paper's.
 
@@ -298,7 +298,7 @@ def unresolved_delay(
         return delay
     chosen = [term for term in regressor.terms_ if term.id in model]
     try:
-        found = estimate_delay(states, chosen, model.joint.inertia)
+        found = estimate_delay(states, columns_of(chosen), model.joint.inertia)
     except (np.linalg.LinAlgError, InputError):
         return None
     return found if found.significant else None

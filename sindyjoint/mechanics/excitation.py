@@ -142,11 +142,31 @@ def _check_positive(**values: float) -> None:
 
 
 def _spline_pieces(values: Array, periodic: bool) -> Array:
-    from scipy.interpolate import CubicSpline
+    """Return the pieces of the C² spline through values at distance one, periodic or with no knot beside the ends.
 
-    knots = np.arange(values.size, dtype=np.float64)
-    spline = CubicSpline(knots, values, bc_type="periodic" if periodic else "not-a-knot")
-    return np.ascontiguousarray(spline.c[::-1].T)
+    Its slopes are those with d(i − 1) + 4 d(i) + d(i + 1) = 3 (y(i + 1) − y(i − 1)).
+    """
+    if periodic:
+        once = values[:-1]
+        right = 3 * (np.roll(once, -1) - np.roll(once, 1))
+        factor = 4 + 2 * np.cos(2 * np.pi * np.arange(once.size // 2 + 1) / once.size)
+        slopes = np.fft.irfft(np.fft.rfft(right) / factor, once.size)
+        return _hermite_pieces(values, np.append(slopes, slopes[0]))
+    from scipy.linalg.lapack import dgtsv
+
+    right = np.empty(values.size)
+    right[1:-1] = 3 * (values[2:] - values[:-2])
+    right[0] = (4 * values[1] + values[2] - 5 * values[0]) / 2
+    right[-1] = (5 * values[-1] - 4 * values[-2] - values[-3]) / 2
+    lower, middle, upper = np.ones(values.size - 1), np.full(values.size, 4.0), np.ones(values.size - 1)
+    middle[[0, -1]], upper[0], lower[-1] = 1.0, 2.0, 2.0
+    return _hermite_pieces(values, dgtsv(lower, middle, upper, right)[3])
+
+
+def _hermite_pieces(y: Array, d: Array) -> Array:
+    """Return the cubics of values and slopes at distance one, shape (n - 1, 4)."""
+    rise = y[1:] - y[:-1]
+    return np.stack([y[:-1], d[:-1], 3 * rise - 2 * d[:-1] - d[1:], d[:-1] + d[1:] - 2 * rise], axis=1)
 
 
 def harmonic(amplitude: float, frequency: float, phase: float = 0.0) -> Excitation:
@@ -172,9 +192,7 @@ def harmonic(amplitude: float, frequency: float, phase: float = 0.0) -> Excitati
     # Hermite pieces with the exact slopes: no spline to solve, and continuous slope.
     w = 2 * np.pi / TONE_PIECES
     angles = phase + w * np.arange(TONE_PIECES + 1)
-    y, d = np.sin(angles), w * np.cos(angles)
-    rise = y[1:] - y[:-1]
-    pieces = np.stack([y[:-1], d[:-1], 3 * rise - 2 * d[:-1] - d[1:], d[:-1] + d[1:] - 2 * rise], axis=1)
+    pieces = _hermite_pieces(np.sin(angles), w * np.cos(angles))
     return Excitation(pieces, 1 / (frequency * TONE_PIECES), periodic=True, scale=float(amplitude))
 
 

@@ -18,7 +18,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingExtraError, OutputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.record import Campaign
-from sindyjoint.reporting.equation import mathml
 from sindyjoint.reporting.page import Blocks
 from sindyjoint.reporting.registry import (
     DATA_FILE,
@@ -77,6 +76,8 @@ def html_of(result: Any) -> str:
     head = f"<p><b>{escape(text_of(result).split(chr(10), 1)[0])}</b></p>"
     model = _model_of(result)
     if model is not None:
+        from sindyjoint.reporting.mathml import mathml
+
         head += f"<p>{mathml(model)}</p>"
     tables = view_of(result).tables(result)
     if not tables:

@@ -7,6 +7,8 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -23,49 +25,49 @@ from sindyjoint.errors import (
 )
 from sindyjoint.policy import Limit, described, policies
 from sindyjoint.reporting.figure import Kind
-from sindyjoint.reporting.results.batch import BATCH
-from sindyjoint.reporting.results.changed import CHANGED
-from sindyjoint.reporting.results.check import CAMPAIGN, CHECK, wrap_findings
-from sindyjoint.reporting.results.comparison import COMPARISON
-from sindyjoint.reporting.results.curves import JOINT_CURVES, STRUCTURE_CURVES
-from sindyjoint.reporting.results.diagnosis import DIAGNOSIS
-from sindyjoint.reporting.results.discovery import DISCOVERY
-from sindyjoint.reporting.results.plan import PLAN
-from sindyjoint.reporting.results.reproduction import REPRODUCTION
-from sindyjoint.reporting.results.rig import RIG
-from sindyjoint.reporting.results.structure_joints import STRUCTURE_JOINTS
-from sindyjoint.reporting.results.verification import REFINEMENT, VERIFICATION
 from sindyjoint.reporting.style import DOUBLE_COLUMN, figure_bytes
 from sindyjoint.reporting.view import View
-from sindyjoint.soundness.check import Check
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-VIEWS: tuple[View, ...] = (
-    DISCOVERY,
-    # Before that of a verification, as which it is saved.
-    REFINEMENT,
-    VERIFICATION,
-    DIAGNOSIS,
-    BATCH,
-    RIG,
-    JOINT_CURVES,
-    STRUCTURE_CURVES,
-    REPRODUCTION,
-    COMPARISON,
-    CHANGED,
-    CAMPAIGN,
-    CHECK,
-    PLAN,
-    STRUCTURE_JOINTS,
-)
-_BY_TYPE = {kind: view for view in VIEWS for kind in view.results}
-#: Views of what is saved, by the mark in the file, that of an earlier version too.
-SAVED = {kind: view for view in VIEWS if view.data is not None for kind in (view.kind, *view.formerly)}
+# Module and name of each view; the types of what it shows, and marks of what is saved of that. By name: a view needs
+# modules that no other does, and is loaded with the first result of its kind.
+_SHOWN = {
+    "discovery:DISCOVERY": ("Discovery", "ReportData"),
+    "verification:REFINEMENT": ("RefinedModel",),
+    "verification:VERIFICATION": ("Verification",),
+    "diagnosis:DIAGNOSIS": ("Diagnosis", "StructureDiagnosis"),
+    "batch:BATCH": ("Batch",),
+    "rig:RIG": ("RigMotion", "RigFigures", "Rig"),
+    "curves:JOINT_CURVES": ("JointCurves",),
+    "curves:STRUCTURE_CURVES": ("StructureCurves",),
+    "reproduction:REPRODUCTION": ("Reproduction", "ReproductionFigures"),
+    "comparison:COMPARISON": ("Comparison",),
+    "changed:CHANGED": ("Change",),
+    "check:CAMPAIGN": ("Campaign",),
+    "check:CHECK": ("Check", "RigCheck", "CheckData"),
+    "plan:PLAN": ("Plan",),
+    "structure_joints:STRUCTURE_JOINTS": ("RigDiscovery", "StructureFigures", "StructureJoints"),
+}
+_BY_NAME = {name: view for view, names in _SHOWN.items() for name in names}
+#: Folders of results within a folder of another kind, in the order of the links between their pages.
+FOLDERS = (
+    "discovery", "refinement", "verification", "diagnosis", "batch", "rig", "joint-curves", "structure-curves",
+    "reproduction", "comparison", "check", "structure",
+)  # fmt: skip
 
 
-FOLDERS = tuple(dict.fromkeys(view.folder for view in VIEWS if view.folder))
+@cache
+def _load_view(place: str) -> View:
+    module, _, name = place.partition(":")
+    view: View = getattr(import_module(f"sindyjoint.reporting.results.{module}"), name)
+    return view
+
+
+def _marks(view: View) -> tuple[str, ...]:
+    """Return the marks of what is saved of a kind of result, those of earlier versions too."""
+    return () if view.data is None else (view.kind, *view.formerly)
 
 
 def view_of(result: Any) -> View:
@@ -76,7 +78,8 @@ def view_of(result: Any) -> View:
     TypeError
         If it is no result.
     """
-    return _BY_TYPE[Check] if getattr(result, "stopped", None) is not None else view_of_type(result)
+    stopped = getattr(result, "stopped", None)
+    return view_of_type(result if stopped is None else stopped)
 
 
 def view_of_type(result: Any) -> View:
@@ -88,11 +91,9 @@ def view_of_type(result: Any) -> View:
         If it is no result.
     """
     for kind in type(result).__mro__:
-        if kind in _BY_TYPE:
-            return _BY_TYPE[kind]
-    raise TypeError(
-        f"{type(result).__name__} is no result; known are {', '.join(k.__name__ for k in _BY_TYPE)}"
-    )
+        if kind.__name__ in _BY_NAME and kind.__module__.startswith("sindyjoint."):
+            return _load_view(_BY_NAME[kind.__name__])
+    raise TypeError(f"{type(result).__name__} is no result; known are {', '.join(_BY_NAME)}")
 
 
 def kinds_of(result: Any) -> Mapping[str, Kind]:
@@ -163,6 +164,8 @@ def details(result: Any) -> Iterator[str]:
     yield from view.details(result)
     soundness = getattr(result, "soundness", None)
     if soundness is not None:
+        from sindyjoint.reporting.results.check import wrap_findings
+
         yield from wrap_findings(soundness)
     known = policies()
     for name in view.judges_of(result):
@@ -271,9 +274,11 @@ def drawing(path: str | os.PathLike[str]) -> Iterator[None]:
 
 def _from_record(record: Any) -> Any:
     kind = record.get("kind") if isinstance(record, dict) else None
-    if not isinstance(kind, str) or kind not in SAVED:
-        raise InputError(f"not a saved result: 'kind' is {kind!r}; expected one of {', '.join(SAVED)}")
-    return SAVED[kind].restore(record)
+    view = _load_view(_BY_NAME[kind]) if isinstance(kind, str) and kind in _BY_NAME else None
+    if view is None or kind not in _marks(view):
+        known = dict.fromkeys(mark for place in _SHOWN for mark in _marks(_load_view(place)))
+        raise InputError(f"not a saved result: 'kind' is {kind!r}; expected one of {', '.join(known)}")
+    return view.restore(record)
 
 
 def _read(path: Path, reader: Callable[[Any], T]) -> T:

@@ -55,8 +55,6 @@ class View:
 
     Parameters
     ----------
-    results : tuple of type
-        What it shows. For a subclass of one of them that has a view, that view holds.
     about : callable
         Result → the first line on a terminal: what this is a result of; with markup.
     data : type, optional
@@ -101,7 +99,6 @@ class View:
         Result, or its data → whether what it rests on comes from a virtual test.
     """
 
-    results: tuple[type, ...]
     about: Callable[[Any], str] = lambda result: ""
     data: type | None = None
     kind: str = ""

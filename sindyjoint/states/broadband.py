@@ -7,7 +7,7 @@ import numpy as np
 from sindyjoint.errors import InputError
 from sindyjoint.measurement.noise import WIDEST, channel_noise
 from sindyjoint.measurement.runs import white_noise
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, convolve
 from sindyjoint.record import Run
 from sindyjoint.rig import Fusion
 from sindyjoint.states.mask import moving_mask, rate_limit, within
@@ -135,15 +135,13 @@ def _smooth_motion(
     run: Run, kernels: tuple[Array, Array, Array], repeated: bool
 ) -> tuple[Array, Array, Array]:
     """Return angle, rate and acceleration of a run by convolution."""
-    from scipy.signal import fftconvolve
-
     low, first, second = kernels
     half = low.size // 2
 
     def smooth(signal: Array, kernel: Array) -> Array:
         if repeated:
             signal = np.concatenate([signal[-half:], signal, signal[:half]])
-        return fftconvolve(signal, kernel, mode="valid")
+        return convolve(signal, kernel)
 
     angle = smooth(run.angle - run.angle[0], low) + run.angle[0]
     if run.rate is not None:
@@ -188,12 +186,10 @@ def _lead(angle: Array, low: Array, first: Array) -> tuple[Array, Array]:
 
     The record is continued to before its start by its reflection in its first point, which keeps its slope.
     """
-    from scipy.signal import fftconvolve
-
     half = low.size // 2
     known = angle[: 3 * half] - angle[0]
     padded = np.concatenate([-known[half:0:-1], known])
-    smooth, rate = (fftconvolve(padded, kernel, mode="valid")[:half] for kernel in (low, first))
+    smooth, rate = (convolve(padded, kernel)[:half] for kernel in (low, first))
     return smooth + angle[0], rate
 
 

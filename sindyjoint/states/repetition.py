@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, convolve
 from sindyjoint.record import Run
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
@@ -127,10 +127,8 @@ def mean_slope(signal: Array, sample_rate: float, states: ForceStates) -> tuple[
 
 def _autocorrelation(signal: Array) -> Array:
     """Return the normalised correlation of a signal with itself at every lag, each over the samples that overlap."""
-    from scipy.signal import fftconvolve
-
     n = signal.size
-    product = fftconvolve(signal, signal[::-1])[n - 1 :]
+    product = convolve(signal, signal[::-1], mode="full")[n - 1 :]
     square = np.cumsum(signal**2)
     head, tail = square[::-1], square[-1] - np.concatenate([[0.0], square[:-1]])
     return product / np.maximum(np.sqrt(head * tail), 1e-300)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, convolve
 
 ROLL_OFF = 0.1  # standard deviation of the response's fall, as a share of the cut-off
 # Above this share of the sampling rate a kernel has too few samples to be one.
@@ -58,12 +58,10 @@ def filtered_inputs(
     found = {}
     for name, values in inputs.items():
         if np.ptp(values) > 0 and cutoff < HIGHEST * sample_rate:
-            from scipy.signal import fftconvolve
-
             low = smoothing_kernels(cutoff, sample_rate)[0]
             half = min(low.size // 2, values.size - 1)
             low = low[low.size // 2 - half : low.size // 2 + half + 1]
             padded = np.pad(values - values[0], half, mode="wrap" if repeated else "edge")
-            values = fftconvolve(padded, low / low.sum(), mode="valid") + values[0]
+            values = convolve(padded, low / low.sum()) + values[0]
         found[name] = values[kept]
     return found

@@ -143,11 +143,11 @@ def _only_batch(folder: Path) -> Iterator[None]:
 
 def _check_options(library: Any, options: Mapping[str, Any]) -> None:
     """Refuse here, once, what would make every campaign a broken one."""
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
     catalogue = as_catalogue(library)
-    given = {name: options[name] for name in options if name in JointRegressor().get_params()}
-    JointRegressor(catalogue, **given).check_parameters()
+    given = {name: options[name] for name in options if name in TermRegression.parameters()}
+    TermRegression(catalogue, **given).check_parameters()
     for option in ("forced", "forbidden"):
         for term in given.get(option, ()):
             if term not in catalogue and term != "inertia":

@@ -45,7 +45,8 @@ from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 from sindyjoint.soundness.check import require_sound
 from sindyjoint.states import campaign_states
 from sindyjoint.states.floor import moment_floor
-from sindyjoint.workflows.discover import discover, regressor_options, the_campaign
+from sindyjoint.workflows.check import the_campaign
+from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.verify import given_model
 
 # Each name may join several catalogues: without the terms of the paper, special ones stand in for those.

@@ -27,7 +27,8 @@ from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
 from sindyjoint.substructure.recovery import recover
-from sindyjoint.workflows.discover import discover_rig, laws_of_rig, the_campaign
+from sindyjoint.workflows.check import the_campaign
+from sindyjoint.workflows.discover import discover_rig, laws_of_rig
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
@@ -14,14 +13,15 @@ import numpy as np
 
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
+from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.candidates import NO_DELAY, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options
-from sindyjoint.files import load_campaign
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.second_search import (
     TermSearch,
@@ -38,15 +38,12 @@ from sindyjoint.judgement.verdict import (
     undecided_without_time,
     unresolved_delay,
 )
-from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.numeric import RNG
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import (
-    Check,
-    RigCheck,
     check_accepted,
     check_campaign,
     check_rig_test,
@@ -55,17 +52,15 @@ from sindyjoint.soundness.check import (
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
+from sindyjoint.workflows.check import the_campaign
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.estimator import JointRegressor
     from sindyjoint.judgement.rig_discovery import RigDiscovery
 
 
 def regressor_options() -> tuple[str, ...]:
     """Return the names of the options that a discovery passes on to its regressor."""
-    from sindyjoint.discovery.estimator import JointRegressor
-
-    return tuple(inspect.signature(JointRegressor).parameters)
+    return TermRegression.parameters()
 
 
 @checks_options(regressor_options)
@@ -128,9 +123,6 @@ def discover(
     InputError, UnknownNameError
         For data or options that cannot be used.
     """
-    from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.discovery.foreign_library import catalogue_of
-
     say = progress or (lambda stage: None)
     catalogue = catalogue_of(library)
     check_accepted(accept)
@@ -144,7 +136,7 @@ def discover(
         if align:
             raise InputError(f"align: {NO_DELAY}")
         catalogue, correct = rate_free(catalogue), False
-    regressor = JointRegressor(catalogue, motion=campaign.joint.motion, random_state=rng, **options)
+    regressor = TermRegression(catalogue, motion=campaign.joint.motion, random_state=rng, **options)
     say("checking the data")
     checked = check_campaign(campaign, accept)
     if checked.stopping:
@@ -200,7 +192,7 @@ class _Prepared(NamedTuple):
 
 def _prepare(
     campaign: Campaign,
-    regressor: JointRegressor,
+    regressor: TermRegression,
     library: Any,
     make_states: Callable[[Campaign], tuple[ForceStates, ...]],
     align: bool,
@@ -213,14 +205,14 @@ def _prepare(
     if isinstance(library, str) and library == DEFAULT:
         largest = max(float(np.abs(s.angle).max()) for s in made)
         found = default_candidates(largest, campaign.joint.motion)
-        regressor.set_params(library=rate_free(found) if campaign.quasi_static else found)
+        regressor.library = rate_free(found) if campaign.quasi_static else found
     if campaign.quasi_static:
         return _Prepared(campaign, made, None, 0.0, ())
     lags = find_lags(made, inertia, campaign.inputs)
     if lags:
         campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
         made = make_states(campaign)
-        regressor.set_params(inputs=campaign.inputs)
+        regressor.inputs = campaign.inputs
     say("time delay between the channels")
     delay = find_delay(made, inertia, campaign.inputs)
     lag = delay.time if align and delay is not None and delay.significant else 0.0
@@ -228,7 +220,7 @@ def _prepare(
 
 
 def _select_terms(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     prepared: _Prepared,
     here: Executor | None,
     bandwidth: float | None,
@@ -247,7 +239,7 @@ def _select_terms(
 
 
 def _judge_terms(
-    found: TermSearch, measured: JointRegressor, prepared: _Prepared, correct: bool
+    found: TermSearch, measured: TermRegression, prepared: _Prepared, correct: bool
 ) -> tuple[Verdict, ChannelDelay | None]:
     """Return the verdict on the paper's terms, and the delay that is left in the channels."""
     regressor, model, states = found.regressor, found.model, found.states
@@ -258,25 +250,6 @@ def _judge_terms(
     if correct and verdict.verdict == "refuted":
         verdict = softened(verdict, regressor, model, prepared.campaign, states)
     return (undecided_without_time(verdict) if prepared.campaign.quasi_static else verdict), left
-
-
-def the_campaign(
-    campaign: Campaign | str | Path | Any, rng: RNG = None, longest: int | None = None
-) -> Campaign:
-    """Return a campaign from itself, a file, data frames, or the built-in virtual test.
-
-    Of runs in files that are longer than ``longest`` only a segment is read.
-    """
-    if isinstance(campaign, Campaign):
-        return campaign
-    if campaign is None:
-        from sindyjoint.mechanics.virtual import virtual_campaign
-
-        return virtual_campaign("inter-panel", noise=0.01, rng=0 if rng is None else rng)
-
-    if isinstance(campaign, str | Path):
-        return load_campaign(campaign, longest)
-    return Campaign.from_frames(campaign)
 
 
 @checks_options(regressor_options)
@@ -320,9 +293,7 @@ def discover_rig(
     UnsoundError
         Where findings of the check stop the work.
     """
-    from sindyjoint.discovery.foreign_library import catalogue_of
     from sindyjoint.judgement.rig_discovery import of_data
-    from sindyjoint.mechanics.rig_test_file import load_rig_test
 
     say = progress or (lambda stage: None)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
@@ -381,50 +352,3 @@ def laws_of_rig(
             described(found), recoveries, models, starts=3 if refine else 1, random_state=state, progress=say
         ),
     )
-
-
-@checks_options()
-@single_threaded()
-def check(
-    campaign: Campaign | RigTest | str | Path | Any = None,
-    accept: Sequence[str] = (),
-    *,
-    rng: RNG = None,
-    progress: Callable[[str], None] | None = None,
-) -> Check | RigCheck:
-    """Check whether the data of a campaign, or of a structure's test, are sound.
-
-    Parameters
-    ----------
-    campaign : Campaign, RigTest, path of a campaign.toml or of a rig.toml or of the folder with it, or None
-        ``None``: the built-in virtual test of the inter-panel joint, which is simulated. Of runs that are too long for
-        memory the first segment is checked.
-    accept : sequence of str
-        Ids of findings that shall not stop the work.
-    rng : int, Generator or None
-        Of the virtual test.
-    progress : callable, optional
-        Called with the name of each stage.
-
-    Returns
-    -------
-    Check or RigCheck
-        With ``soundness`` (verdict and findings) and ``usable``, the campaign without the samples that are left out (of
-        a structure, with these filled in).
-
-    Raises
-    ------
-    InputError
-        For data that cannot be read.
-    UnknownNameError
-        For an id that no finding has.
-    """
-    say = progress or (lambda stage: None)
-    check_accepted(accept)
-    if isinstance(campaign, RigTest) or (isinstance(campaign, str | Path) and is_rig_test(campaign)):
-        test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
-        say("checking the data")
-        return check_rig_test(test, accept)
-    opened = the_campaign(campaign, rng, LONGEST)
-    say("checking the data")
-    return check_campaign(opened, accept)

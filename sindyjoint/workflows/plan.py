@@ -46,8 +46,9 @@ from sindyjoint.planning.separating_runs import (
 )
 from sindyjoint.record import Campaign
 from sindyjoint.states.periodic import REPLICATES
+from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
-from sindyjoint.workflows.discover import discover, the_campaign
+from sindyjoint.workflows.discover import discover
 
 Say = Callable[[str], None]
 

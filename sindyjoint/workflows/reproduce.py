@@ -270,10 +270,10 @@ def _build_linear_map(law: PaperLaw, generator: np.random.Generator) -> ForceSta
 
 def _fit_five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel:
     """Fit Eq. 6 to the runs of one frequency."""
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
     rows = regression_rows(states, campaign.joint.inertia)
-    fitted = JointRegressor("paper", forced=TERMS, motion=campaign.joint.motion).fit(**rows.fit_arguments())
+    fitted = TermRegression("paper", forced=TERMS, motion=campaign.joint.motion).fit(**rows.fit_arguments())
     return replace(fitted.model_, joint=campaign.joint)
 
 

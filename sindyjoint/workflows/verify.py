@@ -44,7 +44,7 @@ from sindyjoint.states.campaigns import content_hash
 from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.text import percent
 from sindyjoint.trust import Trust
-from sindyjoint.workflows.discover import the_campaign
+from sindyjoint.workflows.check import the_campaign
 
 DRAWS = 20
 

@@ -6,9 +6,9 @@ import inspect
 import pytest
 import typer
 
-from sindyjoint.cli import application, default_of, given
+from sindyjoint.cli import default_of, given, make_app
 
-REGRESSOR, DISCOVER = "discovery.estimator:JointRegressor", "workflows.discover:discover"
+REGRESSOR, DISCOVER = "discovery.regression:TermRegression", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
 SPREAD = ("jobs", "workers", "cluster")
 OF_REGRESSOR = ("method", "selection", "threshold")
@@ -121,7 +121,7 @@ OWN = {
 
 
 def options():
-    commands = typer.main.get_command(application).commands
+    commands = typer.main.get_command(make_app()).commands
     for name, command in commands.items():
         if name in ("libraries", "schema", "export"):
             continue

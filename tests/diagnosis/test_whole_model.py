@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sindyjoint import diagnose, diagnose_structure, verify
-from sindyjoint.cli import application
+from sindyjoint.cli import make_app
 from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.equation import read_model, read_test
 from sindyjoint.files import write_campaign
@@ -107,14 +107,14 @@ def test_the_command_line_passes_the_whole_model_on(tmp_path):
     manifest = write_campaign(hidden.campaign, tmp_path / "campaign")
     runner, folder = CliRunner(), str(tmp_path / "out")
     options = ["--no-advice", "--max-effects", "1", "--out", folder, "--quiet"]
-    assert runner.invoke(application, ["diagnose", str(manifest), *options]).exit_code == 0
+    assert runner.invoke(make_app(), ["diagnose", str(manifest), *options]).exit_code == 0
     assert read_test(folder) is None  # nothing of the test was at fault
     made = runner.invoke(
-        application,
+        make_app(),
         ["simulate", "--model", folder, "--frequencies", "4", "--levels", "0.8", "--noise", "0.001"]
         + ["--out", str(tmp_path / "made")],
     )
     assert made.exit_code == 0, made.output
-    checked = runner.invoke(application, ["verify", folder, str(tmp_path / "made"), "--json", "--quiet"])
+    checked = runner.invoke(make_app(), ["verify", folder, str(tmp_path / "made"), "--json", "--quiet"])
     assert checked.exit_code == 0, checked.output
     assert json.loads(checked.stdout)["response_nrmse"] < 0.01

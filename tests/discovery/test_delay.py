@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.delay import estimate_delay, reference_of, shifted
+from sindyjoint.discovery.delay import columns_of, estimate_delay, shifted
 from sindyjoint.equation import load_catalogue
 from sindyjoint.mechanics import virtual_campaign
 from sindyjoint.record import Run
@@ -18,7 +18,7 @@ PLAN = dict(frequencies=[3, 5], levels=[0.9, 0.5], duration=4.0, noise=0.01, ran
 @pytest.mark.parametrize("skew", [0.0, 1e-3, -4e-4])
 def test_skew_is_found(drive, skew):
     states = campaign_states(virtual_campaign(drive=drive, skew=skew, **PLAN))
-    law = load_catalogue("paper").resolve(reference_of(states))
+    law = columns_of(load_catalogue("paper").resolve())
     found = estimate_delay(states, law, 0.02)
     # stated: 0.02 ms is the error of the method at 1 % noise, added to the standard error
     assert abs(found.time - skew) < 2e-5 + 4 * found.standard_error
@@ -44,7 +44,7 @@ def test_what_differs_from_run_to_run_is_no_delay(slider, delay):
     runs = [run_of(slider, frequency, peak) for frequency in (3.0, 5.0) for peak in (6e-4, 3e-4)]
     late = [replace(run, moment=np.roll(run.moment, 1)) if delay else run for run in runs]
     states = [force_states(run) for run in late]
-    found = estimate_delay(states, load_catalogue("paper").resolve(reference_of(states)), None)
+    found = estimate_delay(states, columns_of(load_catalogue("paper").resolve()), None)
     assert found.stands_out and found.significant == delay
     assert (found.disagreement > 5) != delay
 

@@ -209,10 +209,10 @@ def test_the_keys_page_has_every_key():
 
 
 def test_every_command_has_a_line():
-    from sindyjoint.cli import application
+    from sindyjoint.cli import make_app
 
-    names = {command.name for command in application.registered_commands} | {
-        group.name for group in application.registered_groups
+    names = {command.name for command in make_app().registered_commands} | {
+        group.name for group in make_app().registered_groups
     }
     text = (DOCS / "guide" / "commands.md").read_text(encoding="utf-8")
     assert names - set(re.findall(r"^- `sindyjoint (\w+)", text, re.M)) == set()

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import sindyjoint
-from sindyjoint.cli import application
+from sindyjoint.cli import make_app
 from sindyjoint.errors import InputError
 from sindyjoint.reporting import load_results, record_schema
 from tests.made_models import paper_model
@@ -65,7 +65,7 @@ def test_command_of_a_model_writes_its_curves(tmp_path):
     model = tmp_path / "model.json"
     model.write_text(paper_model(0.02).to_json(), encoding="utf-8")
     options = ["curves", str(model), "--frequency", "4 Hz", "--amplitudes", "10..500 urad", "--json", "-q"]
-    done = CliRunner().invoke(application, [*options, "--out", str(tmp_path / "out")])
+    done = CliRunner().invoke(make_app(), [*options, "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
     assert record["curves"][0]["amplitude"][-1] == pytest.approx(5e-4)

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import sindyjoint
 from sindyjoint import Campaign, JointModel, compare, verify
-from sindyjoint.cli import application
+from sindyjoint.cli import make_app
 from sindyjoint.diagnosis import load_effects
 from sindyjoint.equation import Form, is_rate_free, load_catalogue, rate_free, without_rate
 from sindyjoint.errors import InputError
@@ -222,11 +222,10 @@ def folder(tmp_path, more="", run=""):
 def test_the_command_line_takes_samples_without_time(tmp_path):
     given = folder(tmp_path)
     assert (
-        CliRunner().invoke(application, ["check", str(given), "--out", str(tmp_path / "check")]).exit_code
-        == 0
+        CliRunner().invoke(make_app(), ["check", str(given), "--out", str(tmp_path / "check")]).exit_code == 0
     )
     result = CliRunner().invoke(
-        application, ["discover", str(given), "--out", str(tmp_path / "out"), "--quiet"]
+        make_app(), ["discover", str(given), "--out", str(tmp_path / "out"), "--quiet"]
     )
     assert result.exit_code == 0 and "the samples have no time" in result.stdout
     picture = (tmp_path / "out" / "figures" / "residual.svg").read_text()

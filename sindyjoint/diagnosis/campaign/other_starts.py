@@ -111,14 +111,14 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
 
     None where discovery finds none, or those of the model.
     """
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
     work = problem.work
     campaign, policy = work.campaign, problem.policy
     largest = max(float(np.abs(s.angle).max()) for s in work.states)
     catalogue = default_candidates(largest, campaign.joint.motion)
     catalogue = rate_free(catalogue) if campaign.quasi_static else catalogue
-    regressor = JointRegressor(catalogue, motion=campaign.joint.motion)
+    regressor = TermRegression(catalogue, motion=campaign.joint.motion)
     try:
         regressor.fit(
             **regression_rows(work.states, campaign.joint.inertia, with_inputs=False).fit_arguments()

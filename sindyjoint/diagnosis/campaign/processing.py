@@ -21,7 +21,7 @@ from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
-from sindyjoint.numeric import Array, delayed
+from sindyjoint.numeric import Array, convolve, delayed
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.broadband import smoothing_kernels
@@ -124,8 +124,6 @@ def _replicate(
 
 
 def _low_passed(moment: Array, sample_rate: float, band: float) -> Array:
-    from scipy.signal import fftconvolve
-
     kernel = smoothing_kernels(band, sample_rate)[0]
-    smooth: Array = fftconvolve(np.pad(moment, kernel.size // 2, mode="edge"), kernel, mode="valid")
+    smooth: Array = convolve(np.pad(moment, kernel.size // 2, mode="edge"), kernel)
     return smooth

@@ -202,14 +202,14 @@ def first_model(
     known: Sequence[Effect] = (),
 ) -> Repaired:
     """Return the model to start from, fitted to the campaign; its elements become effects, with their ranges."""
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
     inertia = campaign.joint.inertia
     rows = regression_rows(states, inertia, with_inputs=False)
     if model is None:
         catalogue = rate_free(as_catalogue(base)) if campaign.quasi_static else as_catalogue(base)
         fitted = (
-            JointRegressor(catalogue, threshold=0.0, motion=campaign.joint.motion)
+            TermRegression(catalogue, threshold=0.0, motion=campaign.joint.motion)
             .fit(**rows.fit_arguments())
             .model_
         )

@@ -20,7 +20,7 @@ from sindyjoint.inputs import input_names
 from sindyjoint.parallel import Executor, ordered_map
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
     from sindyjoint.equation.terms import ResolvedTerm
 
 
@@ -77,7 +77,7 @@ class Passed:
 
 
 def pass_over(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     work: Callable[[TaskType], Segment],
     tasks: Sequence[TaskType],
     here: Executor,
@@ -91,7 +91,7 @@ def pass_over(
 
     Parameters
     ----------
-    regressor : JointRegressor
+    regressor : TermRegression
     work : callable
         Does one task; to be sent to other processes.
     tasks : sequence of SegmentTask

@@ -29,7 +29,7 @@ from sindyjoint.states import ForceStates, force_states, regression_rows
 from sindyjoint.states.rows import group_labels
 
 if TYPE_CHECKING:
-    from sindyjoint.discovery.estimator import JointRegressor
+    from sindyjoint.discovery.regression import TermRegression
 
 # Samples of a run above which it is not loaded as a whole. The columns of its harmonics take two kilobytes for each.
 LONGEST = 1 << 18
@@ -83,7 +83,7 @@ def has_long_runs(campaign: Campaign) -> bool:
 
 
 def fit_long(
-    regressor: JointRegressor,
+    regressor: TermRegression,
     campaign: Campaign,
     states: Sequence[ForceStates],
     here: Executor,
@@ -91,12 +91,12 @@ def fit_long(
     bandwidth: float | None = None,
     lag: float = 0.0,
     say: Callable[[str], None] = lambda stage: None,
-) -> tuple[JointRegressor, tuple[SampleCount, ...]]:
+) -> tuple[TermRegression, tuple[SampleCount, ...]]:
     """Fit a regressor to a campaign some of whose runs are long.
 
     Parameters
     ----------
-    regressor : JointRegressor
+    regressor : TermRegression
     campaign : Campaign
     states : sequence of ForceStates
         Of the identification runs, of long ones of their first segment.
@@ -108,7 +108,7 @@ def fit_long(
 
     Returns
     -------
-    regressor : JointRegressor
+    regressor : TermRegression
     counts : tuple of SampleCount
         One per run.
 

@@ -360,7 +360,6 @@ _ENDS: dict[str, Callable[[CampaignRecord], str]] = {
     "reason": lambda record: record.reason,
 }
 BATCH = View(
-    results=(Batch,),
     about=lambda result: f"{escape(headline(result))}{', all of them simulated' * _simulated(result)}",
     data=Batch,
     rows="campaigns",

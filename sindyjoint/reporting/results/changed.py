@@ -141,7 +141,6 @@ def _files(result: Change, data: Change) -> dict[str, str]:
 
 
 CHANGED = View(
-    results=(Change,),
     about=lambda result: f"[bold]{escape(result.after.joint.name)}[/]: {escape(' and '.join(result.names))}",
     data=Change,
     kind="Change",

@@ -13,12 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.markup import escape
 
-from sindyjoint.diagnosis.result import Diagnosis
-from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion, Run
-from sindyjoint.reporting.equation import terms_csv
 from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
@@ -34,7 +31,7 @@ from sindyjoint.reporting.tables import (
     terminal_table,
 )
 from sindyjoint.reporting.view import View
-from sindyjoint.soundness.check import Check, Checked, RigCheck
+from sindyjoint.soundness.check import Checked, RigCheck
 from sindyjoint.soundness.finding import Soundness, words_of
 from sindyjoint.soundness.record import Record
 from sindyjoint.text import quantities, spelled
@@ -288,8 +285,13 @@ def _files(result: Any, data: CheckData) -> dict[str, str]:
     check = _check_of(result)
     rows = [[getattr(f, name) for name in CSV_COLUMNS] for f in check.soundness.findings]
     texts = {"findings.csv": csv_text(CSV_COLUMNS, rows)}
-    if result is not check:
-        texts["model.json"] = result.model.to_json() + "\n"
+    if result is check:
+        return texts
+    from sindyjoint.diagnosis.result import Diagnosis
+    from sindyjoint.judgement.discovery import Discovery
+    from sindyjoint.reporting.equation import terms_csv
+
+    texts["model.json"] = result.model.to_json() + "\n"
     if isinstance(result, Discovery):
         texts["terms.csv"] = terms_csv(result.model)
     if isinstance(result, Diagnosis):
@@ -333,7 +335,6 @@ def wrap_findings(soundness: Soundness) -> Iterator[str]:
 
 
 CHECK = View(
-    results=(Check, RigCheck, CheckData),
     about=_about,
     data=CheckData,
     kind="Check",
@@ -391,7 +392,6 @@ def _runs(result: Campaign) -> list[dict[str, Any]]:
 
 #: What the runs of a campaign hold; its picture and its page are those of its check.
 CAMPAIGN = View(
-    results=(Campaign,),
     about=lambda result: (
         f"{escape(result.joint.name)}{' (simulated)' * result.simulated}: {len(result.runs)} run(s)"
     ),

@@ -385,7 +385,6 @@ def structure_headline(result: StructureCurves) -> str:
 
 
 JOINT_CURVES = View(
-    results=(JointCurves,),
     about=lambda result: escape(f"{result.name}: {joint_headline(result)}"),
     data=JointCurves,
     kind="JointCurves",
@@ -402,7 +401,6 @@ JOINT_CURVES = View(
     files=_joint_files,
 )
 STRUCTURE_CURVES = View(
-    results=(StructureCurves,),
     about=lambda result: escape(f"{result.name} (simulated): {structure_headline(result)}"),
     data=StructureCurves,
     kind="StructureCurves",

@@ -13,7 +13,8 @@ from rich.markup import escape
 from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.judgement.headlines import judge_diagnosis
-from sindyjoint.reporting.equation import effect_mathml, mathml, model_table
+from sindyjoint.reporting.equation import model_table
+from sindyjoint.reporting.mathml import effect_mathml, mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
 from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, STRUCTURE_KINDS, thinned
 from sindyjoint.reporting.style import pretty_unit
@@ -231,7 +232,6 @@ def _gap(gap: Gap) -> tuple[str, str]:
 
 
 DIAGNOSIS: View = View(
-    results=(Diagnosis,),
     about=lambda result: (
         f"{escape(result.model.joint.name)}{' (simulated)' * DIAGNOSIS.simulated(result)}: "
         f"[bold]{result.verdict.replace('_', ' ')}[/]"

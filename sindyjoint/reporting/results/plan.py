@@ -315,7 +315,6 @@ def _files(result: Plan, data: Plan) -> dict[str, str]:
 
 
 PLAN = View(
-    results=(Plan,),
     about=lambda result: f"{escape(result.model.joint.name)}: {escape(headline(result))}",
     data=Plan,
     kind="Plan",

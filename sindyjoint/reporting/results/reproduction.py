@@ -452,7 +452,6 @@ def _print_table(table: TextTable) -> None:
 
 
 REPRODUCTION = View(
-    results=(Reproduction, ReproductionFigures),
     about=lambda result: "The paper's tables and figures from virtual tests (simulated)\n",
     data=ReproductionFigures,
     kind="Reproduction",

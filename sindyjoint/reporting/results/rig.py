@@ -224,7 +224,6 @@ def _details(result: RigMotion) -> Iterator[str]:
 
 
 RIG = View(
-    results=(RigMotion, RigFigures),
     about=lambda result: f"{escape(result.rig.name)} (simulated), {result.duration:.3g} s after the pulse",
     data=RigFigures,
     kind="Rig",

@@ -12,7 +12,7 @@ import numpy as np
 from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_verification
-from sindyjoint.reporting.equation import mathml, model_table
+from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import (
     Axes,
     Curve,
@@ -26,6 +26,7 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
@@ -378,7 +379,6 @@ _DETAILS: dict[str, Callable[[RunVerification], str]] = {
     "failed": lambda run: DASH if run.band is None else str(run.band.failed),
 }
 VERIFICATION = View(
-    results=(Verification,),
     about=_about,
     data=Verification,
     rows="runs",
@@ -426,7 +426,6 @@ def _print_refinement(result: Verification, console: Console) -> None:
 #: A model refined on a campaign: its numbers before and after, and what a verification shows.
 REFINEMENT = replace(
     VERIFICATION,
-    results=(RefinedModel,),
     folder="refinement",
     tables=_with_numbers,
     page=partial(_page, _with_numbers),

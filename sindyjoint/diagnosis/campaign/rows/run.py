@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.terms import Reference
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, convolve
 
 # A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
 STRETCHES = 20
@@ -137,11 +137,9 @@ class Band:
 
     def within(self, residual: Array) -> Array:
         """Return a residual at the rows within the band, shape (m,); gaps between rows are bridged."""
-        from scipy.signal import fftconvolve
-
         grid = np.interp(np.arange(self.places[0], self.places[-1] + 1), self.places, residual)
         half = self.kernel.size // 2
-        smooth = fftconvolve(np.pad(grid, half, mode="edge"), self.kernel, mode="valid")
+        smooth = convolve(np.pad(grid, half, mode="edge"), self.kernel)
         return smooth[self.places - self.places[0]]
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, convolve
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import WIDEST, smoothing_kernels
 
@@ -83,7 +83,6 @@ def kernel_noise_factor(
         Standard error of each row by independent noise, N·m.
     """
     from scipy.linalg import cholesky_banded
-    from scipy.signal import fftconvolve
 
     cutoff = min(BEYOND * states.bandwidth, WIDEST * states.sample_rate)
     low, first, second = smoothing_kernels(cutoff, states.sample_rate)
@@ -97,7 +96,7 @@ def kernel_noise_factor(
     else:
         sources = [[(angle * stiffness, low), (angle * damping, first), (angle * inertia, second)]]
     pairs = [
-        (one, other, fftconvolve(a, b[::-1]))
+        (one, other, convolve(a, b[::-1], mode="full"))
         for source in sources
         for one, a in source
         for other, b in source
