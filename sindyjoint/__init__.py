@@ -33,17 +33,14 @@ if TYPE_CHECKING:
     from sindyjoint.states.rows import regression_rows
     from sindyjoint.states.surface import fit_surface, force_state_map
     from sindyjoint.workflows.batch import batch
-    from sindyjoint.workflows.changed import changed
     from sindyjoint.workflows.check import check
-    from sindyjoint.workflows.compare import compare
+    from sindyjoint.workflows.compare import changed, compare
     from sindyjoint.workflows.curves import curves
     from sindyjoint.workflows.diagnose import diagnose, diagnose_rig, diagnose_structure
     from sindyjoint.workflows.discover import discover, discover_rig
     from sindyjoint.workflows.plan import plan
-    from sindyjoint.workflows.refine import refine
-    from sindyjoint.workflows.rig import rig_motion
-    from sindyjoint.workflows.simulate import simulate
-    from sindyjoint.workflows.verify import verify
+    from sindyjoint.workflows.simulate import rig_motion, simulate
+    from sindyjoint.workflows.verify import refine, verify
 
 __version__ = "0.1.0"
 
@@ -119,7 +116,7 @@ _HOMES = {
     "UniqueShareSTLSQ": "discovery.optimizer",
     "batch": "workflows.batch",
     "campaign_states": "states",
-    "changed": "workflows.changed",
+    "changed": "workflows.compare",
     "check": "workflows.check",
     "compare": "workflows.compare",
     "curves": "workflows.curves",
@@ -145,9 +142,9 @@ _HOMES = {
     "model_law": "response.laws",
     "plan": "workflows.plan",
     "play": "planning.plan_file",
-    "refine": "workflows.refine",
+    "refine": "workflows.verify",
     "regression_rows": "states.rows",
-    "rig_motion": "workflows.rig",
+    "rig_motion": "workflows.simulate",
     "simulate": "workflows.simulate",
     "verify": "workflows.verify",
     "virtual_campaign": "mechanics.virtual",

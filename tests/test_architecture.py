@@ -41,6 +41,7 @@ ALLOWED = {
     "record": {"errors", "text", "inputs", "described", "hooks", "rig"},
     "measurement": {
         "errors",
+        "hooks",
         "numeric",
         "inputs",
         "policy",

@@ -13,6 +13,10 @@ from collections import namedtuple
 from contextlib import nullcontext, suppress
 from typing import TextIO
 
+from sindyjoint.hooks import fetched
+
+__getattr__ = fetched(__name__, {"app": "make_app", "options": "default_of given", "progress": "Progress"})
+
 # Error handler and codec as Python knows them.
 SPELLED = "sindyjoint.spelled"
 ASCII = "sindyjoint_ascii"

@@ -52,7 +52,7 @@ def answer(
         result = find()
     except UnsoundError as error:
         result, stopped = error.check, True
-    place_results(result, out or Places.results, kept=out is not None)
+    place_results(result, out or (places or Places()).results, kept=out is not None)
     place = write(result, out, progress, seed, used, output.force)
     progress.show_details(result)
     progress.end()
@@ -71,7 +71,7 @@ def answer(
 
 
 def call(function: str, *arguments: Any, **options: Any) -> Callable[[], Any]:
-    """Return a call of a function of the package, such as ``"workflows.check:check"``, imported when it is made."""
+    """Return a call of a function of the package, such as ``"workflows.discover:check"``, imported when it is made."""
 
     def made() -> Any:
         module, _, name = function.partition(":")

@@ -215,7 +215,7 @@ def discover(
             "nuisance": kinds, "accept": accepted, "align": finding.align, "rng": random_state,
         }  # fmt: skip
         refined = answer(
-            call("workflows.refine:refine", model, campaign, progress=progress.say, **options),
+            call("workflows.verify:refine", model, campaign, progress=progress.say, **options),
             out, output, progress, random_state,
             (), campaign, model,
         )  # fmt: skip

@@ -22,12 +22,6 @@ _Drive = StrEnum("_Drive", ["moment", "angle"])
 
 
 PLAN = "workflows.plan:plan"
-NEXT = (
-    (
-        "sindyjoint simulate --plan RESULTS --out virtual",
-        "try these runs on a simulated joint before the bench",
-    ),
-)
 SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
 # Of a joint that turns, and of one that slides.
@@ -151,12 +145,10 @@ def plan(
         **_noise(noise or []),
     )
 
-    result = answer(find, out, output, progress, random_state, [diagnosis or ""], campaign, model)
-    places = PLACES.get()
-    if result.runs and places is not None and not output.as_json:
+    if (places := PLACES.get()) is not None:
         # No results of another kind go into the folder of a plan.
-        for step in replace(places, results=places.results if out else "plan").fill(NEXT):
-            typer.echo(f"next: {step.do}  to {step.to}")
+        PLACES.set(replace(places, results="plan"))
+    answer(find, out, output, progress, random_state, [diagnosis or ""], campaign, model)
 
 
 def _share(text: str, where: str) -> float:
@@ -317,7 +309,10 @@ def curves(
             band=None if band is None else span(band, "Hz", "--band"),
         ),
     )
-    answer(find, out, output, progress, files=model or (), subject=subject)
+    # What next steps are written with: a model by itself, or a rig and perhaps a model for its joints.
+    alone = subject.endswith(".json") or (Path(subject) / "model.json").is_file()
+    known = Path(subject) if alone else next(iter(model or ()), None)
+    answer(find, out, output, progress, None, model or (), None if alone else subject, known)
 
 
 def _sizes(text: str) -> tuple[float, float]:

@@ -128,7 +128,7 @@ def compare(
     raise typer.Exit(0 if result.model.terms else 1)
 
 
-CHANGED = "workflows.changed:changed"
+CHANGED = "workflows.compare:changed"
 
 
 @with_blocks
@@ -270,7 +270,7 @@ def rig(
 
     Example: sindyjoint rig four-panel-wing --out wing
     """
-    find = call("workflows.rig:rig_motion", rig, model, progress=progress.say)
+    find = call("workflows.simulate:rig_motion", rig, model, progress=progress.say)
     answer(find, out, output, progress, subject=rig, model=model)
 
 

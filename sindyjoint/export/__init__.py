@@ -27,10 +27,22 @@ from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import InputError, UnknownNameError, nearest
 from sindyjoint.export.fidelity import ALL_TERMS, Cycles, Fidelity, not_carried, shares
 from sindyjoint.files.atomic import output_folder, write_bytes
+from sindyjoint.hooks import fetched
 from sindyjoint.inputs import Input
 from sindyjoint.numeric import Array
 
 __all__ = ["TARGETS", "Export", "Fidelity", "export_model", "read_model", "write_export"]
+
+__getattr__ = fetched(
+    __name__,
+    {
+        "documents": "batch_samples",
+        "elements": "BoucWen Gap LuGre Maxwell Slider kind_of",
+        "fidelity": "ALL_TERMS Cycles Represented fidelity_table",
+        "nastran": "field read_field",
+        "parts": "Parts softening_limits",
+    },
+)
 
 TARGETS = {
     "ansys": "APDL: COMBIN39, COMBIN40 and COMBIN37 elements, and a rig of beams around them",

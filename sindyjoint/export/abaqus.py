@@ -12,18 +12,18 @@ import numpy as np
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
-from sindyjoint.export.elements import Gap, Kind, Maxwell, Slider, written_as
+from sindyjoint.export.elements import Gap, Maxwell, Slider, written_as
 from sindyjoint.export.fidelity import (
     Cycles,
     Represented,
     Rows,
     comment,
     fidelity_table,
-    number,
+    filled_in,
     preamble,
     words_of,
 )
-from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
+from sindyjoint.export.parts import GIVE, Parts, contribution, power_law, total
 
 POINTS = 41
 # Numbers that a model rarely uses: of the first element, and of the first node inside a Maxwell branch.
@@ -73,26 +73,23 @@ def export(model: JointModel) -> Export:
         *((between,) if last >= BRANCH_NODE else ()),
         *lumped.inertia_note(model),
     )
-    component, kind, free = (
-        (4, "HINGE", "CARDAN") if model.joint.motion == "rotation" else (1, "TRANSLATOR", "CARTESIAN")
+    rotation = model.joint.motion == "rotation"
+    lines = filled_in(
+        "abaqus.inp.j2",
+        element=ELEMENT,
+        node=BRANCH_NODE,
+        component=4 if rotation else 1,
+        held="HINGE" if rotation else "TRANSLATOR",
+        free="CARDAN" if rotation else "CARTESIAN",
+        curve=curve if parts.elastic else None,
+        damping=parts.damping if parts.viscous else None,
+        rates=rates if damping else None,
+        friction=(friction.stiffness, friction.limits) if friction.stiffness else None,
+        sliders=[kind for _, kind in added if isinstance(kind, Slider)],
+        chains=[kind for _, kind in added if not isinstance(kind, Slider)],
+        stick=GIVE * model.fitted.angle,
     )
-    lines = [
-        "*ELEMENT, TYPE=CONN3D2, ELSET=SINDYJOINT",
-        "** element number, node on the base's side, node on the far side",
-        f"{ELEMENT}, 1, 2",
-        "*ORIENTATION, NAME=SINDYJOINT_AXES, DEFINITION=COORDINATES",
-        "1., 0., 0., 0., 1., 0.",
-        "*CONNECTOR SECTION, ELSET=SINDYJOINT, BEHAVIOR=SINDYJOINT_LAW",
-        f"{kind},",
-        "SINDYJOINT_AXES,",
-        "*CONNECTOR BEHAVIOR, NAME=SINDYJOINT_LAW, EXTRAPOLATION=LINEAR",
-    ]
-    lines += _nonlinear("ELASTICITY", component, curve) if parts.elastic else []
-    lines += _linear("DAMPING", component, parts.damping) if parts.viscous else []
-    lines += _nonlinear("DAMPING", component, rates) if damping else []
-    lines += friction.lines(component)
-    lines += _hysteresis([kind for _, kind in added], component, kind, free, GIVE * model.fitted.angle)
-    text = comment(preamble(model, "Abaqus", rows, notes), "**") + "".join(f"{line}\n" for line in lines)
+    text = comment(preamble(model, "Abaqus", rows, notes), "**") + lines
     return Export("abaqus", {"joint.inp": text}, rows, notes)
 
 
@@ -121,64 +118,7 @@ class _Friction:
         how = f"connector friction; sticks as a spring that gives way by {GIVE:g} of the tested {angle}"
         return {term: Represented(how, slider * own / safe) for term, own in share.items()}
 
-    def lines(self, component: int) -> list[str]:
-        if not self.stiffness:
-            return []
-        if self.nodes.size == 1:
-            return _sliding(component, self.stiffness, float(self.limit[0]))
-        head, _, *tail = _sliding(component, self.stiffness, 0.0)
-        data = [f"{number(f)}, {number(x)}" for x, f in zip(self.nodes, self.limit, strict=True)]
-        return [f"{head}, INDEPENDENT COMPONENTS=POSITION", str(component), *data, *tail]
-
-
-def _hysteresis(kinds: list[Kind], component: int, held: str, free: str, stick: float) -> list[str]:
-    """Return pairs of spring and slider, then two connectors with a node between for what is more.
-
-    The first of two constrains as the joint does, and holds the node between; the second constrains nothing.
-    """
-    lines, element, node = [], ELEMENT, BRANCH_NODE
-    for kind in kinds:
-        if isinstance(kind, Slider):
-            element += 1
-            sliding = _sliding(component, kind.stiffness, kind.stiffness * kind.deflection)
-            lines += _connector(element, "1, 2", free, sliding)
-    for kind in kinds:
-        if isinstance(kind, Maxwell):
-            first = _linear("ELASTICITY", component, kind.stiffness)
-            second = _linear("DAMPING", component, kind.stiffness * kind.time)
-        elif isinstance(kind, Gap):
-            first = _sliding(component, kind.moment / stick, kind.moment)
-            second = _nonlinear("ELASTICITY", component, Curve(*kind.curve()))
-        else:
-            continue
-        lines += _connector(element + 1, f"1, {node}", held, first)
-        lines += _connector(element + 2, f"{node}, 2", free, second)
-        element, node = element + 2, node + 1
-    return lines
-
-
-def _connector(element: int, nodes: str, kind: str, behaviour: list[str]) -> list[str]:
-    name = f"SINDYJOINT_{element}"
-    return [
-        f"*ELEMENT, TYPE=CONN3D2, ELSET={name}",
-        f"{element}, {nodes}",
-        f"*CONNECTOR SECTION, ELSET={name}, BEHAVIOR={name}_LAW",
-        f"{kind},",
-        "SINDYJOINT_AXES,",
-        f"*CONNECTOR BEHAVIOR, NAME={name}_LAW",
-        *behaviour,
-    ]
-
-
-def _linear(kind: str, component: int, value: float) -> list[str]:
-    return [f"*CONNECTOR {kind}, COMPONENT={component}", f"{number(value)},"]
-
-
-def _nonlinear(kind: str, component: int, curve: Curve) -> list[str]:
-    points = [f"{number(y)}, {number(x)}" for x, y in zip(curve.x, curve.y, strict=True)]
-    return [f"*CONNECTOR {kind}, COMPONENT={component}, NONLINEAR", *points]
-
-
-def _sliding(component: int, stiffness: float, limit: float) -> list[str]:
-    head = f"*CONNECTOR FRICTION, COMPONENT={component}, STICK STIFFNESS={number(stiffness)}"
-    return [head, f"{number(limit)},", "*FRICTION", "1.0,"]
+    @property
+    def limits(self) -> list[tuple[float, float]]:
+        """Positions and limits."""
+        return list(zip(self.nodes.tolist(), self.limit.tolist(), strict=True))

@@ -7,13 +7,12 @@ COMBIN40, each a spring in series with a slider, or two elements with a node bet
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader
 
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.errors import InputError
@@ -27,8 +26,8 @@ from sindyjoint.export.fidelity import (
     ascii_line,
     comment,
     fidelity_table,
+    filled_in,
     heading,
-    number,
     preamble,
     words_of,
 )
@@ -74,8 +73,9 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
         *lumped.inertia_note(model),
     )
     text = comment(preamble(model, "ANSYS Mechanical APDL", rows, notes), "!")
-    commands = [*elements.deck(), *elements.hysteresis(added)]
-    files: dict[str, str | bytes] = {"joint.inp": text + "\n".join(commands) + "\n"}
+    deck = [*elements.deck(), *elements.hysteresis(added)]
+    text += filled_in("joint.inp.j2", elements=deck, dof=elements.dof)
+    files: dict[str, str | bytes] = {"joint.inp": text}
     if rotation:
         name, structure = rig_deck(model, rig)
         files[name] = structure
@@ -143,22 +143,17 @@ class _Elements:
     def _stuck(self, term: ModelTerm, exponent: float) -> float:
         return term.coefficient * self.parts.model.fitted.angle**exponent / self.stick
 
-    def deck(self) -> list[str]:
-        """Return the commands for the terms."""
+    def deck(self) -> Iterator[Element]:
+        """Yield the elements for the terms."""
         moment = words_of(self.parts.model).moment
-        lines = [
-            "/PREP7",
-            "*GET,JNT_T,ETYP,0,NUM,MAX  ! highest numbers in use",
-            "*GET,JNT_R,RCON,0,NUM,MAX",
-        ]
         if self.springs and self.rising and not self.linear:
-            lines += self.one("COMBIN39", _points(self.curve.x, self.curve.y), f"elastic {moment}")
+            yield Element("COMBIN39", self.curve.flat, f"elastic {moment}")
         k2 = sum(t.coefficient for t in self.springs) if self.linear else 0.0
         if self.friction or self.parts.viscous or self.linear:
             k1, damping = self.parts.stuck_stiffness, self.parts.damping
             # K1, C, M, GAP, FSLIDE, K2. K1 and K2 must not both be zero: then a spring too soft to matter stands in.
             values = [k1, damping, 0.0, 0.0, self.friction, k2 if k1 or k2 else 1e-9 * abs(damping)]
-            lines += self.one("COMBIN40", values, "friction and viscous damping")
+            yield Element("COMBIN40", values, "friction and viscous damping")
         for term, exponent, control, constant in self.powers:
             stiffness = self._stuck(term, exponent) if constant == LIMIT else 0.0
             values = [stiffness, 0.0, 0.0, 0.0, 0.0, 0.0]  # STIF, DAMP, MASJ, ONVAL, OFFVAL, AFORCE
@@ -166,64 +161,49 @@ class _Elements:
             # FSLIDE itself: nearly all of it comes from C1 and C2, but zero would take the slider away.
             values += [1e-6 * stiffness * self.stick] if constant == LIMIT else []
             keys = [(1, control), (2, self.dof), (3, self.dof), (6, constant)]
-            lines += self.one("COMBIN37", values, term.id, "JNTI,JNTJ,JNTI,JNTJ", keys)
+            yield Element("COMBIN37", values, term.id, "JNTI,JNTJ,JNTI,JNTJ", keys)
         if self.preload:
             # STIF, DAMP, MASJ, ONVAL, OFFVAL, AFORCE
-            lines += self.one("COMBIN37", [0.0, 0.0, 0.0, 0.0, 0.0, self.preload], f"constant {moment}")
-        return lines
+            yield Element("COMBIN37", [0.0, 0.0, 0.0, 0.0, 0.0, self.preload], f"constant {moment}")
 
-    def hysteresis(self, added: Sequence[tuple[str, Kind]]) -> list[str]:
-        """Return the commands for elements with internal states."""
-        lines = []
+    def hysteresis(self, added: Sequence[tuple[str, Kind]]) -> Iterator[Element]:
+        """Yield the elements of elements with internal states; of two in series the first makes the inner node."""
         for what, kind in added:
             if isinstance(kind, Slider):
                 limit = kind.stiffness * kind.deflection
-                lines += self.one("COMBIN40", [kind.stiffness, 0.0, 0.0, 0.0, limit, 0.0], what)
+                yield Element("COMBIN40", [kind.stiffness, 0.0, 0.0, 0.0, limit, 0.0], what)
         for what, kind in added:
             if isinstance(kind, Maxwell):
-                first, second, element = (
-                    [kind.stiffness, 0.0],
-                    [0.0, kind.stiffness * kind.time],
-                    ("COMBIN14",) * 2,
-                )
+                first, second = [kind.stiffness, 0.0], [0.0, kind.stiffness * kind.time]
+                names = ("COMBIN14",) * 2
             elif isinstance(kind, Gap):
                 first = [kind.moment / self.stick, 0.0, 0.0, 0.0, kind.moment, 0.0]
                 # A COMBIN39 must rise at zero: a millionth of the ramp's slope does.
-                second, element = _points(*kind.curve(1e-6)), ("COMBIN40", "COMBIN39")
+                second, names = kind.curve(1e-6).flat, ("COMBIN40", "COMBIN39")
             else:
                 continue
-            lines += ["*GET,JNT_N,NODE,0,NUM,MAX", "JNT_N=JNT_N+1", "N,JNT_N,NX(JNTI),NY(JNTI),NZ(JNTI)"]
-            lines += self.one(element[0], first, what, "JNTI,JNT_N")
-            lines += self.one(element[1], second, what, "JNT_N,JNTJ")
-        return lines
-
-    def one(
-        self,
-        kind: str,
-        values: Sequence[float],
-        what: str,
-        nodes: str = "JNTI,JNTJ",
-        keys: Sequence[tuple[int, int]] = (),
-    ) -> list[str]:
-        """Return the commands of one element, by default with the KEYOPT that takes the degree of freedom."""
-        texts = [number(value) for value in values]
-        rows = [",".join(texts[i : i + 6]) for i in range(0, len(texts), 6)]
-        return [
-            comment([what], "!").rstrip(),
-            "JNT_T=JNT_T+1",
-            "JNT_R=JNT_R+1",
-            f"ET,JNT_T,{kind}",
-            *(f"KEYOPT,JNT_T,{key},{on}" for key, on in keys or [(2 if kind == "COMBIN14" else 3, self.dof)]),
-            f"R,JNT_R,{rows[0]}",
-            *(f"RMORE,{row}" for row in rows[1:]),
-            "TYPE,JNT_T",
-            "REAL,JNT_R",
-            f"E,{nodes}",
-        ]
+            yield Element(names[0], first, what, "JNTI,JNT_N", inner=True)
+            yield Element(names[1], second, what, "JNT_N,JNTJ")
 
 
-def _points(x: np.ndarray, y: np.ndarray) -> list[float]:
-    return np.column_stack([x, y]).ravel().tolist()
+@dataclass(frozen=True)
+class Element:
+    """One element: its type, real constants, what it is, its nodes, and its KEYOPTs.
+
+    By default the KEYOPT that takes the degree of freedom; before one with an ``inner`` node that is made.
+    """
+
+    kind: str
+    values: Sequence[float]
+    what: str
+    nodes: str = "JNTI,JNTJ"
+    keys: Sequence[tuple[int, int]] = ()
+    inner: bool = False
+
+    @property
+    def title(self) -> str:
+        """What it is, as a comment."""
+        return comment([self.what], "!").rstrip()
 
 
 # A beam is given to us as EI and mass per length; with this Young's modulus they become a section.
@@ -285,20 +265,14 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
         "!",
     )  # fmt: skip
     points = {part["item"].name: part["end"] for part in parts} | {"tip": parts[-1]["end"]}
-    deck = _environment().get_template("rig.inp.j2").render(
+    deck = filled_in(
+        "rig.inp.j2",
         name=name, rig=given, parts=parts, points=points,
         clamp_stiffness=given.clamp_stiffness if np.isfinite(given.clamp_stiffness) else None,
         youngs_modulus=YOUNGS_MODULUS, density=DENSITY, pulse=pulse_table(given.excitation, given.duration),
         every=max(round(1 / (given.sample_rate * given.step)), 1),
     )  # fmt: skip
     return f"{file}.inp", text + deck
-
-
-def _environment() -> Environment:
-    templates = PackageLoader("sindyjoint.export")
-    found = Environment(loader=templates, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
-    found.filters["number"] = number
-    return found
 
 
 def _parts(items: Sequence[Beam | Hinge | LumpedMass], frequency: float) -> list[dict[str, Any]]:

@@ -19,6 +19,7 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export.fidelity import Cycles, Represented, Rows, column_moments
+from sindyjoint.export.parts import Curve
 from sindyjoint.numeric import Array
 
 # Two numbers are one where they differ by less.
@@ -45,7 +46,7 @@ class Gap:
     gap: float
     ramp: float
 
-    def curve(self, inside: float = 0.0) -> tuple[Array, Array]:
+    def curve(self, inside: float = 0.0) -> Curve:
         """Return deflections and moments of the spring alone, which goes on behind the ramp.
 
         Parameters
@@ -56,7 +57,7 @@ class Gap:
         far, slope = self.gap + 2 * self.ramp, self.moment / self.ramp
         x = np.array([0.0, self.gap, far] if self.gap else [0.0, far])
         y = slope * (np.maximum(x - self.gap, 0.0) + inside * np.minimum(x, self.gap))
-        return np.concatenate([-x[:0:-1], x]), np.concatenate([-y[:0:-1], y])
+        return Curve(np.concatenate([-x[:0:-1], x]), np.concatenate([-y[:0:-1], y]))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,8 @@ import unicodedata
 from collections import namedtuple
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +22,9 @@ from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.export.parts import GIVE, RAMP, Curve, Parts, contribution, total
 from sindyjoint.numeric import Array
 from sindyjoint.states.policy import POLICY as STATES
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,26 @@ def _ascii(character: str) -> str:
 def number(value: float) -> str:
     """Return the shortest text that reads back as the same float, with a decimal point or exponent."""
     return repr(float(value))
+
+
+@cache
+def _environment() -> Environment:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    found = Environment(
+        loader=PackageLoader("sindyjoint.export"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        undefined=StrictUndefined,
+    )
+    found.filters |= {"number": number, "numbers": lambda values: " ".join(map(number, values))}
+    return found
+
+
+def filled_in(template: str, **parts: Any) -> str:
+    """Return the text of a deck from its template, which ships with the package."""
+    return _environment().get_template(template).render(**parts)
 
 
 ALL_TERMS = "all terms"

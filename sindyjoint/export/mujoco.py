@@ -7,7 +7,6 @@ branch, K²/L stiff and L/R slow, and one without a magnet holds LuGre's frictio
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from xml.sax.saxutils import quoteattr
@@ -21,12 +20,12 @@ from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, Slider, speeds, written_as
 from sindyjoint.export.fidelity import (
     Cycles,
-    Fidelity,
     Represented,
     Rows,
     ascii_line,
     comment,
     fidelity_table,
+    filled_in,
     number,
     preamble,
     words_of,
@@ -66,7 +65,8 @@ def export(model: JointModel) -> Export:
     }
     added, rows_of_elements = written_as(model, cycles, _way, "fixed tendon, springyield")
     table = fidelity_table(model, cycles, rows | rows_of_elements)
-    tendons, actuators = _devices([kind for _, kind in added])
+    tendons = [kind for _, kind in added if isinstance(kind, Slider | Gap)]
+    motors = [_motor(kind) for _, kind in added if not isinstance(kind, Slider | Gap)]
     version = NEEDED["tendon" if tendons else "joint"]
     notes = [
         f"needs MuJoCo {version} or later; the {words.moment} on the joint is minus the one of the equation, as a "
@@ -86,7 +86,19 @@ def export(model: JointModel) -> Export:
             "take joint, tendons and actuators alone"
         )
     notes.append("nothing bounds the angle: beyond the tested range the polynomials go on, and may turn over")
-    text = _document(model, table, notes, step, inertia, elastic, rates, tendons, actuators)
+    text = filled_in(
+        "mujoco.xml.j2",
+        name=quoteattr(ascii_line(model.joint.name)),
+        head=_xml_comment(comment(preamble(model, "MuJoCo", table, notes), "")),
+        rotation=model.joint.motion == "rotation",
+        step=step,
+        inertia=inertia,
+        impedance=IMPEDANCE,
+        elastic=elastic,
+        rates=rates,
+        tendons=tendons,
+        motors=motors,
+    )
     return Export("mujoco", {"joint.xml": text}, table, tuple(notes))
 
 
@@ -182,77 +194,15 @@ def _way(kind: Kind | None) -> str:
     return ways.get(type(kind), "")
 
 
-def _devices(kinds: Sequence[Kind]) -> tuple[list[str], list[str]]:
-    """Return the tendons and actuators that hold the elements."""
-    tendons: list[str] = []
-    actuators: list[str] = []
-    for kind in kinds:
-        if isinstance(kind, Maxwell):
-            constant = number(sqrt(kind.stiffness))
-            motor = f'"{constant} {constant}" resistance="{number(1 / kind.time)}" inductance="1.0 0"'
-        elif isinstance(kind, LuGre | BoucWen):
-            rise, rate = (1 + kind.rise, kind.rate) if isinstance(kind, LuGre) else (1.0, 1.0)
-            slip = kind.stiffness * kind.deflection
-            numbers = " ".join(map(number, (kind.stiffness, 0.0, slip, slip * rise, rate)))
-            motor = f'"0" resistance="1" lugre="{numbers}"'
-        else:
-            stiffness, length = (
-                (kind.stiffness, "0.0")
-                if isinstance(kind, Slider)
-                else (kind.moment / kind.ramp, f"{number(-kind.gap)} {number(kind.gap)}")
-            )
-            bound = number(kind.deflection if isinstance(kind, Slider) else kind.ramp)
-            tendons += [
-                f'    <fixed stiffness="{number(stiffness)}" springlength="{length}" springyield="{bound}">',
-                '      <joint joint="joint" coef="1"/>',
-                "    </fixed>",
-            ]
-            continue
-        actuators.append(f'    <dcmotor joint="joint" input="none" motorconst={motor}/>')
-    return tendons, actuators
-
-
-def _document(
-    model: JointModel, rows: Sequence[Fidelity], notes: Sequence[str], step: float, inertia: float,
-    elastic: _Polynomial, rates: _Polynomial, tendons: list[str], actuators: list[str],
-) -> str:  # fmt: skip
-    rotation = model.joint.motion == "rotation"
-    kind, axis = ("hinge", "0 0 1") if rotation else ("slide", "1 0 0")
-    body = (
-        f'mass="1" diaginertia="{" ".join([number(inertia)] * 3)}"'
-        if rotation
-        else f'mass="{number(inertia)}" diaginertia="1 1 1"'
-    )
-    polynomials = [
-        f'{name}="{" ".join(map(number, each.whole[1:]))}"'
-        for name, each in (("stiffness", elastic), ("damping", rates))
-    ]
-    friction = ""
-    if rates.jump > 0:
-        friction = (
-            f' frictionloss="{number(rates.jump)}" solreffriction="{number(2 * step)} 1"'
-            f' solimpfriction="{IMPEDANCE} {IMPEDANCE} 0.001"'
-        )
-    if elastic.jump:
-        bias = number(-elastic.jump)
-        actuators.append(f'    <general joint="joint" gainprm="0" biastype="affine" biasprm="{bias} 0 0"/>')
-    head = _xml_comment(comment(preamble(model, "MuJoCo", rows, notes), ""))
-    lines = [
-        f"<mujoco model={quoteattr(ascii_line(model.joint.name))}>",
-        head,
-        '  <compiler angle="radian"/>',
-        f'  <option timestep="{number(step)}" integrator="implicitfast" gravity="0 0 0"/>',
-        "  <worldbody>",
-        '    <body name="far_side">',
-        f'      <inertial pos="0 0 0" {body}/>',
-        f'      <joint name="joint" type="{kind}" axis="{axis}" {" ".join(polynomials)}{friction}/>',
-        "    </body>",
-        "  </worldbody>",
-        *(["  <tendon>", *tendons, "  </tendon>"] if tendons else []),
-        *(["  <actuator>", *actuators, "  </actuator>"] if actuators else []),
-        "</mujoco>",
-    ]
-    return "\n".join(lines) + "\n"
+def _motor(kind: Maxwell | LuGre | BoucWen) -> str:
+    """Return what makes an element of a motor."""
+    if isinstance(kind, Maxwell):
+        constant = number(sqrt(kind.stiffness))
+        return f'"{constant} {constant}" resistance="{number(1 / kind.time)}" inductance="1.0 0"'
+    rise, rate = (1 + kind.rise, kind.rate) if isinstance(kind, LuGre) else (1.0, 1.0)
+    slip = kind.stiffness * kind.deflection
+    numbers = " ".join(map(number, (kind.stiffness, 0.0, slip, slip * rise, rate)))
+    return f'"0" resistance="1" lugre="{numbers}"'
 
 
 def _xml_comment(text: str) -> str:
@@ -260,8 +210,8 @@ def _xml_comment(text: str) -> str:
 
     Examples
     --------
-    >>> _xml_comment("a --> b")
-    '<!--\na - -> b\n-->'
+    >>> _xml_comment("a --> b -- c")
+    '<!--\na - -> b - - c\n-->'
     """
     while "--" in text:
         text = text.replace("--", "- -")

@@ -102,12 +102,13 @@ def field(value: float) -> str:
     raise AssertionError("unreachable: one digit fits")
 
 
-def _read(text: str) -> float:
+def read_field(text: str) -> float:
+    """Return the number of a field, as Nastran reads it."""
     return float(re.sub(r"(?<=[\d.])(?=[+-])", "e", text))
 
 
 def _rounded(curve: Curve) -> Curve:
-    return Curve(*(np.array([_read(field(v)) for v in values]) for values in (curve.x, curve.y)))
+    return Curve(*(np.array([read_field(field(v)) for v in values]) for values in (curve.x, curve.y)))
 
 
 def _card(name: str, *fields: object) -> str:
@@ -127,8 +128,7 @@ def _card(name: str, *fields: object) -> str:
 
 
 def _table(number: int, curve: Curve) -> str:
-    pairs = [value for point in zip(curve.x.tolist(), curve.y.tolist(), strict=True) for value in point]
-    return _card("TABLED1", number, *[None] * 7, *pairs, "ENDT")
+    return _card("TABLED1", number, *[None] * 7, *curve.flat, "ENDT")
 
 
 def _hysteresis(kinds: list[Kind], component: int, stick: float) -> list[str]:
@@ -148,7 +148,7 @@ def _hysteresis(kinds: list[Kind], component: int, stick: float) -> list[str]:
             cards += [
                 _card("CBUSH1D", spring, spring, point, RELATIVE, 0),
                 _card("PBUSH1D", spring, kind.moment / kind.ramp, *[None] * 6, "SPRING", "TABLE", spring),
-                _table(spring, _rounded(Curve(*kind.curve()))),
+                _table(spring, _rounded(kind.curve())),
             ]
     for kind in kinds:
         if isinstance(kind, Maxwell):

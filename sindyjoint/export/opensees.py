@@ -15,12 +15,12 @@ from sindyjoint.export.fidelity import (
     Represented,
     comment,
     fidelity_table,
+    filled_in,
     number,
     preamble,
     words_of,
 )
-from sindyjoint.export.parts import GIVE, Parts, power_law
-from sindyjoint.numeric import Array
+from sindyjoint.export.parts import GIVE, Curve, Parts, power_law
 
 POINTS = 201
 # BoucWen iterates to this change of its state, which is made to be of the size of one, in at most so many steps.
@@ -60,9 +60,9 @@ def export(model: JointModel) -> Export:
             **rows_of_elements,
         },
     )
-    joint = _Joint(6 if model.joint.motion == "rotation" else 1, GIVE * model.fitted.angle)
+    joint = _Joint(GIVE * model.fitted.angle)
     if parts.elastic:
-        joint.table(curve.x, curve.y)
+        joint.table(curve)
     if parts.damping:
         joint.material("Elastic", 0.0, parts.damping)
     for power in powers.values():
@@ -78,16 +78,24 @@ def export(model: JointModel) -> Export:
         lumped.range_note(model, "the table goes on with its last slope"),
         *lumped.inertia_note(model),
     )
-    text = comment(preamble(model, "OpenSees", rows, notes), "#") + joint.script()
+    script = filled_in(
+        "opensees.py.j2",
+        materials=joint.materials,
+        parallel=joint.parallel,
+        joined=int(bool(joint.parallel)),
+        chains=joint.chains,
+        direction=6 if model.joint.motion == "rotation" else 1,
+    )
+    text = comment(preamble(model, "OpenSees", rows, notes), "#") + script
     return Export("opensees", {"joint_opensees.py": text}, rows, notes)
 
 
 class _Joint:
-    """The lines of the script: materials in parallel, and chains of two elements with a node between."""
+    """What the script holds: materials, which of them are in parallel, and pairs of them with a node between."""
 
-    def __init__(self, direction: int, stick: float):
-        self.direction, self.stick = direction, stick
-        self.lines: list[str] = []
+    def __init__(self, stick: float):
+        self.stick = stick
+        self.materials: list[tuple[str, str]] = []
         self.parallel: list[int] = []
         self.chains: list[tuple[int, int]] = []
 
@@ -95,16 +103,15 @@ class _Joint:
         """Add a material; one ``aside`` is not among those in parallel."""
         return self._add(kind, ", ".join(str(v) if isinstance(v, int) else number(v) for v in values), aside)
 
-    def table(self, x: Array, y: Array, aside: bool = False) -> int:
+    def table(self, curve: Curve, aside: bool = False) -> int:
         """Add a table of moments over angles."""
-        curves = [f"*[{', '.join(map(number, values))}]" for values in (x, y)]
-        return self._add("ElasticMultiLinear", f'"-strain", {curves[0]}, "-stress", {curves[1]}', aside)
+        x, y = (f"*[{', '.join(map(number, values))}]" for values in (curve.x, curve.y))
+        return self._add("ElasticMultiLinear", f'"-strain", {x}, "-stress", {y}', aside)
 
     def _add(self, kind: str, values: str, aside: bool) -> int:
-        tag = len(self.lines)
-        self.lines.append(f'ops.uniaxialMaterial("{kind}", first_material + {tag}, {values})')
-        if not aside:
-            self.parallel.append(tag)
+        self.materials.append((kind, values))
+        tag = len(self.materials) - 1
+        self.parallel += [] if aside else [tag]
         return tag
 
     def add(self, kind: Kind) -> None:
@@ -119,47 +126,8 @@ class _Joint:
         elif isinstance(kind, Maxwell):
             self.material("ViscousDamper", kind.stiffness, kind.stiffness * kind.time, 1.0)
         elif isinstance(kind, Gap):
-            spring = self.table(*kind.curve(), aside=True)
+            spring = self.table(kind.curve(), aside=True)
             slider = self.material("ElasticPP", kind.moment / self.stick, self.stick, aside=True)
             self.chains.append((spring, slider))
         elif isinstance(kind, Slider):
             self.material("ElasticPP", kind.stiffness, kind.deflection)
-
-    def script(self) -> str:
-        """Return the function."""
-        count, chains, joined = len(self.lines), len(self.chains), bool(self.parallel)
-        head = [
-            '"""A joint for OpenSees; the comment above says what it holds."""',
-            "",
-            f"MATERIALS = {count + joined}  # tags in use, from first_material on",
-            f"ELEMENTS = {chains * 2 + joined}  # tags in use, from first_element on",
-            f"NODES = {chains}  # tags in use, from first_node on",
-            f"DIRECTION = {self.direction}",
-            "",
-            "",
-            "def add_joint(ops, node_i, node_j, first_element, first_material, first_node=None):",
-            '    """Join node_i, the base\'s side, and node_j of the same place."""',
-        ]
-        lines = list(self.lines)
-        if joined:
-            tags = ", ".join(f"first_material + {tag}" for tag in self.parallel)
-            lines.append(f'ops.uniaxialMaterial("Parallel", first_material + {count}, {tags})')
-            lines.append(_zero_length("node_i", "node_j", 0, count))
-        for index, (spring, slider) in enumerate(self.chains):
-            at, place = f"first_node + {index}", joined + 2 * index
-            lines += [
-                f"ops.node({at}, *ops.nodeCoord(node_i))",
-                "others = [dof for dof in range(1, len(ops.nodeDisp(node_i)) + 1)"
-                " if dof != min(DIRECTION, len(ops.nodeDisp(node_i)))]",
-                f"ops.equalDOF(node_i, {at}, *others)",
-                _zero_length("node_i", at, place, slider),
-                _zero_length(at, "node_j", place + 1, spring),
-            ]
-        return "\n".join([*head, *(f"    {line}" for line in lines or ["pass"])]) + "\n"
-
-
-def _zero_length(i: str, j: str, element: int, material: int) -> str:
-    return (
-        f'ops.element("zeroLength", first_element + {element}, {i}, {j}, '
-        f'"-mat", first_material + {material}, "-dir", DIRECTION)'
-    )

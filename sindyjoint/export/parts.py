@@ -38,6 +38,16 @@ class Curve:
     x: Array
     y: Array
 
+    @property
+    def points(self) -> list[tuple[float, float]]:
+        """Places and moments."""
+        return list(zip(self.x.tolist(), self.y.tolist(), strict=True))
+
+    @property
+    def flat(self) -> list[float]:
+        """Places and moments in turn."""
+        return [value for point in self.points for value in point]
+
     def __call__(self, x: ArrayLike) -> Array:
         """Return the tabulated moment."""
         piece = np.clip(np.searchsorted(self.x, x) - 1, 0, self.x.size - 2)

@@ -41,7 +41,7 @@ def _writing(path: Path) -> Iterator[None]:
         raise OutputError(f"cannot write {str(path)!r:.200}: {reason}; choose another path") from error
 
 
-def _name_temporary(path: Path, kind: str = NEW) -> Path:
+def name_temporary(path: Path, kind: str = NEW) -> Path:
     """Return a hidden name next to ``path`` that nothing else uses."""
     return path.with_name(f"{_name_prefix(path)}{uuid.uuid4().hex[:12]}.{kind}.part")
 
@@ -223,7 +223,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     target = check_output(path)
     with _open_stage(target, target) as stage:
         yield stage
-        old = _name_temporary(target, OLD)
+        old = name_temporary(target, OLD)
         with hold_folder(target), _uninterrupted():
             if target.exists():
                 os.replace(target, old)
@@ -282,12 +282,12 @@ def _hold_new(location: Path, make: Callable[[Path], None]) -> Iterator[Path]:
 
     Between its making and its holding another process may take it for a leftover: then it is made again.
     """
-    temporary, handles = _name_temporary(location), ExitStack()
+    temporary, handles = name_temporary(location), ExitStack()
     try:
         with _uninterrupted():
             make(temporary)
             while handles.enter_context(hold_folder(temporary)) is False or not temporary.exists():
-                temporary = _name_temporary(location)
+                temporary = name_temporary(location)
                 make(temporary)
         yield temporary
     finally:

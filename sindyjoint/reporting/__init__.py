@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from sindyjoint.hooks import fetched
 
 if TYPE_CHECKING:
     from sindyjoint.reporting.equation import terms_csv
@@ -12,16 +13,21 @@ if TYPE_CHECKING:
 
 __all__ = ["draw", "drawable", "load_results", "terms_csv", "write_results"]
 
-_HOMES = {
-    "draw": "registry",
-    "drawable": "registry",
-    "load_results": "registry",
-    "terms_csv": "equation",
-    "write_results": "output",
-}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'sindyjoint.reporting' has no attribute {name!r}")
-    return getattr(import_module(f"sindyjoint.reporting.{_HOMES[name]}"), name)
+__getattr__ = fetched(
+    __name__,
+    {
+        "equation": "TERM_COLUMNS model_table term_rows terms_csv",
+        "figure": "Kind",
+        "output": "PAGE figures_of place_of text_of write_results",
+        "mathml": "effect_mathml mathml",
+        "packing": "pack record_names record_schema",
+        "page": "Provenance number provenance",
+        "registry": "draw draw_all drawable drawing kinds_of load_results saved_text show view_of",
+        "results.diagnosis": "advice_words",
+        "results.discovery_data": "GroupFit Loop PathStep ReportData model_sheets",
+        "results.verification": "KEPT_SAMPLES thinned",
+        "results.discovery": "DISCOVERY",
+        "style": "drawing_style DOUBLE_COLUMN SINGLE_COLUMN figure_bytes prefixed pretty_unit shortened",
+        "tables": "DASH TextTable csv_text findings_table fitting_blocks terminal_table",
+    },
+)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -11,7 +11,17 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.equation import split_symbol
-from sindyjoint.reporting.style import INK, plain, prefixed, pretty_unit, style
+from sindyjoint.reporting.style import (
+    DASHES,
+    INK,
+    PALETTE,
+    drawing_style,
+    legend_above,
+    plain,
+    prefixed,
+    pretty_unit,
+    shortened,
+)
 from sindyjoint.text import power_of_ten, quantities, superscript
 
 if TYPE_CHECKING:
@@ -22,7 +32,11 @@ Axes: TypeAlias = "matplotlib.axes.Axes"
 Figure: TypeAlias = "matplotlib.figure.Figure"
 Panel: TypeAlias = "Callable[[Any, Axes], Axes]"
 
+# Places, values and look of what is drawn; see :func:`plot`.
+Curve: TypeAlias = tuple[Any, Any, Mapping[str, Any]]
+
 MOST_PANELS = 6
+TITLE = 40  # characters
 
 
 @dataclass(frozen=True)
@@ -96,7 +110,7 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
     rows = math.ceil(len(panels) / columns)
     cell = width / columns if len(panels) > 1 or chosen.wide else min(width, 4.6)
     height = chosen.height(data) if chosen.height else max(2.0, min(0.78 * cell, 2.7))
-    with style():
+    with drawing_style():
         from matplotlib.figure import Figure
         from matplotlib.layout_engine import ConstrainedLayoutEngine
 
@@ -111,6 +125,56 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
         # Once: panels that are laid out again while they are written would cost as much as their drawing.
         ConstrainedLayoutEngine().execute(figure)
     return figure
+
+
+def plot(
+    ax: Axes,
+    x: Scale | str,
+    y: Scale | str,
+    curves: Iterable[Curve],
+    title: object = "",
+    *,
+    legend: Any = "above",
+    columns: int = 1,
+    **settings: Any,
+) -> Axes:
+    """Draw curves over each other on axes of some scale or label, each given by its places, its values and its look.
+
+    Values without places are a level across the panel, places without values a line up it; a pair of values is a band
+    between them, and a look with ``yerr`` has bars. The ``legend`` stands above what is drawn, or where it is said.
+    """
+    across, up = (each if isinstance(each, Scale) else Scale(each, "") for each in (x, y))
+    labels = 0
+    for places, values, given in curves:
+        look = {**given, "label": plain(given["label"])} if given.get("label") else dict(given)
+        labels += bool(given.get("label"))
+        at: Any = None if places is None else np.asarray(places) * across.factor
+        if values is None:
+            ax.axvline(at, **look)
+        elif isinstance(values, tuple):
+            ends: Any = [np.asarray(end) * up.factor for end in values]
+            ax.axhspan(*sorted(map(float, ends)), **look) if at is None else ax.fill_between(
+                at, *ends, **look
+            )
+        elif at is None:
+            ax.axhline(values * up.factor, **look)
+        elif "yerr" in look:
+            ax.errorbar(at, np.asarray(values) * up.factor, **look | {"yerr": look["yerr"] * abs(up.factor)})
+        else:
+            ax.plot(at, np.asarray(values) * up.factor, **look)
+    ax.set(xlabel=across.label, ylabel=up.label, **settings)
+    if title:
+        ax.set_title(plain(shortened(title, TITLE)))
+    if labels and legend == "above":
+        legend_above(ax, -(-labels // columns), columns)
+    elif labels and legend != "none":
+        ax.legend(loc=legend, ncols=columns, labelspacing=0.3)
+    return ax
+
+
+def cycled(place: int, **more: Any) -> dict[str, Any]:
+    """Return colour and dashes of one of several curves, so that each survives grey printing."""
+    return {"color": PALETTE[place % len(PALETTE)], "ls": DASHES[place % len(DASHES)], **more}
 
 
 def bars(

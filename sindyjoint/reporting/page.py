@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
     from sindyjoint.reporting.figure import Kind
+    from sindyjoint.reporting.tables import TextTable
 
 
 @dataclass(frozen=True)
@@ -160,8 +161,12 @@ class Page:
     ----------
     title, kicker, name : str
         Of the window, above the heading, and the heading.
+    hero : str
+        Picture beside the answers.
+    found : sequence of str
+        Blocks that answer the question of the page.
     lead : sequence of str
-        Blocks of the first screen.
+        Further blocks of the first screen; ``first`` stand above the answers.
     sections : sequence of Section
     payload : dict
         What its drawings need.
@@ -170,9 +175,12 @@ class Page:
     title: str
     kicker: str
     name: str
+    hero: str
+    found: Sequence[str]
     lead: Sequence[str]
     sections: Sequence[Section]
     payload: Mapping[str, Any] = field(default_factory=dict)
+    first: Sequence[str] = ()
 
 
 class Blocks:
@@ -183,27 +191,39 @@ class Blocks:
     kinds : mapping of str to Kind
     pictures : mapping of str to bytes
         SVG of what is drawn, by kind.
+    panel : callable
+        Name of a figure and number of a panel → that as an SVG, and whether it is all of the figure.
     """
 
-    def __init__(self, kinds: Mapping[str, Kind], pictures: Mapping[str, bytes]):
-        self._kinds, self._pictures = kinds, dict(pictures)
+    def __init__(
+        self,
+        kinds: Mapping[str, Kind],
+        pictures: Mapping[str, bytes],
+        panel: Callable[[str, int], tuple[bytes, bool]] = lambda name, place: (b"", False),
+    ):
+        self._kinds, self._pictures, self._panel = kinds, dict(pictures), panel
 
     def __getattr__(self, name: str) -> Callable[..., str]:
         macro: Callable[..., str] = getattr(_environment().get_template("blocks.html.j2").module, name)
         return macro
+
+    def tables(self, *tables: TextTable) -> str:
+        """Return the tables that have rows."""
+        return join(self.table(table) for table in tables if table.rows)
 
     def pictures(self, *names: str) -> str:
         """Return the figures of these names, or all, that are drawn and do not yet stand on the page."""
         here = [name for name in names or tuple(self._pictures) if name in self._pictures]
         return join(self._figure(name, name, self._pictures[name]) for name in here)
 
-    def hero(self, name: str, drawn: bytes, caption: str = "", whole: bool = True) -> str:
-        """Return a figure for the first screen; where it is the ``whole`` of one, that does not stand below again."""
+    def hero(self, name: str, place: int = 0, caption: str = "", again: bool = False) -> str:
+        """Return a panel of a figure for the first screen; one that is all of it stands below only ``again``."""
         if name not in self._pictures:
             return ""
-        if whole:
+        svg, whole = self._panel(name, place)
+        if whole and not again:
             del self._pictures[name]
-        return self._figure("lead", name, drawn, caption)
+        return self._figure("lead", name, svg, caption) if svg else ""
 
     def _figure(self, id: str, name: str, svg: bytes, caption: str = "") -> str:
         kind = self._kinds[name]

@@ -31,24 +31,24 @@ from sindyjoint.reporting.view import View
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Module and class of each view; the types of what it shows, and marks of what is saved of that. By name: a view needs
+# Module and name of each view; the types of what it shows, and marks of what is saved of that. By name: a view needs
 # modules that no other does, and is loaded with the first result of its kind.
 _SHOWN = {
-    "discovery:DiscoveryView": ("Discovery", "ReportData"),
-    "verification:RefinementView": ("RefinedModel",),
-    "verification:VerificationView": ("Verification",),
-    "diagnosis:DiagnosisView": ("Diagnosis", "StructureDiagnosis"),
-    "batch:BatchView": ("Batch",),
-    "rig:RigView": ("RigMotion", "RigFigures", "Rig"),
-    "curves:JointCurvesView": ("JointCurves",),
-    "curves:StructureCurvesView": ("StructureCurves",),
-    "reproduction:ReproductionView": ("Reproduction", "ReproductionFigures"),
-    "comparison:ComparisonView": ("Comparison",),
-    "changed:ChangeView": ("Change",),
-    "check:CampaignView": ("Campaign",),
-    "check:CheckView": ("Check", "RigCheck", "CheckData"),
-    "plan:PlanView": ("Plan",),
-    "structure_joints:StructureJointsView": ("RigDiscovery", "StructureFigures", "StructureJoints"),
+    "discovery:DISCOVERY": ("Discovery", "ReportData"),
+    "verification:REFINEMENT": ("RefinedModel",),
+    "verification:VERIFICATION": ("Verification",),
+    "diagnosis:DIAGNOSIS": ("Diagnosis", "StructureDiagnosis"),
+    "batch:BATCH": ("Batch",),
+    "rig:RIG": ("RigMotion", "RigFigures", "Rig"),
+    "curves:JOINT_CURVES": ("JointCurves",),
+    "curves:STRUCTURE_CURVES": ("StructureCurves",),
+    "reproduction:REPRODUCTION": ("Reproduction", "ReproductionFigures"),
+    "comparison:COMPARISON": ("Comparison",),
+    "changed:CHANGED": ("Change",),
+    "check:CAMPAIGN": ("Campaign",),
+    "check:CHECK": ("Check", "RigCheck", "CheckData"),
+    "plan:PLAN": ("Plan",),
+    "structure_joints:STRUCTURE_JOINTS": ("RigDiscovery", "StructureFigures", "StructureJoints"),
 }
 _BY_NAME = {name: view for view, names in _SHOWN.items() for name in names}
 #: Folders of results within a folder of another kind, in the order of the links between their pages.
@@ -59,18 +59,18 @@ FOLDERS = (
 
 
 @cache
-def _load_view(place: str) -> View[Any, Any]:
+def _load_view(place: str) -> View:
     module, _, name = place.partition(":")
-    view: View[Any, Any] = getattr(import_module(f"sindyjoint.reporting.results.{module}"), name)()
+    view: View = getattr(import_module(f"sindyjoint.reporting.results.{module}"), name)
     return view
 
 
-def _marks(view: View[Any, Any]) -> tuple[str, ...]:
+def _marks(view: View) -> tuple[str, ...]:
     """Return the marks of what is saved of a kind of result, those of earlier versions too."""
     return () if view.data is None else (view.kind, *view.formerly)
 
 
-def view_of(result: Any) -> View[Any, Any]:
+def view_of(result: Any) -> View:
     """Return the view of a result: that of its type before those of its bases; of one that was stopped, of its check.
 
     Raises
@@ -82,7 +82,7 @@ def view_of(result: Any) -> View[Any, Any]:
     return view_of_type(result if stopped is None else stopped)
 
 
-def view_of_type(result: Any) -> View[Any, Any]:
+def view_of_type(result: Any) -> View:
     """Return the view of a result by its type, whatever became of it.
 
     Raises

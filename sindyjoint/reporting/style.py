@@ -160,7 +160,7 @@ _DRAWING = RLock()
 
 
 @contextmanager
-def style() -> Iterator[None]:
+def drawing_style() -> Iterator[None]:
     """Draw in the project's style within the block, whatever the caller's matplotlib settings are."""
     import matplotlib
     from cycler import cycler
@@ -215,7 +215,7 @@ def figure_bytes(figure: Figure, kind: str, dpi: int = 300) -> bytes:
     b'<?xml'
     """
     buffer = io.BytesIO()
-    with style():
+    with drawing_style():
         if kind == "svg":
             from matplotlib.backends.backend_svg import FigureCanvasSVG
 

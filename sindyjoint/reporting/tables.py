@@ -24,8 +24,6 @@ Console: TypeAlias = "rich.console.Console"
 DASH = "–"
 # What begins with a digit, a sign or an estimate's "about": 5910 ± 40, −2 %, < 0.1.
 FIGURE = re.compile(r"[-−+±<>≤≥~≈(\[]?\s*[-−+]?\s*[.\d∞]")
-LEAST_WORDS = 12  # characters of a column of words that is broken into lines
-WIDTH = 100  # characters, where no terminal says how wide it is
 LATEX = {
     "&": r"\&",
     "%": r"\%",
@@ -106,11 +104,16 @@ class TextTable:
 
 
 def tabulate(
-    name: str, title: str, items: Iterable[Any], columns: Mapping[str, Callable[[Any], str]], **more: Any
+    name: str,
+    title: str,
+    items: Iterable[Any],
+    columns: Mapping[str, Callable[[Any], str]],
+    further: Iterable[tuple[str, ...]] = (),
+    **more: Any,
 ) -> TextTable:
-    """Return a table with a row for each item, described by what each column shows of it."""
-    rows = tuple(tuple(cell(item) for cell in columns.values()) for item in items)
-    return TextTable(name, title, tuple(columns), rows, **more)
+    """Return a table with a row for each item, described by what each column shows of it, and ``further`` rows."""
+    rows = (tuple(cell(item) for cell in columns.values()) for item in items)
+    return TextTable(name, title, tuple(columns), (*rows, *further), **more)
 
 
 def csv_records(rows: Sequence[Mapping[str, object]]) -> str:
@@ -176,7 +179,7 @@ def _harmless(cell: object) -> object:
     return cell
 
 
-def terminal(width: int = WIDTH, markup: bool = True) -> Console:
+def terminal(width: int = 100, markup: bool = True) -> Console:
     """Return the console that results are printed on: as wide as its window, or ``width`` where output is piped."""
     from rich.console import Console
 
@@ -221,7 +224,8 @@ def terminal_table(
     if console is not None:
         made.columns[-1].no_wrap = False
         widest = max((len(row[-1]) for row in table.rows), default=0)
-        made.columns[-1].no_wrap = natural_width(made, console) - widest + LEAST_WORDS > console.width
+        # A column of words that is broken into lines keeps a word of twelve letters.
+        made.columns[-1].no_wrap = natural_width(made, console) - widest + 12 > console.width
     return made
 
 

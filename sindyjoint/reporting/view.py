@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.reporting.packing import pack, unpack
-from sindyjoint.reporting.page import Blocks, markup, provenance, render, section
+from sindyjoint.reporting.page import Blocks, Page, markup, provenance, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
 from sindyjoint.reporting.tables import findings_table, print_table, terminal
 from sindyjoint.text import in_words_of, in_words_of_origin, spelled
@@ -19,111 +20,138 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from sindyjoint.reporting.figure import Kind, Panel
-    from sindyjoint.reporting.page import Page, Provenance
+    from sindyjoint.reporting.page import Provenance
     from sindyjoint.reporting.tables import TextTable
     from sindyjoint.trust import Light, Trust
 
-NAMES = 8  # characters
 TRUST, NEXT = "Can I trust it?", "What next?"
 MARKS = {"good": ("green", "ok"), "fair": ("yellow", "mind"), "poor": ("red", "no")}
 # The policies by which terms are found.
 FINDING = ("states", "equation", "discovery", "soundness", "workflows")
 
-R = TypeVar("R")
-D = TypeVar("D")
+
+def _said_simulated(result: Any) -> bool:
+    """Return whether a result says that it, or its data, come from a virtual test."""
+    warnings = getattr(result, "warnings", ())
+    told = any("simulated" in text and "not measured" in text for text in warnings)
+    return bool(getattr(result, "simulated", False)) or told
 
 
-class View(Generic[R, D]):
+def print_tables(tables: Iterable[TextTable], console: Console) -> None:
+    """Print the tables that have rows."""
+    for table in tables:
+        if table.rows:
+            console.print()
+            print_table(table.headed(), console)
+    console.print()
+
+
+@dataclass(frozen=True)
+class View:
     """How one kind of result is shown, drawn, written, and read again.
 
-    A result (R) is what a workflow returned. Its data (D) are what figures are drawn from and what is saved with
-    them: of most results the result itself, of others a small part. A subclass states its attributes as keywords of
-    its definition.
+    A result is what a workflow returned. Its data are what figures are drawn from and what is saved with them: of most
+    results the result itself, of others a small part.
 
-    Attributes
+    Parameters
     ----------
-    data : type
-        Of the data; ``None`` where nothing is saved and drawn.
+    about : callable
+        Result → the first line on a terminal: what this is a result of; with markup.
+    data : type, optional
+        Of the data; nothing is saved and drawn without it.
     kind : str
-        What saved data of this kind are marked with.
+        What saved data of this kind are marked with; ``formerly`` are the marks of earlier versions, and the fields
+        that each of them stands for.
     folder : str
         Name of this kind among the results of one folder, and of its own folder within where another kind came first.
-    formerly : mapping of str to mapping
-        Marks of earlier versions, and the fields that each of them stands for.
-    kinds : mapping of str to Kind
-        Its figures.
-    record_file : str
-        The file that :meth:`to_dict` is written to; empty: none.
-    judged_by : tuple of str
-        The policies that decided it, by their names in :func:`sindyjoint.policy.policies`.
+    kinds : mapping of str to Kind, or callable
+        Its figures; of some data.
+    tables : callable
+        Result → the tables that people read, in order.
+    page : callable, optional
+        Result, data, blocks, the folder where it will stand → what the page says.
+    headline : callable
+        Result → whether to trust it and what to do next; None for what no such question is asked of.
     question : str
         What the result answers, on a terminal and on its page.
-    records_key : str
-        The list in :meth:`to_dict` that is a data frame's rows; empty: the first table is.
-    unsaved : mapping of str to object
-        Fields of the data that no figure needs, and what stands for each when they are read again.
-    renamed : mapping of str to str
-        Fields of the data that are saved under another name.
+    print : callable, optional
+        Result, console: prints what the result is; by default its tables.
+    warnings, details : callable
+        Result → what to be aware of, for the end; the numbers behind it as lines, what ``--verbose`` adds.
+    files : callable
+        Result, data → the texts that are written in addition to page, record and figures, by name of file.
+    inputs : callable
+        Result → files that it was made from, beside its campaign, which ``campaign`` gives, and its ``seed``.
+    record_file : str
+        The file of the result's record; empty: none.
+    judged_by : tuple of str, or callable
+        The policies that decided it, by their names in :func:`sindyjoint.policy.policies`.
+    rows : str or callable
+        The list in the record that is a data frame's rows, or what gives them; empty: the first table is.
+    drawn_from, kept : callable
+        Result → data; data → what is saved of them, no more samples than a picture shows.
+    unsaved, renamed, marks : mapping
+        Fields of the data that no figure needs, and what stands for each when they are read again; fields that are
+        saved under another name; what is saved beside them.
+    checked : callable
+        Data as they were read → the same, or InputError.
+    simulated : callable
+        Result, or its data → whether what it rests on comes from a virtual test.
     """
 
-    data: ClassVar[type | None] = None
-    kind: ClassVar[str] = ""
-    folder: ClassVar[str] = ""
-    formerly: ClassVar[Mapping[str, Mapping[str, Any]]] = {}
-    kinds: ClassVar[Mapping[str, Kind]] = {}
-    record_file: ClassVar[str] = ""
-    judged_by: ClassVar[tuple[str, ...]] = ()
-    question: ClassVar[str] = "What is it?"
-    records_key: ClassVar[str] = ""
-    unsaved: ClassVar[Mapping[str, Any]] = {}
-    renamed: ClassVar[Mapping[str, str]] = {}
+    about: Callable[[Any], str] = lambda result: ""
+    data: type | None = None
+    kind: str = ""
+    formerly: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    folder: str = ""
+    kinds: Mapping[str, Kind] | Callable[[Any], Mapping[str, Kind]] = field(default_factory=dict)
+    tables: Callable[[Any], tuple[TextTable, ...]] = lambda result: ()
+    page: Callable[[Any, Any, Blocks, Path | None], Page] | None = None
+    headline: Callable[[Any], Trust | None] = lambda result: None
+    question: str = "What is it?"
+    print: Callable[[Any, Console], None] | None = None
+    warnings: Callable[[Any], Sequence[str]] = lambda result: result.warnings
+    details: Callable[[Any], Iterable[str]] = lambda result: ()
+    files: Callable[[Any, Any], dict[str, str]] = lambda result, data: {}
+    campaign: Callable[[Any], Any] = lambda result: getattr(result, "campaign", None)
+    inputs: Callable[[Any], Sequence[Path]] = lambda result: ()
+    seed: Callable[[Any, object], object] = lambda result, given: given
+    record_file: str = ""
+    judged_by: tuple[str, ...] | Callable[[Any], tuple[str, ...]] = ()
+    rows: str | Callable[[Any], list[dict[str, Any]]] = ""
+    record: Callable[[Any], Any] = lambda result: result
+    drawn_from: Callable[[Any], Any] = lambda result: result
+    kept: Callable[[Any], Any] = lambda data: data
+    unsaved: Mapping[str, Any] = field(default_factory=dict)
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    marks: Mapping[str, Any] = field(default_factory=dict)
+    checked: Callable[[Any], Any] = lambda data: data
+    simulated: Callable[[Any], bool] = _said_simulated
 
-    def __init_subclass__(cls, **facts: Any) -> None:
-        super().__init_subclass__()
-        for name, value in facts.items():
-            setattr(cls, name, value)
+    # ---- the record and its rows
 
-    # ---- the record, its tables and rows
-
-    def to_dict(self, result: R) -> dict[str, Any]:
+    def to_dict(self, result: Any) -> dict[str, Any]:
         """Return everything that is known, as JSON data."""
-        record: dict[str, Any] = result.to_dict(full=True)  # type: ignore[attr-defined]
+        record: dict[str, Any] = self.record(result).to_dict(full=True)
         return record
 
-    def tables(self, result: R) -> tuple[TextTable, ...]:
-        """Return the tables that people read, in order."""
-        return ()
+    def records(self, result: Any) -> list[dict[str, Any]]:
+        """Return the rows of a data frame: what the record says of each part, numbers as numbers."""
+        if not isinstance(self.rows, str):
+            return self.rows(result)
+        if self.rows:
+            return [_flat(record) for record in self.to_dict(result)[self.rows]]
+        return [
+            dict(zip(table.columns, row, strict=True))
+            for table in self.tables(result)[:1]
+            for row in table.rows
+        ]
 
-    def records(self, result: R) -> list[dict[str, Any]]:
-        """Return the rows of a data frame: what :meth:`to_dict` says of each part, numbers as numbers."""
-        if self.records_key:
-            return [_flat(record) for record in self.to_dict(result)[self.records_key]]
-        tables = self.tables(result)
-        return [dict(zip(table.columns, row, strict=True)) for table in tables[:1] for row in table.rows]
-
-    def files(self, result: R, data: Any) -> dict[str, str]:
-        """Return the texts that are written in addition to page, record and figures, by name of file."""
-        return {}
-
-    def judges_of(self, result: R) -> tuple[str, ...]:
+    def judges_of(self, result: Any) -> tuple[str, ...]:
         """Return which of the policies decided a result."""
-        return self.judged_by
-
-    def simulated(self, result: Any) -> bool:
-        """Return whether what a result, or its data, rest on comes from a virtual test."""
-        said: bool = getattr(result, "simulated", False)
-        warnings = getattr(result, "warnings", ())
-        return bool(said) or any("simulated" in text and "not measured" in text for text in warnings)
-
-    def headline(self, result: R) -> Trust | None:
-        """Return whether to trust a result and what to do next; None for what no such question is asked of."""
-        return None
+        return self.judged_by if isinstance(self.judged_by, tuple) else self.judged_by(result)
 
     # ---- figures, and the data that are kept for them
-
-    def drawn_from(self, result: R) -> Any:
-        """Return what the figures of a result are drawn from."""
-        return result
 
     def gather(self, result: Any) -> Any:
         """Return the data of a result as they are read again, so that a figure is the same later; of data, the data."""
@@ -131,26 +159,18 @@ class View(Generic[R, D]):
             return result
         return self.restore(self.save(self.drawn_from(result)))
 
-    def kinds_of(self, data: Any) -> Mapping[str, Kind]:
-        """Return the figures that belong to some data."""
-        return self.kinds
-
     def figures(self, data: Any) -> Mapping[str, Kind]:
         """Return the kinds of figure of this kind of result, in the words of its kind of motion and of its origin."""
         joint = getattr(getattr(data, "model", None), "joint", None)
         motion, virtual = getattr(joint, "motion", "rotation"), self.simulated(data)
         of_paper = is_of_the_paper(str(getattr(joint, "name", getattr(data, "joint", ""))))
         crosses = " Crosses: the paper's tables." if of_paper else ""
-        return {
-            name: replace(
-                kind,
-                title=in_words_of_origin(virtual, in_words_of(motion, kind.title)),
-                caption=in_words_of_origin(
-                    virtual, in_words_of(motion, kind.caption.replace("{crosses}", crosses))
-                ),
-            )
-            for name, kind in self.kinds_of(data).items()
-        }
+
+        def said(text: str) -> str:
+            return in_words_of_origin(virtual, in_words_of(motion, text.replace("{crosses}", crosses)))
+
+        kinds = self.kinds if isinstance(self.kinds, Mapping) else self.kinds(data)
+        return {n: replace(k, title=said(k.title), caption=said(k.caption)) for n, k in kinds.items()}
 
     def draw(self, kind: Kind, panels: Sequence[Panel], data: Any, width: float) -> Figure:
         """Return panels of a kind of figure as a figure of a width in inches, in words of the origin of the data."""
@@ -164,14 +184,11 @@ class View(Generic[R, D]):
                 text.set_text(in_words_of_origin(True, text.get_text()))
         return figure
 
-    def kept(self, data: Any) -> Any:
-        """Return what is saved of the data: no more samples than a picture shows."""
-        return data
-
     def save(self, data: Any) -> dict[str, Any]:
         """Return data as plain JSON data."""
         record = pack(self.kept(data), self.unsaved)
-        return {**{self.renamed.get(name, name): value for name, value in record.items()}, "kind": self.kind}
+        named = {self.renamed.get(name, name): value for name, value in record.items()}
+        return {**self.marks, **named, "kind": self.kind}
 
     def restore(self, record: Mapping[str, Any]) -> Any:
         """Return data from what :meth:`save` made of them.
@@ -184,60 +201,52 @@ class View(Generic[R, D]):
         if isinstance(record, Mapping):
             record = {**self.formerly.get(str(record.get("kind")), {}), **record}
             record |= {name: record.get(saved) for name, saved in self.renamed.items()}
-        return unpack(self.data, record, self.unsaved)
+        return self.checked(unpack(self.data, record, self.unsaved))
 
     # ---- the page
 
-    def page(self, result: R, data: Any, show: Blocks, folder: Path | None) -> Page:
-        """Return what the page says; ``folder`` is where it will stand, for links to what lies there."""
-        raise NotImplementedError
-
-    def hero(
-        self, show: Blocks, data: Any, name: str, panel: int = 0, caption: str = "", again: bool = False
-    ) -> str:
-        """Return one panel of a figure for the first screen; of a figure's only one, whether it stands below again."""
+    def panel(self, data: Any, name: str, place: int) -> tuple[bytes, bool]:
+        """Return a panel of a figure as an SVG for the first screen, and whether it is all of the figure."""
         kind = self.figures(data)[name]
         panels = kind.panels(data)
-        if not panels:
-            return ""
-        drawn = figure_bytes(self.draw(kind, [panels[panel]], data, SINGLE_COLUMN), "svg")
-        return show.hero(name, drawn, caption, whole=len(panels) == 1 and not again)
+        svg = figure_bytes(self.draw(kind, [panels[place]], data, SINGLE_COLUMN), "svg") if panels else b""
+        return svg, len(panels) == 1
 
-    def origin(self, result: R, command_line: Any, seed: object, files: Any) -> Provenance:
+    def origin(self, result: Any, command_line: Any, seed: object, files: Any) -> Provenance:
         """Return where a result came from."""
-        return provenance(getattr(result, "campaign", None), seed, command_line, files)
+        inputs = [*files, *self.inputs(result)]
+        return provenance(self.campaign(result), self.seed(result, seed), command_line, inputs)
 
     def html(
         self,
-        result: R,
+        result: Any,
         data: Any,
         origin: Provenance,
         pictures: Mapping[str, bytes],
         folder: Path | None = None,
     ) -> str:
         """Return the report as one HTML text, from its figures as SVG by kind."""
-        show = Blocks(self.figures(data), pictures)
-        page = self.page(result, data, show, folder)
-        soundness = getattr(result, "soundness", None)
-        if soundness is not None and soundness.findings and "findings" not in {s.id for s in page.sections}:
+        assert self.page is not None
+        show = Blocks(self.figures(data), pictures, partial(self.panel, data))
+        page, headline = self.page(result, data, show, folder), self.headline(result)
+        found = (
+            page.found
+            if headline is None
+            else (show.answers(headline, self.question, page.hero, page.found),)
+        )
+        sections, soundness = [*page.sections], getattr(result, "soundness", None)
+        if soundness is not None and soundness.findings and "findings" not in {s.id for s in sections}:
             accepted = ", ".join(map(spelled, soundness.accepted))
             said = f"The verdict is: {soundness.verdict}." + (f" Accepted: {accepted}." if accepted else "")
-            more = markup("{} Every channel with the findings marked: <code>sindyjoint check</code>.").format(
-                said
-            )
-            blocks = show.paragraph(more), show.table(findings_table(soundness.findings))
-            page = replace(
-                page, sections=(*page.sections, section("data", "Are the data sound?", "", *blocks))
-            )
+            more = markup("{} Every channel with the findings marked: <code>sindyjoint check</code>.")
+            blocks = show.paragraph(more.format(said)), show.table(findings_table(soundness.findings))
+            sections.append(section("data", "Are the data sound?", "", *blocks))
+        page = replace(page, lead=(*page.first, *found, *page.lead), sections=sections)
         return render(page, origin, self.simulated(result))
 
     # ---- the terminal
 
-    def about(self, result: R) -> str:
-        """Return the first line on a terminal: what this is a result of; with markup."""
-        return ""
-
-    def show(self, result: R) -> None:
+    def show(self, result: Any) -> None:
         """Print the result for a person: whether to trust it, what it is, what to do next."""
         from rich.markup import escape
 
@@ -249,7 +258,10 @@ class View(Generic[R, D]):
             _print_lights(headline.lights, console)
             console.print(f"\n[bold]{self.question}[/]")
             _print_lights(headline.question, console)
-        self.show_result(result, console)
+        if self.print is None:
+            print_tables(self.tables(result), console)
+        else:
+            self.print(result, console)
         for warning in self.warnings(result):
             console.print(f"- {escape(warning)}")
         if headline is not None:
@@ -258,29 +270,12 @@ class View(Generic[R, D]):
                 # Commands in one line each, to be copied.
                 console.print(f"  {escape(step.do)}  [dim]to {escape(step.to)}[/]", soft_wrap=True)
 
-    def show_result(self, result: R, console: Console) -> None:
-        """Print what the result is: its tables."""
-        for table in self.tables(result):
-            if table.rows:
-                console.print()
-                print_table(table.headed(), console)
-        console.print()
-
-    def warnings(self, result: Any) -> Sequence[str]:
-        """Return what to be aware of, for the end."""
-        texts: Sequence[str] = result.warnings
-        return texts
-
-    def details(self, result: R) -> Iterator[str]:
-        """Yield the numbers behind it as lines: what ``--verbose`` adds."""
-        return iter(())
-
 
 def _print_lights(lights: Sequence[Light], console: Console) -> None:
     """Print reasons, one a line."""
     from rich.markup import escape
 
-    wide = max([NAMES, *(len(light.name) for light in lights)])
+    wide = max([8, *(len(light.name) for light in lights)])
     for light in lights:
         colour, mark = MARKS[light.colour]
         console.print(f"  [{colour}]{mark:<4}[/] {light.name:<{wide}}  {escape(light.sentence)}")

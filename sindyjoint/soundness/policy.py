@@ -25,20 +25,20 @@ class SoundnessPolicy:
     )
     contrast: float = limit(
         2.5,
-        "step in a series of periods over the ranges of the four periods on either side; of two, twice that",
-        source="simulated white noise has one in 5 000 series of 9 to 12 periods, none in 20 000 of 17 or more",
+        "step in a series of periods over the ranges of the four periods on either side, of two twice that; and ratio "
+        "of the slopes of both halves of a drift up to which it is one",
+        source="simulated white noise has one step in 5 000 series of 9 to 12 periods, none in 20 000 of 17 or more",
     )
     clearly: float = limit(
         1.5,
         "ratio from which one value is clearly larger than another: mean squares of explanations, ranges, gains",
     )
-    even: float = limit(
-        0.4,
-        "least ratio of the slopes of both halves of a drift, which a start-up does not keep",
-        source=REFEREE,
-    )
     # How much: shares of a channel's range, amplitude or RMS.
-    nearly: float = limit(0.1, "share up to which a part does not count, or two things are nearly the same")
+    nearly: float = limit(
+        0.1,
+        "share up to which a part does not count, as a rate of the largest or a resolution of the scatter, or two "
+        "things are nearly the same",
+    )
     large_part: float = limit(0.2, "share of a run that may be left out, or from which a part is a large one")
     changed: float = limit(
         0.05,
@@ -48,9 +48,11 @@ class SoundnessPolicy:
     taken_for_granted: float = limit(
         0.003, "scatter of these from period to period that is taken for granted", source=REFEREE
     )
-    bears: float = limit(0.01, "share of a run's samples, or phase (rad), at fault up to which work goes on")
-    visible: float = limit(0.01, "resolution, or mains line, in standard deviations that is noted")
-    coarse: float = limit(0.1, "resolution in standard deviations that biases")
+    bears: float = limit(
+        0.01,
+        "share of a run's samples, or phase (rad), at fault up to which work goes on; or of a channel's scatter, as "
+        "its resolution or a line of the mains, from which it is noted",
+    )
     # How many.
     fewest: int = limit(
         3, "periods, runs, jumps or groups of levels from which they tell anything of each other"
@@ -67,14 +69,10 @@ class SoundnessPolicy:
         "ratio of the distances from its limit 9 and 3 samples away up to which a channel arrives with a slope",
         source="3 for a straight line, 9 for a standstill that is reached smoothly",
     )
-    spike: float = limit(0.3, "spike in amplitudes of the channel that is reported", source=REFEREE)
     copied_noise: float = limit(
         0.98, "correlation of the noise of two runs from which one is a scaled copy", source=REFEREE
     )
     # The law that runs have in common.
-    moving_rate: float = limit(
-        0.1, "share of the largest rate above which runs are compared", source="reversals hold friction steps"
-    )
     departs: float = limit(
         0.04, "RMS, in parts of a moment's, by which a run departs from the law of the others", source=REFEREE
     )
@@ -96,9 +94,6 @@ class SoundnessPolicy:
         source="below any sensor of vibration tests",
     )
     far_offset: float = limit(0.5, "middle of the motion in amplitudes from which the zero is far from it")
-    given_off: float = limit(
-        0.03, "energy given off, in parts of the RMS of moment times rate, that is reported", source=REFEREE
-    )
     wrong_frequency: float = limit(
         0.004, "relative error of the declared frequency that is reported", source=REFEREE
     )
@@ -106,9 +101,16 @@ class SoundnessPolicy:
     same_level: float = limit(1.15, "ratio of the ranges of angle below which all runs have one level")
     # Sensors held against each other.
     gain: float = limit(
-        0.03, "relative error of a gain that is reported", source="what sensors are calibrated to"
+        0.03,
+        "relative error of a gain, or share of energy given off or of the mains, that is reported",
+        source="what sensors are calibrated to",
     )
-    unit: float = limit(0.3, "relative error of a gain, or shift of recovered states, that stops")
+    unit: float = limit(
+        0.3,
+        "relative error of a gain, or shift of recovered states, that stops; or spike, in amplitudes of its channel, "
+        "that is reported",
+        source=REFEREE,
+    )
     usual_uncertainty: float = limit(
         0.02,
         "relative standard uncertainty of every stiffness and mass of a structure that is assumed where less is stated",

@@ -1,4 +1,4 @@
-"""A campaign goes in, a joint model comes out, with a verdict on the paper's five terms; of a structure, its joints."""
+"""A campaign goes in, checked; a joint model comes out, with a verdict on the paper's terms; of a rig, its joints."""
 
 from __future__ import annotations
 
@@ -32,10 +32,16 @@ from sindyjoint.judgement.verdict import (
     unresolved_delay,
 )
 from sindyjoint.mechanics.rig_test import RigTest
+from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.numeric import RNG
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
+from sindyjoint.soundness.check import (
+    check_accepted,
+    check_campaign,
+    check_rig_test,
+    require_sound,
+)
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
 from sindyjoint.states.campaigns import content_hash, with_lags
@@ -293,7 +299,6 @@ def discover_rig(
     ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
     """
     from sindyjoint.judgement.rig_discovery import of_data
-    from sindyjoint.mechanics.rig_test_file import load_rig_test
 
     say = progress or (lambda stage: None)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)

@@ -1,15 +1,24 @@
-"""A virtual test: runs of a joint whose law is known."""
+"""What is simulated: runs of a joint whose law is known, and a rig in motion."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from sindyjoint.described import Described
+import numpy as np
+
+from sindyjoint.described import Described, Shown, same
+from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, checks_options
-from sindyjoint.numeric import RNG
+from sindyjoint.mechanics.rigs import Rig, load_rig
+from sindyjoint.mechanics.transient import Response
+from sindyjoint.mechanics.virtual_rig import hinges
+from sindyjoint.numeric import RNG, Array
+from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, joint_range_warnings
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
@@ -122,3 +131,158 @@ def simulate(
     if out is not None:
         write_campaign(campaign, out, format, force=force)
     return campaign
+
+
+MODES = 4
+
+
+@dataclass(frozen=True)
+class PointMotion:
+    """Motion of a point of a structure.
+
+    Parameters
+    ----------
+    name : str
+    peak : float
+        Largest displacement, m.
+    """
+
+    name: str
+    peak: float
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """Motion of a joint of a structure.
+
+    Parameters
+    ----------
+    name : str
+    peak_angle : float
+        rad.
+    locked_share : float
+        Share of the time in which it sticks.
+    last_slip : float
+        s; zero for one that never slips.
+    dissipated : float
+        J.
+    """
+
+    name: str
+    peak_angle: float
+    locked_share: float
+    last_slip: float
+    dissipated: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RigMotion(Shown):
+    """The result of :func:`rig_motion`.
+
+    Parameters
+    ----------
+    rig : Rig
+    slipping, locked : ndarray, shape (modes,)
+        Natural frequencies with the joints' tangent stiffness at standstill, and with locked joints, Hz.
+    response : Response
+    warnings : tuple of str
+    """
+
+    SCHEMA: ClassVar = 1
+    WRITTEN: ClassVar = {
+        "rig": "rig.name",
+        "frequencies": same("slipping", "locked"),
+        **same("duration", "points", "joints"),
+        "beams_dissipated": "response.beam_dissipation",
+        "warnings": "warnings",
+    }
+    rig: Rig
+    slipping: Array
+    locked: Array
+    response: Response
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def heat(self) -> dict[str, float]:
+        """Energy dissipated in each joint and in the beams, J."""
+        response = self.response
+        joints = dict(zip(response.joints, response.joint_dissipation.tolist(), strict=True))
+        return {**joints, "beams": response.beam_dissipation}
+
+    @property
+    def last_slips(self) -> Array:
+        """Time at which each joint slips for the last time, s; zero for one that never does."""
+        moving = ~self.response.stuck
+        return np.array([self.response.time[row].max(initial=0.0) for row in moving])
+
+    @property
+    def duration(self) -> float:
+        """Simulated time, s."""
+        return float(self.response.time[-1])
+
+    @property
+    def points(self) -> tuple[PointMotion, ...]:
+        """The points of the structure."""
+        places = self.response.displacement
+        return tuple(PointMotion(name, float(np.abs(values).max())) for name, values in places.items())
+
+    @property
+    def joints(self) -> tuple[JointMotion, ...]:
+        """The joints of the structure."""
+        response = self.response
+        columns = (
+            np.abs(response.angle).max(axis=1),
+            response.stuck.mean(axis=1),
+            self.last_slips,
+            response.joint_dissipation,
+        )
+        return tuple(map(JointMotion, response.joints, *(column.tolist() for column in columns)))
+
+
+def rig_motion(
+    rig: Rig | str | Path,
+    model: JointModel | str | Path | None = None,
+    *,
+    progress: Callable[[str], None] | None = None,
+) -> RigMotion:
+    """Simulate a rig under the pulse that its file describes.
+
+    Parameters
+    ----------
+    rig : Rig, str or Path
+        The name of a shipped rig, or a TOML file.
+    model : JointModel, str or Path, optional
+        Replaces the joints that bear its name, or that the rig gives as ``law = "model"``.
+    progress : callable, optional
+
+    Returns
+    -------
+    RigMotion
+
+    Raises
+    ------
+    InputError
+        For a rig or a model that cannot be read, or a rig that needs a model where none is given.
+    SimulationError
+        When a joint passes its softening limit; carries the time.
+
+    Examples
+    --------
+    >>> motion = rig_motion("pulse-rig")
+    >>> bool(motion.slipping[0] < motion.locked[0])
+    True
+    """
+    say = progress or (lambda stage: None)
+    say("reading the rig")
+    made = rig if isinstance(rig, Rig) else load_rig(rig, PLACEHOLDERS)
+    known = None if model is None else as_model(model)
+    placed = PlacedModels.in_rig(made, [] if known is None else [known])
+    made = placed.rig
+    say("frequencies")
+    structure = made.structure()
+    slipping, locked = structure.frequencies(MODES), structure.frequencies(MODES, locked=True)
+    say(f"simulating {made.duration:g} s")
+    response = made.respond()
+    modelled = {h.name for h, stands in zip(hinges(made), placed.models, strict=True) if stands is not None}
+    warnings = () if known is None else tuple(joint_range_warnings(known, response, modelled))
+    return RigMotion(made, slipping, locked, response, warnings)

@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.measurement.runs import measured_run, with_channels
-from sindyjoint.measurement.sensors import averaged, disagreement, fuse, integrated_twice, sensor_noise
+from sindyjoint.measurement import (
+    averaged,
+    disagreement,
+    fuse,
+    integrated_twice,
+    measured_run,
+    sensor_noise,
+    with_channels,
+)
 from sindyjoint.record import MEASURED_ANGLE, Campaign, Joint
-from sindyjoint.soundness.detectors.sizes import find_disagreement
-from sindyjoint.soundness.finding import words_of
-from sindyjoint.soundness.record import record_of
+from sindyjoint.soundness import find_disagreement, record_of, words_of
 from sindyjoint.states import force_states
 
 RATE, FREQUENCY = 1000.0, 4.0

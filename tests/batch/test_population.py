@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.export.documents import batch_samples
-from sindyjoint.workflows.joints.population import holm, median_spread, population, random_effects
-from sindyjoint.workflows.joints.record import CampaignRecord
-from sindyjoint.workflows.joints.summary import summarised
+from sindyjoint.export import batch_samples
+from sindyjoint.workflows import CampaignRecord, holm, median_spread, population, random_effects, summarised
 
 
 def sample(rng, n, spread=1.0, error=0.5):

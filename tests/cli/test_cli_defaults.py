@@ -6,8 +6,7 @@ import inspect
 import pytest
 import typer
 
-from sindyjoint.cli.app import make_app
-from sindyjoint.cli.options import default_of, given
+from sindyjoint.cli import default_of, given, make_app
 
 REGRESSOR, DISCOVER = "discovery.regression:TermRegression", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
@@ -22,7 +21,7 @@ def of(function, *names):
 
 
 # Command: option → function and parameter that it becomes.
-CHANGED = "workflows.changed:changed"
+CHANGED = "workflows.compare:changed"
 REACHED = {
     "discover": of(DISCOVER, *OF_DISCOVER, "correct", "paper", *SPREAD) | of(REGRESSOR, *OF_REGRESSOR),
     "batch": of(DISCOVER, *OF_DISCOVER) | of(REGRESSOR, *OF_REGRESSOR) | of("workflows.batch:batch", *SPREAD),
@@ -41,7 +40,7 @@ REACHED = {
         "loss_factor",
         "random_state",
     ),
-    "rig": of("workflows.rig:rig_motion", "model"),
+    "rig": of("workflows.simulate:rig_motion", "model"),
     "reproduce": of("workflows.reproduce:reproduce", "random_state"),
     "simulate": {
         **of(TEST, "joint", "noise", "frequencies", "levels"),

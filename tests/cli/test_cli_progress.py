@@ -7,8 +7,7 @@ import time
 import pytest
 
 from sindyjoint import simulate
-from sindyjoint.cli import main, progress
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli import Progress, main, progress
 
 
 class Spinner:

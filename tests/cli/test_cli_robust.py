@@ -180,7 +180,7 @@ def test_functions_of_functions_are_refused_before_they_are_printed():
 
 
 def test_no_cell_is_a_formula_of_a_spreadsheet():
-    from sindyjoint.reporting.tables import csv_text
+    from sindyjoint.reporting import csv_text
 
     text = csv_text(
         ("=a", "b"), [('=HYPERLINK("http://x")', "-0.5"), ("@x", "+1e5"), ("-x", -2.0), ("a=b", "\tx")]

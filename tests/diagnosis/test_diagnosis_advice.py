@@ -9,7 +9,7 @@ from sindyjoint import diagnose
 from sindyjoint.diagnosis import Advice
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, WAVEFORMS, Design, designs, expected_states
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.reporting.results.diagnosis import advice_words
+from sindyjoint.reporting import advice_words
 from sindyjoint.states import force_states
 from tests.diagnosis.further_runs import one_more
 from tests.diagnosis.hidden_effects import hide

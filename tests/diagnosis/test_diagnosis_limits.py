@@ -11,7 +11,7 @@ from sindyjoint.cli import main
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.warnings import identifiability_notes
+from sindyjoint.soundness import identifiability_notes
 from sindyjoint.states import campaign_states
 from tests.diagnosis.hidden_effects import hide
 

@@ -10,7 +10,7 @@ from sindyjoint.clock import Portion, Spent, spend
 from sindyjoint.diagnosis import CAMPAIGN, Budget, Gap, Stages, explain_gap, load_effects
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics import INTER_PANEL, harmonic, simulate
-from sindyjoint.reporting.output import figures_of
+from sindyjoint.reporting import figures_of
 from tests.diagnosis.handmade_problem import Based, Effect
 from tests.diagnosis.hidden_effects import hide
 

@@ -98,7 +98,7 @@ def test_shares_are_written_one_way(value, text):
 
 
 def test_a_floor_of_rounding_is_not_told_to_three_digits(turned, capsys):
-    from sindyjoint.reporting.registry import show
+    from sindyjoint.reporting import show
 
     show(replace(turned, noise_floor=replace(turned.noise_floor, response=2.09e-7)))
     assert "< 0.01 %" in capsys.readouterr().out

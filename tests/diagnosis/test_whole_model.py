@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from sindyjoint import diagnose, diagnose_structure, verify
-from sindyjoint.cli.app import make_app
+from sindyjoint.cli import make_app
 from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.equation import read_model, read_test
 from sindyjoint.files import write_campaign

@@ -5,7 +5,7 @@ import pysindy
 
 from sindyjoint import JointRegressor, TermLibrary, UniqueShareSTLSQ, discover
 from sindyjoint.equation import default_candidates
-from sindyjoint.soundness.check import check_campaign
+from sindyjoint.soundness import check_campaign
 from sindyjoint.states import campaign_states, regression_rows
 
 

@@ -210,7 +210,7 @@ def test_the_keys_page_has_every_key():
 
 
 def test_every_command_has_a_line():
-    from sindyjoint.cli.app import make_app
+    from sindyjoint.cli import make_app
 
     names = {command.name for command in make_app().registered_commands} | {
         group.name for group in make_app().registered_groups
@@ -267,7 +267,7 @@ def test_the_main_path_is_short():
 
 def test_samples_of_manifests_and_catalogues_load(tmp_path):
     from sindyjoint.equation import load_catalogue
-    from sindyjoint.files.manifest import Manifest
+    from sindyjoint.files import Manifest
     from sindyjoint.mechanics import RigFile
 
     manifests = catalogues = 0

@@ -9,9 +9,7 @@ from test_export_decks import abaqus_blocks, apdl_elements
 from sindyjoint.diagnosis import load_effects
 from sindyjoint.equation import ElementState, JointElement, Value, formula_text
 from sindyjoint.errors import InputError
-from sindyjoint.export import TARGETS, export_model
-from sindyjoint.export.elements import BoucWen, Gap, LuGre, Maxwell, Slider, kind_of
-from sindyjoint.export.fidelity import Cycles
+from sindyjoint.export import TARGETS, BoucWen, Cycles, Gap, LuGre, Maxwell, Slider, export_model, kind_of
 from tests.export.made import ELEMENTS
 
 ANGLE, RMS = 7.7e-4, 3.55

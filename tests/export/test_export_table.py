@@ -5,9 +5,16 @@ import pytest
 
 from sindyjoint.equation import list_catalogues, load_catalogue
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.export import TARGETS, export_model
-from sindyjoint.export.fidelity import ALL_TERMS, Cycles, Represented, fidelity_table
-from sindyjoint.export.parts import Parts, softening_limits
+from sindyjoint.export import (
+    ALL_TERMS,
+    TARGETS,
+    Cycles,
+    Parts,
+    Represented,
+    export_model,
+    fidelity_table,
+    softening_limits,
+)
 from sindyjoint.mechanics import INTER_PANEL
 
 ANGLE, RATE, RMS = 7.7e-4, 4.4e-2, 3.55
@@ -155,8 +162,8 @@ def test_every_target_of_the_list_has_a_module():
     "value", [0.0, -2.684e9, 6066.0, 1 / 3, -1 / 3e5, 1.2345678901234567e-100, -9.99999999999999e15]
 )
 def test_nastran_numbers_keep_nine_digits_in_sixteen_characters(value):
-    from sindyjoint.export.nastran import _read, field
+    from sindyjoint.export import field, read_field
 
     text = field(value)
     assert len(text) <= 16 and "." in text
-    assert _read(text) == pytest.approx(value, rel=1e-8)
+    assert read_field(text) == pytest.approx(value, rel=1e-8)

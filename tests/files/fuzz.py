@@ -36,7 +36,7 @@ def read_formula(text: str) -> None:
 def read_unit(text: str) -> None:
     from sindyjoint.equation import parse_unit
     from sindyjoint.errors import SindyJointError
-    from sindyjoint.files.units import QUANTITIES, conversion, parse_quantity, unit_ratio
+    from sindyjoint.files import QUANTITIES, conversion, parse_quantity, unit_ratio
 
     for attempt in (
         *(lambda kind=kind: parse_quantity(text, kind, "f") for kind in ("N*m", "K", "rad", "s")),
@@ -55,7 +55,7 @@ def read_unit(text: str) -> None:
 def read_columns(path: Path) -> None:
     """Read a data file as a whole, and in segments."""
     from sindyjoint.errors import SindyJointError
-    from sindyjoint.files.readers import open_blocks, read_table
+    from sindyjoint.files import open_blocks, read_table
 
     refusals = []
     try:
@@ -83,8 +83,7 @@ def read_columns(path: Path) -> None:
 
 def read_folder(path: Path) -> None:
     """Draft a manifest for a folder with a data file."""
-    from sindyjoint.files.drafting.draft import draft_manifest
-    from sindyjoint.files.drafting.survey import survey_folder
+    from sindyjoint.files import draft_manifest, survey_folder
 
     draft_manifest("joint", *survey_folder(path.parent), {})
 
@@ -129,16 +128,15 @@ def read_model(path: Path) -> None:
 
 
 def read_record(path: Path) -> None:
-    from sindyjoint.workflows.joints.record import last_result
-    from sindyjoint.workflows.joints.record import read_record as read
+    from sindyjoint.workflows import last_result
+    from sindyjoint.workflows import read_record as read
 
     last_result(path.parent)
     read(path.parent)
 
 
 def read_saved(path: Path) -> None:
-    from sindyjoint.reporting import draw, drawable, load_results
-    from sindyjoint.reporting.registry import drawing
+    from sindyjoint.reporting import draw, drawable, drawing, load_results
 
     data = load_results(path.parent.parent)
     with drawing(path.parent.parent):
@@ -198,7 +196,7 @@ def _texts(pattern: str) -> list[str]:
 
 
 def _units() -> list[str]:
-    from sindyjoint.files.units import QUANTITIES, USUAL
+    from sindyjoint.files import QUANTITIES, USUAL
 
     units = [*QUANTITIES, *(unit for known in USUAL.values() for unit in known)]
     return [f"{n} {unit}" for unit in units for n in ("1", "0.25", "-3e2")] + [
@@ -211,7 +209,7 @@ def _documents(folder: Path) -> dict[str, Target]:
     from made_models import paper_model
 
     from sindyjoint.documents import sums_of, sums_text
-    from sindyjoint.workflows.joints.record import CampaignRecord
+    from sindyjoint.workflows import CampaignRecord
     from tests.equation.test_formula_evaluation import JENKINS, MAXWELL, with_elements
 
     (folder / "run.csv").write_text(_table(), encoding="utf-8")
@@ -262,9 +260,8 @@ def _results(folder: Path, wanted: str) -> dict[str, Target]:
     from sindyjoint.diagnosis import load_effects
     from sindyjoint.discovery.evidence_file import evidence_bytes
     from sindyjoint.reporting import write_results
-    from sindyjoint.soundness.check import check_campaign
-    from sindyjoint.workflows.joints.record import FACTORS_FILE
-    from sindyjoint.workflows.rig import rig_motion
+    from sindyjoint.soundness import check_campaign
+    from sindyjoint.workflows import FACTORS_FILE, rig_motion
 
     campaign = simulate(random_state=0, duration=1.0, frequencies=(3.0, 5.0))
     found = discover(campaign, "paper", correct=False)

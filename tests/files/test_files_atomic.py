@@ -7,10 +7,10 @@ import sys
 import pytest
 
 from sindyjoint.errors import OutputError
-from sindyjoint.files.atomic import (
+from sindyjoint.files import (
     OLD,
-    _name_temporary,
     check_output,
+    name_temporary,
     output_folder,
     prepare_output,
     settle,
@@ -180,7 +180,7 @@ def test_a_whole_folder_replaces_the_old_one_or_leaves_it(tmp_path):
 
 LIVES = """
 import sys
-from sindyjoint.files.atomic import whole_folder
+from sindyjoint.files import whole_folder
 with whole_folder(sys.argv[1]) as stage:
     (stage / "file").write_text("x")
     print("ready", flush=True)
@@ -229,7 +229,7 @@ def test_old_contents_that_nothing_replaced_go_back(tmp_path, monkeypatch):
     monkeypatch.undo()
     assert len(calls) == 3 and [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
     # A process that was killed between the two has no such chance: the next one sees to it.
-    target.rename(_name_temporary(target, OLD))
+    target.rename(name_temporary(target, OLD))
     settle(target)
     assert [p.name for p in tmp_path.rglob("*")] == ["results", "one"]
 

@@ -15,8 +15,7 @@ from made_models import paper_model
 from sindyjoint.documents import SUMS, changed_files, read_checked, read_list, refuse_foreign_file
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.export import read_model
-from sindyjoint.files import load_campaign
-from sindyjoint.files.atomic import output_folder
+from sindyjoint.files import load_campaign, output_folder
 
 
 def write(folder, number=0, count=40, **options):
@@ -224,7 +223,7 @@ def test_four_processes_of_eight_threads_write_into_one_folder(tmp_path):
 def test_a_figure_takes_the_place_of_a_figure_and_of_no_other_file(kind, tmp_path):
     from matplotlib.figure import Figure
 
-    from sindyjoint.reporting.style import figure_bytes
+    from sindyjoint.reporting import figure_bytes
 
     place = tmp_path / f"loops.{kind}"
     refuse_foreign_file(place, False)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.files import load_campaign
-from sindyjoint.files.readers import VARIABLE, open_blocks, read_table
+from sindyjoint.files import VARIABLE, load_campaign, open_blocks, read_table
 
 
 def columns_of(path):
@@ -120,7 +119,7 @@ def test_matlab_is_read_as_scipy_reads_it(tmp_path, format, packed):
         }
     savemat(tmp_path / "run.mat", arrays, format=format, do_compression=packed and format == "5")
     known = loadmat(tmp_path / "run.mat")
-    from sindyjoint.files.readers.arrays import read_arrays
+    from sindyjoint.files import read_arrays
 
     found = dict(read_arrays(tmp_path / "run.mat", (tmp_path / "run.mat").read_bytes()))
     assert found.pop("text", "no numbers") == "no numbers"

@@ -20,8 +20,7 @@ from made_files import (
 )
 
 from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
-from sindyjoint.files import load_campaign
-from sindyjoint.files.readers import READERS, read_table
+from sindyjoint.files import READERS, load_campaign, read_table
 
 
 def test_every_reader_is_tested():

@@ -12,7 +12,7 @@ from made_files import lvm, xlsx
 from sindyjoint.documents import SUMS, sums_of, sums_text
 from sindyjoint.equation import read_test
 from sindyjoint.errors import InputError
-from sindyjoint.files.readers import VARIABLE, read_table
+from sindyjoint.files import VARIABLE, read_table
 
 
 def workbook(old: bytes, new: bytes) -> bytes:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError
-from sindyjoint.files.timeaxis import check_frequency
+from sindyjoint.files import check_frequency
 
 
 def held(angle, moment, rate, frequency) -> bool:

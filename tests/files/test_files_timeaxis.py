@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.files.timeaxis import advanced, check_order, margin, resampled, uniform_rate
+from sindyjoint.files import advanced, check_order, margin, resampled, uniform_rate
 
 
 def row(index: int) -> str:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sindyjoint.errors import UnitError
-from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files import conversion, parse_quantity
 
 # Factors by definition: BIPM SI brochure for the degree and minute; NIST SP 811 (2008) B.8 for the inch
 # (0.0254 m exactly), the pound-force (4.4482216152605 N exactly) and the kip (1000 lbf).

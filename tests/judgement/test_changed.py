@@ -11,7 +11,7 @@ from sindyjoint import JointRegressor, changed
 from sindyjoint.equation import gain_errors, with_gain_uncertainty
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.changed import compare_models
-from sindyjoint.reporting.output import text_of
+from sindyjoint.reporting import text_of
 from tests.equation.test_formula_evaluation import JENKINS, with_elements
 
 

@@ -7,12 +7,11 @@ import jsonschema
 import numpy as np
 import pytest
 
-from sindyjoint import diagnose, discover, plan, simulate
+from sindyjoint import diagnose, discover, init, plan, simulate
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import PLANNED, designs
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
-from sindyjoint.files.drafting.init import init
 from sindyjoint.mechanics import INTER_PANEL
 from sindyjoint.planning import (
     POLICY,
@@ -28,7 +27,7 @@ from sindyjoint.planning import (
     run_information,
     stacked,
 )
-from sindyjoint.reporting.packing import record_schema
+from sindyjoint.reporting import record_schema
 from sindyjoint.response import model_law
 from tests.diagnosis.hidden_effects import hide
 from tests.equation.test_formula_evaluation import JENKINS, with_elements

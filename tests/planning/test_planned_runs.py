@@ -25,9 +25,8 @@ from sindyjoint.planning import (
 from sindyjoint.planning import runs as planned_runs
 from sindyjoint.record import Campaign, Joint
 from sindyjoint.response import model_law
-from sindyjoint.soundness.check import find_faults
-from sindyjoint.soundness.detectors.sizes import main_line
-from sindyjoint.soundness.policy import POLICY as SOUNDNESS
+from sindyjoint.soundness import POLICY as SOUNDNESS
+from sindyjoint.soundness import find_faults, main_line
 from tests.equation.test_formula_evaluation import JENKINS, with_elements
 from tests.made_models import paper_model
 

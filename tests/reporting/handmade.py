@@ -7,9 +7,7 @@ import numpy as np
 from sindyjoint import JointModel
 from sindyjoint.equation import Fitted, ModelTerm
 from sindyjoint.record import Joint
-from sindyjoint.reporting.page import Provenance
-from sindyjoint.reporting.registry import view_of
-from sindyjoint.reporting.results.discovery_data import GroupFit, Loop, PathStep, ReportData, model_sheets
+from sindyjoint.reporting import GroupFit, Loop, PathStep, Provenance, ReportData, model_sheets, view_of
 from sindyjoint.states.surface import force_state_map
 from sindyjoint.trust import Light, Trust
 

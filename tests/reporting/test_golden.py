@@ -12,7 +12,7 @@ from test_reporting_page import read
 from test_reporting_results import written
 
 from sindyjoint.equation import list_catalogues, load_catalogue
-from sindyjoint.reporting.registry import draw_all, show
+from sindyjoint.reporting import draw_all, show
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 

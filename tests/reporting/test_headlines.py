@@ -14,8 +14,7 @@ from sindyjoint.judgement.headlines import (
     judge_verification,
 )
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.finding import Finding, Soundness
+from sindyjoint.soundness import Check, Finding, Soundness
 
 
 def lights(headline):

@@ -9,7 +9,7 @@ from sindyjoint import verify
 from sindyjoint.errors import UnknownNameError
 from sindyjoint.files import manifest_schema, write_campaign
 from sindyjoint.mechanics import virtual_campaign
-from sindyjoint.reporting.packing import record_names, record_schema
+from sindyjoint.reporting import record_names, record_schema
 from tests.diagnosis.hidden_effects import hide
 from tests.made_models import paper_model
 

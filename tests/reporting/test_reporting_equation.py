@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis import FittedEffect, load_effects
-from sindyjoint.reporting.mathml import effect_mathml, mathml
-from sindyjoint.reporting.registry import kinds_of
+from sindyjoint.reporting import effect_mathml, kinds_of
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.text import in_words_of
 from tests.reporting.handmade_results import diagnosis
 

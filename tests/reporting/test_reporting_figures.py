@@ -13,10 +13,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from sindyjoint.errors import UnknownNameError
-from sindyjoint.reporting import draw, drawable
-from sindyjoint.reporting.figure import Kind
-from sindyjoint.reporting.results.discovery_terms import KINDS as DISCOVERY
-from sindyjoint.reporting.style import DOUBLE_COLUMN, SINGLE_COLUMN, figure_bytes, style
+from sindyjoint.reporting import DISCOVERY as VIEW
+from sindyjoint.reporting import (
+    DOUBLE_COLUMN,
+    SINGLE_COLUMN,
+    Kind,
+    draw,
+    drawable,
+    drawing_style,
+    figure_bytes,
+)
 
 CASES = {
     "rotation": {},
@@ -33,7 +39,7 @@ CASES = {
 
 def laid_out(figure, what):
     """Check that no part of a panel leaves the sheet or lies on another panel."""
-    with style():
+    with drawing_style():
         renderer = FigureCanvasAgg(figure).get_renderer()
         boxes = [ax.get_tightbbox(renderer) for ax in figure.axes]
         legends = [(ax, ax.get_legend().get_window_extent(renderer)) for ax in figure.axes if ax.get_legend()]
@@ -59,11 +65,11 @@ def test_nothing_is_cut_off_and_panels_do_not_overlap(case, width):
         laid_out(draw(kind, data, width), f"{case} {kind} {width}")
 
 
-@pytest.mark.parametrize("kind", [name for name, kind in DISCOVERY.items() if kind.part])
+@pytest.mark.parametrize("kind", [name for name, kind in VIEW.kinds.items() if kind.part])
 def test_a_panel_returns_its_axes(kind):
     data = report_data()
-    (panel,) = DISCOVERY[kind].panels(data)
-    with style():
+    (panel,) = VIEW.kinds[kind].panels(data)
+    with drawing_style():
         ax = Figure(figsize=(3.5, 2.5)).add_subplot()
         assert panel(data, ax) is ax
     assert ax.has_data() and ax.get_title(loc="left")
@@ -104,8 +110,7 @@ def test_drawing_needs_no_pyplot():
         import sys
         sys.path.insert(0, {here!r})
         from handmade import report_data
-        from sindyjoint.reporting.registry import draw
-        from sindyjoint.reporting.style import figure_bytes
+        from sindyjoint.reporting import draw, figure_bytes
         figure_bytes(draw("map", report_data()), "svg")
         assert "matplotlib.pyplot" not in sys.modules
     """
@@ -142,7 +147,7 @@ def test_a_kind_without_content_says_what_there_is():
 
 
 def test_kinds_carry_a_caption_each():
-    for name, kind in DISCOVERY.items():
+    for name, kind in VIEW.kinds.items():
         assert isinstance(kind, Kind) and kind.name == name
         assert kind.caption.endswith(".") and kind.title
 

@@ -14,8 +14,7 @@ from sindyjoint.errors import (
     InputError,
     OutputError,
 )
-from sindyjoint.reporting import draw, drawable, load_results, write_results
-from sindyjoint.reporting.style import figure_bytes
+from sindyjoint.reporting import draw, drawable, figure_bytes, load_results, write_results
 from tests.doors.asked import ask
 
 

@@ -10,8 +10,8 @@ import pytest
 from handmade import HOSTILE, ORIGIN, TERMS, model, page_html, report_data
 
 from sindyjoint.equation import ModelTerm, list_catalogues, load_catalogue
+from sindyjoint.reporting import draw_all
 from sindyjoint.reporting.mathml import mathml
-from sindyjoint.reporting.registry import draw_all
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "report.txt"
 # Elements that fetch, and attributes that name what to fetch.
@@ -178,7 +178,7 @@ def test_a_symbol_cannot_leave_the_equation():
 
 
 def test_numbers_that_are_not_known_are_dashes():
-    from sindyjoint.reporting.page import number
+    from sindyjoint.reporting import number
 
     assert (number(None), number(math.nan), number(-0.5)) == ("–", "–", "−0.5")
 

@@ -16,12 +16,22 @@ from sindyjoint.errors import InputError, OutputError
 from sindyjoint.inputs import Source
 from sindyjoint.judgement.comparison import Comparison
 from sindyjoint.record import Campaign, Run
-from sindyjoint.reporting import draw, drawable, load_results, write_results
-from sindyjoint.reporting.output import PAGE, place_of
-from sindyjoint.reporting.page import provenance
-from sindyjoint.reporting.registry import draw_all, kinds_of, saved_text, view_of
-from sindyjoint.reporting.results.verification import KEPT_SAMPLES, thinned
-from sindyjoint.reporting.style import figure_bytes
+from sindyjoint.reporting import (
+    KEPT_SAMPLES,
+    PAGE,
+    draw,
+    draw_all,
+    drawable,
+    figure_bytes,
+    kinds_of,
+    load_results,
+    place_of,
+    provenance,
+    saved_text,
+    thinned,
+    view_of,
+    write_results,
+)
 from tests.doors.asked import ask
 
 HOSTILES = {

@@ -10,15 +10,22 @@ import pytest
 from handmade import HOSTILE, model, report_data
 
 from sindyjoint.errors import InputError
-from sindyjoint.reporting import terms_csv
-from sindyjoint.reporting.equation import TERM_COLUMNS, model_table, term_rows
-from sindyjoint.reporting.packing import pack
-from sindyjoint.reporting.results.discovery import DiscoveryView
-from sindyjoint.reporting.style import prefixed, pretty_unit, shortened
-from sindyjoint.reporting.tables import DASH, TextTable, findings_table, terminal_table
-from sindyjoint.soundness.finding import Finding
-
-VIEW = DiscoveryView()
+from sindyjoint.reporting import (
+    DASH,
+    TERM_COLUMNS,
+    TextTable,
+    findings_table,
+    model_table,
+    pack,
+    prefixed,
+    pretty_unit,
+    shortened,
+    term_rows,
+    terminal_table,
+    terms_csv,
+)
+from sindyjoint.reporting import DISCOVERY as VIEW
+from sindyjoint.soundness import Finding
 
 
 def test_values_are_rounded_as_a_physicist_would():

@@ -13,8 +13,7 @@ from sindyjoint.equation import Fitted, ModelTerm, load_catalogue
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.record import Joint
-from sindyjoint.reporting.registry import show
-from sindyjoint.reporting.style import pretty_unit
+from sindyjoint.reporting import pretty_unit, show
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden"
 
@@ -117,7 +116,7 @@ def test_units():
 def test_tables_of_compare_and_batch_fit_the_screen(width, capsys, monkeypatch):
     from handmade_results import comparison
 
-    from sindyjoint.reporting.tables import fitting_blocks
+    from sindyjoint.reporting import fitting_blocks
 
     monkeypatch.setenv("COLUMNS", str(width))
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)

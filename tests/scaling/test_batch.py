@@ -15,8 +15,8 @@ from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OptionError, OutputError, UnknownNameError
 from sindyjoint.files import write_campaign
 from sindyjoint.response import model_law
+from sindyjoint.workflows import find_tasks
 from sindyjoint.workflows.batch import batch
-from sindyjoint.workflows.joints.record import find_tasks
 from tests.export.made import ELEMENTS, PAPER, model_of
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from small_joints import content
 
-from sindyjoint.files.atomic import _name_temporary, hold_folder
-from sindyjoint.workflows.batch import batch, verify_batch
-from sindyjoint.workflows.joints.record import read_record
+from sindyjoint.files import hold_folder, name_temporary
+from sindyjoint.workflows import read_record, verify_batch
+from sindyjoint.workflows.batch import batch
 
 
 def test_restart_keeps_what_holds_and_redoes_what_does_not(joints, tmp_path):
@@ -67,7 +67,7 @@ def test_killed_at_half_and_restarted_it_finishes_with_the_same_bytes(done, join
     assert 3 <= len(before) < 7
     # What a campaign in hand may leave behind.
     undone = next(f"joint-{number}" for number in range(7) if f"joint-{number}" not in before)
-    _name_temporary(out / "campaigns" / undone).mkdir()
+    name_temporary(out / "campaigns" / undone).mkdir()
     fresh = []
     # What was written does not know how it was run, nor does what is written next: here without other processes.
     result = batch(joints, out, "paper", on_record=lambda record: fresh.append(record.id))

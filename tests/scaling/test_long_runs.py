@@ -9,8 +9,7 @@ import pytest
 from sindyjoint import discover
 from sindyjoint.discovery.large.segments import Task, work
 from sindyjoint.errors import InputError
-from sindyjoint.files import load_campaign
-from sindyjoint.files.campaign import load_segment
+from sindyjoint.files import load_campaign, load_segment
 from sindyjoint.parallel import executor
 from sindyjoint.states import force_states
 from sindyjoint.workflows import discover as workflow

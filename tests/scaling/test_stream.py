@@ -10,7 +10,7 @@ from sindyjoint import JointRegressor
 from sindyjoint.discovery.large.tables import discover_rows
 from sindyjoint.equation import Reference
 from sindyjoint.errors import InputError
-from sindyjoint.files.readers import open_blocks, read_table
+from sindyjoint.files import open_blocks, read_table
 
 
 def motion(n, seed=0):

@@ -8,11 +8,20 @@ import pytest
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import LongRecord
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.soundness.detectors.course import step_of
-from sindyjoint.soundness.finding import Finding, words_of
-from sindyjoint.soundness.law.motions import MOST_HARMONICS, POINTS, cycles_of
-from sindyjoint.soundness.law.odd_runs import Held, find_odd_runs, find_other_scales
-from sindyjoint.soundness.masking import bridge, mask_campaign, mask_run
+from sindyjoint.soundness import (
+    MOST_HARMONICS,
+    POINTS,
+    Finding,
+    Held,
+    bridge,
+    cycles_of,
+    find_odd_runs,
+    find_other_scales,
+    mask_campaign,
+    mask_run,
+    step_of,
+    words_of,
+)
 from sindyjoint.states import force_states
 
 

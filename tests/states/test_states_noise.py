@@ -7,8 +7,7 @@ import pytest
 from scipy.signal import butter, cheby2, detrend, ellip, sosfilt
 
 from sindyjoint.errors import InputError
-from sindyjoint.measurement import noise as states_noise
-from sindyjoint.measurement.noise import (
+from sindyjoint.measurement import (
     channel_noise,
     coherent_to_the_top,
     difference_noise,
@@ -17,6 +16,7 @@ from sindyjoint.measurement.noise import (
     quantisation_step,
     signal_end,
 )
+from sindyjoint.measurement import noise as states_noise
 from sindyjoint.numeric import without_line
 from sindyjoint.record import Run
 from sindyjoint.rig import SensorNoise

@@ -10,7 +10,7 @@ from sindyjoint import discover_rig
 from sindyjoint.cli import main
 from sindyjoint.equation import term_columns
 from sindyjoint.errors import UnsoundError
-from sindyjoint.files.writers import ENCODERS
+from sindyjoint.files import ENCODERS
 from sindyjoint.judgement.rig_verdict import of_many_rows, of_slight_terms, within_the_states
 from sindyjoint.judgement.verdict import Verdict
 from sindyjoint.substructure import find_slow, joint_states

@@ -10,8 +10,7 @@ from sindyjoint import compare, diagnose, simulate, verify
 from sindyjoint.errors import InputError, UnknownNameError, UnsoundError
 from sindyjoint.inputs import LongRecord
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.soundness.check import check_campaign
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness import Finding, check_campaign
 from sindyjoint.workflows.batch import batch
 
 STOP = Finding("reversed_sign", None, "moment", "stops", "in all runs", "k1 negative", "turn the sign")

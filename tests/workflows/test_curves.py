@@ -8,10 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 import sindyjoint
-from sindyjoint.cli.app import make_app
+from sindyjoint.cli import make_app
 from sindyjoint.errors import InputError
-from sindyjoint.reporting.packing import record_schema
-from sindyjoint.reporting.registry import load_results
+from sindyjoint.reporting import load_results, record_schema
 from tests.made_models import paper_model
 
 

@@ -11,7 +11,7 @@ import sindyjoint
 from sindyjoint.equation import read_model, read_models
 from sindyjoint.errors import InputError, MissingInputError
 from sindyjoint.mechanics import Sensor, load_rig_structure
-from sindyjoint.reporting.packing import record_schema
+from sindyjoint.reporting import record_schema
 from tests.made_models import model_of, paper_model, term
 
 M1, M2, K0, C0, K, C = 2.0, 1.0, 400.0, 3.0, 900.0, 1.5

@@ -12,11 +12,11 @@ from typer.testing import CliRunner
 
 import sindyjoint
 from sindyjoint import Campaign, JointModel, compare, verify
-from sindyjoint.cli.app import make_app
+from sindyjoint.cli import make_app
 from sindyjoint.diagnosis import load_effects
 from sindyjoint.equation import Form, is_rate_free, load_catalogue, rate_free, without_rate
 from sindyjoint.errors import InputError
-from sindyjoint.measurement.runs import along_path, reversals, travelled, white_noise
+from sindyjoint.measurement import along_path, reversals, travelled, white_noise
 from sindyjoint.states import force_states
 from sindyjoint.states.rows import group_labels
 

@@ -15,7 +15,7 @@ from sindyjoint.equation import Nuisance, TestNuisances, read_model
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
 from sindyjoint.states.campaigns import content_hash
-from sindyjoint.workflows.refine import refine
+from sindyjoint.workflows import refine
 from tests.response.test_refine_elements import (
     LAW,
     SLIDER,

@@ -9,7 +9,7 @@ import pytest
 
 from sindyjoint.errors import InputError
 from sindyjoint.reporting import drawable, load_results, write_results
-from sindyjoint.workflows.rig import rig_motion
+from sindyjoint.workflows import rig_motion
 from tests.conftest import RIGS
 from tests.made_models import paper_model
 

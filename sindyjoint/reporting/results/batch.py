@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from rich.markup import escape
 
 from sindyjoint.reporting.equation import superscripted
-from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name
-from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section
-from sindyjoint.reporting.style import (
-    ACCENT,
-    INK,
-    MUTED,
-    PALETTE,
-    RULE,
-    plain,
-    prefixed,
-    pretty_unit,
-    shortened,
-)
+from sindyjoint.reporting.figure import MOST_PANELS, Axes, Curve, Kind, Scale, by_name, plot, scaled
+from sindyjoint.reporting.page import Blocks, Page, markup, section
+from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
     Console,
@@ -41,93 +32,91 @@ from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
 from sindyjoint.workflows.joints.record import CAMPAIGNS, CampaignRecord
 from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
 
-# More names than these cannot be read below an axis.
-NAMED = 24
+# More names than these cannot be read below an axis; characters of a name on a terminal.
+NAMED, NAME = 24, 24
 KELVIN = 273.15
 NORMAL95 = 1.96
+STATUS = {"found": "found", "none": "no model", "broken": "broken"}
+COMPARED = "Coefficients are compared on the terms that more than half of the models have"
+NOTHING_COMMON = "No term is in more than half of the models: nothing can be compared."
+NONE_DIFFERS = "None: all have the same terms, and no coefficient leaves the distribution of the others."
+DIAMONDS = " Diamonds: joints that stand out."
+
+
+def _coefficient(result: Batch, term: str) -> tuple[CoefficientScatter, Scale]:
+    """Return how a coefficient scatters, and the axis of its values."""
+    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
+    values = result.values[term]
+    return scatter, scaled("", values if np.isfinite(values).any() else 1.0, result.units[term])
+
+
+def _points(x: Any, result: Batch, scatter: CoefficientScatter, use: Any) -> list[Curve]:
+    """Return values with 95 % intervals, the outliers in another colour."""
+    values, errors = result.values[scatter.coefficient], result.errors[scatter.coefficient]
+    out = np.zeros(values.size, dtype=bool)
+    out[list(scatter.outliers)] = True
+    looks = (use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")
+    return [
+        (
+            x[keep],
+            values[keep],
+            {"yerr": NORMAL95 * errors[keep], "fmt": mark, "color": color, "ms": 3.5, "elinewidth": 0.9},
+        )
+        for keep, color, mark in looks
+        if keep.any()
+    ]
 
 
 def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
-    """Draw one coefficient of every joint."""
-    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
-    values, errors = result.values[term], result.errors[term]
-    factor, unit = _prefixed(values, result.units[term])
-    x = np.arange(values.size)
-    _distribution(ax, scatter, factor)
-    ids = [record.id for record in result.records]
-    for i in _points(ax, x, factor * values, factor * errors, scatter, np.isfinite(values)):
+    """Draw one coefficient of every joint, over the mean and the spread of all."""
+    scatter, up = _coefficient(result, term)
+    values, ids = result.values[term], [record.id for record in result.records]
+    x, known = np.arange(values.size), np.isfinite(values)
+    curves: list[Curve] = []
+    if np.isfinite(scatter.spread) and scatter.covariate is None:
+        half = NORMAL95 * np.hypot(scatter.spread, scatter.mean_error)
+        curves.append((None, (scatter.mean - half, scatter.mean + half), {"color": RULE, "lw": 0}))
+    if np.isfinite(scatter.mean):
+        curves.append((None, scatter.mean, {"color": INK, "lw": 0.9}))
+    curves += _points(x, result, scatter, known)
+    title = spelled(term, result.motion)
+    plot(ax, "", replace(up, name=up.unit, unit=""), curves, title, xlim=(-0.7, values.size - 0.3))
+    for i in (i for i in scatter.outliers if known[i]):
         # Towards the middle, so that it stays on the paper.
-        right = x[i] < 0.6 * values.size
+        right = i < 0.6 * values.size
         ax.annotate(
-            plain(shortened(ids[i], 18)), (x[i], factor * values[i]), xytext=(5 if right else -5, 2),
+            plain(shortened(ids[i], 18)), (i, up.factor * values[i]), xytext=(5 if right else -5, 2),
             textcoords="offset points", ha="left" if right else "right", color=ACCENT, fontsize=7,
         )  # fmt: skip
     if len(ids) <= NAMED:
         ax.set_xticks(x, [plain(shortened(name, 14)) for name in ids], rotation=90)
     else:
         ax.set_xlabel("campaign, in the order of the table")
-    ax.set(xlim=(-0.7, values.size - 0.3), title=spelled(term, result.motion), ylabel=unit)
     return ax
-
-
-def _points(
-    ax: Axes,
-    x: np.ndarray,
-    values: np.ndarray,
-    errors: np.ndarray,
-    scatter: CoefficientScatter,
-    use: np.ndarray,
-) -> np.ndarray:
-    """Draw values with 95 % intervals, the outliers in another colour; return the indices of the outliers."""
-    out = np.zeros(values.size, dtype=bool)
-    out[list(scatter.outliers)] = True
-    for keep, colour, marker in ((use & ~out, PALETTE[0], "o"), (use & out, ACCENT, "D")):
-        if keep.any():
-            ax.errorbar(x[keep], values[keep], yerr=NORMAL95 * errors[keep], fmt=marker, color=colour,
-                        markersize=3.5, elinewidth=0.9)  # fmt: skip
-    return np.flatnonzero(use & out)
-
-
-def _distribution(ax: Axes, scatter: CoefficientScatter, factor: float) -> None:
-    if np.isfinite(scatter.mean):
-        ax.axhline(factor * scatter.mean, color=INK, linewidth=0.9)
-    if np.isfinite(scatter.spread) and scatter.covariate is None:
-        half = NORMAL95 * np.hypot(scatter.spread, scatter.mean_error)
-        ax.axhspan(factor * (scatter.mean - half), factor * (scatter.mean + half), color=RULE, linewidth=0)
 
 
 def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
-    """Draw one coefficient over a covariate with its line."""
-    term = trend.coefficient
-    values, errors, x = result.values[term], result.errors[term], result.covariates[trend.covariate]
-    factor, unit = _prefixed(values, result.units[term])
-    (scatter,) = (s for s in result.population.scatters if s.coefficient == term)
-    use = np.isfinite(values) & np.isfinite(x)
+    """Draw one coefficient over a covariate with its line and the 95 % interval of the slope."""
+    scatter, up = _coefficient(result, trend.coefficient)
+    values, x = result.values[trend.coefficient], result.covariates[trend.covariate]
     of = result.covariate_units.get(trend.covariate, "")
     shift = KELVIN if trend.covariate == TEMPERATURE and of == "K" else 0.0
-    _points(ax, x - shift, factor * values, factor * errors, scatter, use)
-    centre = float(np.mean(x[use]))
+    use = np.isfinite(values) & np.isfinite(x)
+    centre, line = float(np.mean(x[use])), np.linspace(x[use].min(), x[use].max(), 101)
     level = float(np.median(values[use] - trend.slope * (x[use] - centre)))
-    line = np.linspace(x[use].min(), x[use].max(), 101)
-    middle = level + trend.slope * (line - centre)
-    half = NORMAL95 * trend.slope_error * np.abs(line - centre)
-    ax.fill_between(line - shift, factor * (middle - half), factor * (middle + half), color=RULE, linewidth=0)
-    ax.plot(line - shift, factor * middle, color=INK, linewidth=1.0)
-    unit_of = f" ({'°C' if shift else pretty_unit(of)})" if of else ""
-    ax.set(xlabel=plain(trend.covariate + unit_of), ylabel=f"{spelled(term, result.motion)} ({unit})")
-    ax.set_title(
-        f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}".replace("-", "−"),
-        color=MUTED,
-    )
+    middle, half = level + trend.slope * (line - centre), NORMAL95 * trend.slope_error * np.abs(line - centre)
+    curves = [
+        (line - shift, (middle - half, middle + half), {"color": RULE, "lw": 0}),
+        (line - shift, middle, {"color": INK, "lw": 1.0}),
+        *_points(x - shift, result, scatter, use),
+    ]
+    unit = f" ({'°C' if shift else pretty_unit(of)})" if of else ""
+    name = f"{spelled(trend.coefficient, result.motion)} ({up.unit})"
+    plot(ax, plain(trend.covariate + unit), replace(up, name=name, unit=""), curves)
+    said = f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}"
+    ax.set_title(said.replace("-", "−"), color=MUTED)
     return ax
 
-
-def _prefixed(values: np.ndarray, unit: str) -> tuple[float, str]:
-    here = np.abs(values[np.isfinite(values)])
-    return prefixed(float(here.max()) if here.size else 1.0, unit)
-
-
-DIAMONDS = " Diamonds: joints that stand out."
 
 KINDS = by_name(
     Kind(
@@ -150,144 +139,187 @@ KINDS = by_name(
 )
 
 
-# Characters of a name on a terminal.
-NAME = 24
-STATUS = {"found": "found", "none": "no model", "broken": "broken"}
+def _kinds(data: Batch) -> Mapping[str, Kind]:
+    """Return the figures; of signs that no joint has, the caption says nothing."""
+    if any(scatter.outliers for scatter in data.population.scatters):
+        return KINDS
+    return KINDS | {
+        "joints": replace(KINDS["joints"], caption=KINDS["joints"].caption.removesuffix(DIAMONDS))
+    }
 
 
-COMPARED = "Coefficients are compared on the terms that more than half of the models have"
-NOTHING_COMMON = "No term is in more than half of the models: nothing can be compared."
-NONE_DIFFERS = "None: all have the same terms, and no coefficient leaves the distribution of the others."
+def _simulated(result: Batch) -> bool:
+    """Return whether all campaigns that were worked on are virtual tests."""
+    texts = [" ".join((record.result or {}).get("warnings", ())) for record in result.records]
+    return bool(texts) and all("simulated" in text and "not measured" in text for text in texts)
 
 
-class BatchView(
-    View[Batch, Batch],
-    data=Batch,
-    records_key="campaigns",
-    kind="Batch",
-    folder="batch",
-    kinds=KINDS,
-    record_file="batch.json",
-    judged_by=(*FINDING, "batch"),
-):
-    """A batch."""
+def _fit(record: CampaignRecord) -> dict[str, Any]:
+    fit: dict[str, Any] = (record.result or {}).get("fit", {})
+    return fit
 
-    def kinds_of(self, data: Batch) -> Mapping[str, Kind]:
-        """Return the figures; of signs that no joint has, the caption says nothing."""
-        kinds = dict(self.kinds)
-        if not any(scatter.outliers for scatter in data.population.scatters):
-            kinds["joints"] = replace(kinds["joints"], caption=kinds["joints"].caption.removesuffix(DIAMONDS))
-        return kinds
 
-    def kept(self, data: Batch) -> Batch:
-        """Return it without the result of each campaign, which lies in the folder of the campaign."""
-        return replace(
-            data, records=tuple(replace(record, result=None, earlier=None) for record in data.records)
-        )
+def _share(record: CampaignRecord, name: str) -> str:
+    """Return residual or noise floor of a campaign's model, of the RMS that was explained."""
+    fit = _fit(record)
+    if not fit.get("moment_rms") or fit.get("residual_rms") is None:
+        return DASH
+    return "unknown" if fit.get(name) is None else percent(fit[name] / fit["moment_rms"])
 
-    def simulated(self, result: Batch) -> bool:
-        """Return whether all campaigns that were worked on are virtual tests."""
-        texts = [" ".join((record.result or {}).get("warnings", ())) for record in result.records]
-        return bool(texts) and all("simulated" in text and "not measured" in text for text in texts)
 
-    def tables(self, result: Batch) -> tuple[TextTable, ...]:
-        """Return all joints, their scatter and the trends."""
-        return _joints(result), _scatter(result), _trends(result)
+def _named(result: Batch, term: str) -> str:
+    return f"{spelled(term, result.motion)} ({pretty_unit(result.units[term])})"
 
-    def page(self, result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page:
-        """Return which joints differ, all of them, scatter and trends; rows are linked to the campaigns' pages."""
-        joints, scatter, trends = self.tables(result)
-        significant = sum(t.significant for t in result.population.trends)
-        facts = [
-            ("Campaigns", str(len(result.records)), f"{result.found} with a model"),
-            ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
-            ("Trends", str(significant), f"of {len(result.population.trends)} looked for, at 5 % over all"),
-        ]
-        common = ", ".join(map(spelled, result.common))
-        compared = f"{COMPARED}: {common}." if common else NOTHING_COMMON
-        differ = [markup("<strong>{}</strong>: {}.").format(d.id, d.text) for d in result.differences]
-        marked = any(s.outliers for s in result.population.scatters)
-        title = (
-            "Coefficients of the common terms with one standard error; residual and noise floor as shares of the RMS "
-            f"load.{' An exclamation mark: it stands out.' if marked else ''}"
-        )
-        links = [_link(record, folder) for record in result.records]
-        return Page(
-            headline(result),
-            "Batch of campaigns",
-            headline(result),
-            (
-                show.paragraph(compared, "reason"),
-                show.facts(facts),
-                show.warnings(result.notes),
-            ),
-            (
-                section("differ", "Which joints differ", "Differences", show.items(differ or [NONE_DIFFERS])),
-                section(
-                    "joints",
-                    "All joints",
-                    "Joints",
-                    show.pictures("joints"),
-                    show.table(replace(joints, title=title), links),
-                ),
-                section(
-                    "scatter",
-                    "How the joints scatter",
-                    "Scatter",
-                    show.table(scatter) if scatter.rows else "",
-                ),
-                section(
-                    "trends",
-                    "Trends",
-                    "Trends",
-                    *((show.pictures("trends"), show.table(trends)) if trends.rows else ()),
-                ),
-            ),
-        )
 
-    def origin(self, result: Batch, command_line: Any, seed: object, files: Any) -> Provenance:
-        """Return the manifests that were read."""
-        manifests = [Path(record.manifest) for record in result.records]
-        return provenance(None, seed, command_line, [*files, *filter(Path.is_file, manifests)])
+def joints_table(result: Batch) -> TextTable:
+    """Return the table that people read: a row for each campaign."""
+    records = result.records
+    outlying = {(i, s.coefficient) for s in result.population.scatters for i in s.outliers}
 
-    def files(self, result: Batch, data: Batch) -> dict[str, str]:
-        """Return one line per campaign."""
-        return {"batch.csv": batch_csv(result)}
+    def celsius(i: int) -> str:
+        kelvin = records[i].joint.get("temperature")
+        return f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH
 
-    def about(self, result: Batch) -> str:
-        """Return how the campaigns ended."""
-        return f"{escape(headline(result))}{', all of them simulated' * self.simulated(result)}\n"
+    def coefficient(i: int, term: str) -> str:
+        value, error = float(result.values[term][i]), float(result.errors[term][i])
+        text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
+        return f"{text} !" if (i, term) in outlying else text
 
-    def show_result(self, result: Batch, console: Console) -> None:
-        """Print the table, in blocks as wide as the screen."""
-        joints = _joints(result)
-        shown = [tuple(shortened(cell, NAME) for cell in row) for row in joints.rows]
-        for columns, rows in fitting_blocks(joints.columns, shown, console.width):
-            align = "".join("l" if column in ("campaign", "joint") else "r" for column in columns)
-            block = replace(joints, columns=tuple(columns), rows=tuple(map(tuple, rows)))
-            print_table(block, console, align, True)
-            console.print()
+    columns: dict[str, Callable[[int], str]] = {
+        "campaign": lambda i: records[i].id,
+        "joint": lambda i: records[i].joint.get("name", DASH),
+        "serial": lambda i: records[i].joint.get("serial") or DASH,
+        "°C": celsius,
+        "result": lambda i: STATUS[records[i].status],
+        "residual": lambda i: _share(records[i], "residual_rms"),
+        "floor": lambda i: _share(records[i], "noise_floor"),
+        **{_named(result, term): partial(coefficient, term=term) for term in result.common},
+    }
+    declared = {"serial": "serial", "°C": "temperature"}
+    empty = {name for name, key in declared.items() if not any(record.joint.get(key) for record in records)}
+    shown = {name: cell for name, cell in columns.items() if name not in empty}
+    return tabulate("joints", "All joints", range(len(records)), shown)
 
-    def warnings(self, result: Batch) -> list[str]:
-        """Return what stands out, the trends and the notes."""
-        trends = (
-            f"trend: {spelled(each.coefficient, result.motion)} changes by {100 * each.change:+.1f} % over the range "
-            f"of the {each.covariate} (p = {each.p_adjusted:.2g})"
-            for each in result.population.trends
-            if each.significant
-        )
-        notes = (f"note: {note}" for note in result.notes)
-        return [*(f"{one.id}: {one.text}" for one in result.differences), *trends, *notes]
 
-    def details(self, result: Batch) -> Iterator[str]:
-        """Yield how each campaign ended."""
-        columns: dict[str, Callable[[CampaignRecord], str]] = {
-            "campaign": lambda record: record.id,
-            "status": lambda record: record.status,
-            "terms": lambda record: " ".join(term["id"] for term in (record.result or {}).get("terms", ())),
-            "reason": lambda record: record.reason,
-        }
-        yield from aligned(tabulate("ends", "", result.records, columns))
+def scatter_table(result: Batch) -> TextTable:
+    """Return the scatter of each common coefficient over the joints."""
+
+    def mean(s: CoefficientScatter) -> str:
+        return superscripted(rounded(s.mean, s.mean_error)) if np.isfinite(s.mean_error) else f"{s.mean:.4g}"
+
+    def spread(s: CoefficientScatter) -> str:
+        share = s.spread / abs(s.mean) if s.mean else float("nan")
+        return f"{100 * share:.1f} %" if np.isfinite(share) else DASH
+
+    caption = (
+        "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
+        "not tested lies in 95 of 100 cases."
+    )
+    columns: dict[str, Callable[[CoefficientScatter], str]] = {
+        "term": lambda s: _named(result, s.coefficient),
+        "mean of the joints": mean,
+        "spread between joints": spread,
+        "next joint, 95 %": lambda s: (
+            "{:.4g} … {:.4g}".format(*ahead) if (ahead := s.next_joint95) is not None else DASH
+        ),
+        "stand out": lambda s: ", ".join(result.records[i].id for i in s.outliers) or "none",
+    }
+    return tabulate("scatter", caption, result.population.scatters, columns)
+
+
+def trends_table(result: Batch) -> TextTable:
+    """Return the trends, the surest first."""
+
+    def slope(t: Trend) -> str:
+        step = pretty_unit(result.covariate_units.get(t.covariate, "step"))
+        return f"{superscripted(rounded(t.slope, t.slope_error))} {pretty_unit(result.units[t.coefficient])} per {step}"
+
+    columns: dict[str, Callable[[Trend], str]] = {
+        "trend": lambda t: f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
+        "slope": slope,
+        "over the range": lambda t: (
+            f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH
+        ),
+        "p": lambda t: f"{t.p_value:.2g}",
+        "p over all": lambda t: f"{t.p_adjusted:.2g}",
+        "at 5 %": lambda t: "yes" if t.significant else "not seen",
+    }
+    caption = "Robust weighted lines; p over all corrects for the number of trends looked for."
+    return tabulate("trends", caption, sorted(result.population.trends, key=lambda t: t.p_value), columns)
+
+
+def headline(result: Batch) -> str:
+    """Return how many campaigns there are and how they ended."""
+    counts = {"without": result.none, "broken": result.broken, "of them done before": result.kept}
+    parts = [f"{count} {words}" for words, count in counts.items() if count]
+    return ", ".join([f"{len(result.records)} campaigns: {result.found} with a model", *parts])
+
+
+def _link(record: CampaignRecord, folder: Path | None) -> str:
+    """Return where the page of a campaign lies, from this one; nothing where there is none of this result."""
+    page = f"{CAMPAIGNS}/{record.id}/report.html"
+    there = folder is not None and record.status != "broken" and (folder / page).is_file()
+    return quote(page) if there else ""
+
+
+def _page(result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page:
+    """Return which joints differ, all of them, scatter and trends; rows are linked to the campaigns' pages."""
+    trends = result.population.trends
+    facts = [
+        ("Campaigns", str(len(result.records)), f"{result.found} with a model"),
+        ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
+        ("Trends", str(sum(t.significant for t in trends)), f"of {len(trends)} looked for, at 5 % over all"),
+    ]
+    common = ", ".join(map(spelled, result.common))
+    compared = f"{COMPARED}: {common}." if common else NOTHING_COMMON
+    differ = [markup("<strong>{}</strong>: {}.").format(d.id, d.text) for d in result.differences]
+    marked = any(s.outliers for s in result.population.scatters)
+    title = (
+        "Coefficients of the common terms with one standard error; residual and noise floor as shares of the RMS "
+        f"load.{' An exclamation mark: it stands out.' if marked else ''}"
+    )
+    joints = show.table(
+        replace(joints_table(result), title=title), [_link(r, folder) for r in result.records]
+    )
+    courses = (show.pictures("trends"), show.tables(trends_table(result))) if trends else ()
+    return Page(
+        headline(result),
+        "Batch of campaigns",
+        headline(result),
+        "",
+        (show.paragraph(compared, "reason"), show.facts(facts), show.warnings(result.notes)),
+        (),
+        (
+            section("differ", "Which joints differ", "Differences", show.items(differ or [NONE_DIFFERS])),
+            section("joints", "All joints", "Joints", show.pictures("joints"), joints),
+            section("scatter", "How the joints scatter", "Scatter", show.tables(scatter_table(result))),
+            section("trends", "Trends", "Trends", *courses),
+        ),
+    )
+
+
+def _print(result: Batch, console: Console) -> None:
+    """Print the table, in blocks as wide as the screen."""
+    console.print()
+    joints = joints_table(result)
+    shown = [tuple(shortened(cell, NAME) for cell in row) for row in joints.rows]
+    for columns, rows in fitting_blocks(joints.columns, shown, console.width):
+        align = "".join("l" if column in ("campaign", "joint") else "r" for column in columns)
+        block = replace(joints, columns=tuple(columns), rows=tuple(map(tuple, rows)))
+        print_table(block, console, align, True)
+        console.print()
+
+
+def _warnings(result: Batch) -> list[str]:
+    """Return what stands out, the trends and the notes."""
+    trends = (
+        f"trend: {spelled(each.coefficient, result.motion)} changes by {100 * each.change:+.1f} % over the range "
+        f"of the {each.covariate} (p = {each.p_adjusted:.2g})"
+        for each in result.population.trends
+        if each.significant
+    )
+    differ = (f"{one.id}: {one.text}" for one in result.differences)
+    return [*differ, *trends, *(f"note: {note}" for note in result.notes)]
 
 
 def batch_csv(result: Batch) -> str:
@@ -321,114 +353,31 @@ def batch_csv(result: Batch) -> str:
     return csv_records(rows)
 
 
-def _fit(record: CampaignRecord) -> dict[str, Any]:
-    fit: dict[str, Any] = (record.result or {}).get("fit", {})
-    return fit
-
-
-def _named(result: Batch, term: str) -> str:
-    return f"{spelled(term, result.motion)} ({pretty_unit(result.units[term])})"
-
-
-def _joints(result: Batch) -> TextTable:
-    """Return the table that people read."""
-    records = result.records
-    outlying = {(i, s.coefficient) for s in result.population.scatters for i in s.outliers}
-
-    def celsius(i: int) -> str:
-        kelvin = records[i].joint.get("temperature")
-        return f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH
-
-    def coefficient(i: int, term: str) -> str:
-        value, error = float(result.values[term][i]), float(result.errors[term][i])
-        text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
-        return f"{text} !" if (i, term) in outlying else text
-
-    columns: dict[str, Callable[[int], str]] = {
-        "campaign": lambda i: records[i].id,
-        "joint": lambda i: records[i].joint.get("name", DASH),
-        "serial": lambda i: records[i].joint.get("serial") or DASH,
-        "°C": celsius,
-        "result": lambda i: STATUS[records[i].status],
-        "residual": lambda i: _share(records[i], "residual_rms"),
-        "floor": lambda i: _share(records[i], "noise_floor"),
-        **{_named(result, term): partial(coefficient, term=term) for term in result.common},
-    }
-    for column, key in (("serial", "serial"), ("°C", "temperature")):
-        if not any(record.joint.get(key) for record in records):
-            del columns[column]
-    return tabulate("joints", "All joints", range(len(records)), columns)
-
-
-def _share(record: CampaignRecord, name: str) -> str:
-    """Return residual or noise floor of a campaign's model, of the RMS that was explained."""
-    fit = _fit(record)
-    if not fit.get("moment_rms") or fit.get("residual_rms") is None:
-        return DASH
-    return "unknown" if fit.get(name) is None else percent(fit[name] / fit["moment_rms"])
-
-
-def _scatter(result: Batch) -> TextTable:
-    """Return the scatter of each common coefficient over the joints."""
-
-    def ahead(s: CoefficientScatter) -> str:
-        return DASH if s.next_joint95 is None else "{:.4g} … {:.4g}".format(*s.next_joint95)
-
-    def mean(s: CoefficientScatter) -> str:
-        return superscripted(rounded(s.mean, s.mean_error)) if np.isfinite(s.mean_error) else f"{s.mean:.4g}"
-
-    def spread(s: CoefficientScatter) -> str:
-        share = s.spread / abs(s.mean) if s.mean else float("nan")
-        return f"{100 * share:.1f} %" if np.isfinite(share) else DASH
-
-    caption = (
-        "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
-        "not tested lies in 95 of 100 cases."
-    )
-    columns: dict[str, Callable[[CoefficientScatter], str]] = {
-        "term": lambda s: _named(result, s.coefficient),
-        "mean of the joints": mean,
-        "spread between joints": spread,
-        "next joint, 95 %": ahead,
-        "stand out": lambda s: ", ".join(result.records[i].id for i in s.outliers) or "none",
-    }
-    return tabulate("scatter", caption, result.population.scatters, columns)
-
-
-def _trends(result: Batch) -> TextTable:
-    """Return the trends, the surest first."""
-
-    def slope(t: Trend) -> str:
-        step = pretty_unit(result.covariate_units.get(t.covariate, "step"))
-        return f"{superscripted(rounded(t.slope, t.slope_error))} {pretty_unit(result.units[t.coefficient])} per {step}"
-
-    columns: dict[str, Callable[[Trend], str]] = {
-        "trend": lambda t: f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
-        "slope": slope,
-        "over the range": lambda t: (
-            f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH
-        ),
-        "p": lambda t: f"{t.p_value:.2g}",
-        "p over all": lambda t: f"{t.p_adjusted:.2g}",
-        "at 5 %": lambda t: "yes" if t.significant else "not seen",
-    }
-    caption = "Robust weighted lines; p over all corrects for the number of trends looked for."
-    return tabulate("trends", caption, sorted(result.population.trends, key=lambda t: t.p_value), columns)
-
-
-def headline(result: Batch) -> str:
-    """Return how many campaigns there are and how they ended."""
-    parts = [f"{len(result.records)} campaigns: {result.found} with a model"]
-    parts += [f"{result.none} without"] if result.none else []
-    parts += [f"{result.broken} broken"] if result.broken else []
-    parts += [f"{result.kept} of them done before"] if result.kept else []
-    return ", ".join(parts)
-
-
-def _link(record: CampaignRecord, folder: Path | None) -> str:
-    """Return where the page of a campaign lies, from this one; nothing where there is none of this result."""
-    from urllib.parse import quote
-
-    page = f"{CAMPAIGNS}/{record.id}/report.html"
-    there = folder is not None and record.status != "broken" and (folder / page).is_file()
-    return quote(page) if there else ""
+_ENDS: dict[str, Callable[[CampaignRecord], str]] = {
+    "campaign": lambda record: record.id,
+    "status": lambda record: record.status,
+    "terms": lambda record: " ".join(term["id"] for term in (record.result or {}).get("terms", ())),
+    "reason": lambda record: record.reason,
+}
+BATCH = View(
+    about=lambda result: f"{escape(headline(result))}{', all of them simulated' * _simulated(result)}",
+    data=Batch,
+    rows="campaigns",
+    kind="Batch",
+    folder="batch",
+    kinds=_kinds,
+    record_file="batch.json",
+    judged_by=(*FINDING, "batch"),
+    # The result of each campaign lies in the folder of the campaign.
+    kept=lambda data: replace(
+        data, records=tuple(replace(record, result=None, earlier=None) for record in data.records)
+    ),
+    simulated=_simulated,
+    tables=lambda result: (joints_table(result), scatter_table(result), trends_table(result)),
+    page=_page,
+    inputs=lambda result: [path for record in result.records if (path := Path(record.manifest)).is_file()],
+    files=lambda result, data: {"batch.csv": batch_csv(result)},
+    print=_print,
+    warnings=_warnings,
+    details=lambda result: aligned(tabulate("ends", "", result.records, _ENDS)),
+)

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from rich.markup import escape
 
 from sindyjoint.judgement.changed import Change, Shift
-from sindyjoint.reporting.figure import Axes, Kind, by_name, math_symbol
+from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, math_symbol, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
-from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_text, print_table
+from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_text, print_table, tabulate
 from sindyjoint.reporting.view import View
-from sindyjoint.text import rounded
+from sindyjoint.text import list_some, rounded
+from sindyjoint.trust import Light, Trust
 
 
 def _drawn(data: Change) -> list[Shift]:
@@ -25,19 +25,18 @@ def _drawn(data: Change) -> list[Shift]:
 def shifts(data: Change, ax: Axes) -> Axes:
     """Draw the relative change of each coefficient with its 95 % interval, over the margin."""
     rows, margin = _drawn(data), 100 * data.margin
+    ends = [min(abs(end), 3.0) for shift in rows if abs(shift.change) < 3 for end in shift.interval]
+    reach = 100 * max([1.4 * data.margin, *(1.1 * end for end in ends)])
     ax.axvspan(-margin, margin, color=RULE, alpha=0.6, lw=0)
-    ax.axvline(0, color=INK, linewidth=0.8)
-    reach = 1.4 * data.margin
+    curves: list[Curve] = [(0, None, {"color": INK, "lw": 0.8})]
     for row, shift in enumerate(rows):
-        colour = ACCENT if shift.answer.startswith("changed") else PALETTE[0]
-        ax.plot([100 * end for end in shift.interval], [row, row], color=colour, solid_capstyle="butt")
-        ax.plot(100 * shift.change, row, "o", color=colour, markersize=4)
-        if abs(shift.change) < 3:
-            reach = max(reach, *(min(abs(end), 3.0) * 1.1 for end in shift.interval))
-    ax.set(
-        xlim=(-100 * reach, 100 * reach), yticks=range(len(rows)),
-        yticklabels=[math_symbol(shift.symbol) for shift in rows], ylim=(len(rows) - 0.5, -0.5),
-        xlabel="Change (% of the value before)", title="After against before",
+        look = {"color": ACCENT if shift.answer.startswith("changed") else PALETTE[0]}
+        curves.append(([100 * end for end in shift.interval], [row, row], {"solid_capstyle": "butt", **look}))
+        curves.append((100 * shift.change, row, {"marker": "o", "ms": 4, **look}))
+    plot(
+        ax, "Change (% of the value before)", "", curves, "After against before", xlim=(-reach, reach),
+        yticks=range(len(rows)), ylim=(len(rows) - 0.5, -0.5),
+        yticklabels=[math_symbol(shift.symbol) for shift in rows],
     )  # fmt: skip
     return ax
 
@@ -55,79 +54,111 @@ KINDS = by_name(
 )
 
 
-class ChangeView(
-    View[Change, Change],
-    data=Change,
-    kind="Change",
-    kinds=KINDS,
-    record_file="changed.json",
-    records_key="coefficients",
-    judged_by=("judgement",),
-):
-    """Two tests of one joint."""
-
-    def tables(self, result: Change) -> tuple[TextTable, ...]:
-        """Return a row for each coefficient."""
-        rows = tuple(
-            (
-                shift.symbol,
-                shift.answer,
-                *_percent(shift),
-                _value(shift.before, shift.interval_before),
-                _value(shift.after, shift.interval_after),
-                pretty_unit(shift.unit),
-            )
-            for shift in result.shifts
-        )
-        columns = ("coefficient", "answer", "change", "95 % interval", "before", "after", "unit")
-        return (TextTable("coefficients", "Coefficients before and after", columns, rows, text=("unit",)),)
-
-    def page(self, result: Change, data: Change, show: Blocks, folder: Path | None) -> Page:
-        """Return the answer and every coefficient."""
-        before, after = result.names
-        named = (before, after) != ("before", "after")
-        badge, word = ("refuted", "changed") if result.changed else ("confirmed", "no change")
-        which = f"Before: {before}; after: {after}. " if named else ""
-        said = (
-            show.verdict(sentence(result.sentence), badge, word),
-            show.paragraph(f"{which}Margin {100 * result.margin:.3g} %.", "reason"),
-        )
-        blocks = (show.pictures("shifts"), show.table(self.tables(result)[0]), show.warnings(result.warnings))
-        return Page(
-            f"{data.after.joint.name}: before and after",
-            "Before and after",
-            data.after.joint.name,
-            said,
-            (section("coefficients", "Coefficients", "Coefficients", *blocks),),
-        )
-
-    def files(self, result: Change, data: Change) -> dict[str, str]:
-        """Return the table as CSV."""
-        (table,) = self.tables(result)
-        return {"changed.csv": csv_text(["symbol", *table.columns[1:]], table.rows)}
-
-    def about(self, result: Change) -> str:
-        """Return the joint and its two tests."""
-        return f"[bold]{escape(result.after.joint.name)}[/]: {escape(' and '.join(result.names))}\n"
-
-    def show_result(self, result: Change, console: Console) -> None:
-        """Print table and answer."""
-        print_table(self.tables(result)[0], console, "llrrrrl", ruled=True)
-        console.print(f"\n{result.sentence}", markup=False)
-
-    def details(self, result: Change) -> Iterator[str]:
-        """Yield the p-value of each coefficient."""
-        for shift in result.shifts:
-            if np.isfinite(shift.p_value):
-                yield f"{shift.id}: p = {shift.p_value:.2g} of being the same"
-
-
 def _value(value: float, interval: tuple[float, float]) -> str:
     return rounded(value, (interval[1] - interval[0]) / 3.92) if np.isfinite(value) else DASH
 
 
-def _percent(shift: Shift) -> tuple[str, str]:
-    if not np.isfinite(shift.change):
-        return DASH, DASH
-    low, high = (100 * end for end in shift.interval)
-    return f"{100 * shift.change:+.3g} %", f"{low:+.3g} … {high:+.3g} %"
+def _percent(template: str, *shares: float) -> str:
+    return template.format(*(100 * each for each in shares)) if np.isfinite(shares).all() else DASH
+
+
+def coefficients_table(result: Change) -> TextTable:
+    """Return a row for each coefficient."""
+    return tabulate(
+        "coefficients",
+        "Coefficients before and after",
+        result.shifts,
+        {
+            "coefficient": lambda shift: shift.symbol,
+            "answer": lambda shift: shift.answer,
+            "change": lambda shift: _percent("{:+.3g} %", shift.change),
+            "95 % interval": lambda shift: _percent("{:+.3g} … {:+.3g} %", *shift.interval),
+            "before": lambda shift: _value(shift.before, shift.interval_before),
+            "after": lambda shift: _value(shift.after, shift.interval_after),
+            "unit": lambda shift: pretty_unit(shift.unit),
+        },
+        text=("unit",),
+    )
+
+
+def _trust(result: Change) -> Trust:
+    """Return whether the two tests can be compared and tell a change from none, and what to do next."""
+    unsure = [shift.symbol for shift in result.shifts if shift.answer == "cannot tell"]
+    alone = [shift.symbol for shift in result.shifts if shift.answer == "not compared"]
+    beyond = f"{100 * result.margin:.3g} %"
+    lights = (
+        Light("data", "fair", "; ".join(result.warnings))
+        if result.warnings
+        else Light("data", "good", "nothing stands against either of the tests"),
+        Light("alike", "fair", f"only one of the tests has {list_some(alone, 'terms')}")
+        if alone
+        else Light("alike", "good", "both tests have the same terms"),
+        Light(
+            "resolved",
+            "fair",
+            f"a change of more than {beyond} is not ruled out for {list_some(unsure, 'terms')}",
+        )
+        if unsure
+        else Light("resolved", "good", f"every coefficient tells a change of {beyond} from none"),
+    )
+    further = ("record longer, or at more levels", f"rule out changes of more than {beyond}")
+    lacking = ("sindyjoint diagnose CAMPAIGN", "see what the later test shows that the earlier model lacks")
+    again = ("test the joint again after further use", "see whether that stays so")
+    steps = [*[further] * bool(unsure), lacking if result.changed else again]
+    return Trust(lights, tuple(steps))
+
+
+def _page(result: Change, data: Change, show: Blocks, folder: Path | None) -> Page:
+    """Return the answer and every coefficient."""
+    before, after = result.names
+    which = f"Before: {before}; after: {after}. " if result.names != ("before", "after") else ""
+    badge, word = ("refuted", "changed") if result.changed else ("confirmed", "no change")
+    blocks = (show.pictures("shifts"), show.tables(coefficients_table(result)))
+    return Page(
+        f"{data.after.joint.name}: before and after",
+        "Before and after",
+        data.after.joint.name,
+        "",
+        (
+            show.verdict(sentence(result.sentence), badge, word),
+            show.paragraph(f"{which}Margin {100 * result.margin:.3g} %.", "reason"),
+        ),
+        (),
+        (section("coefficients", "Coefficients", "Coefficients", *blocks),),
+    )
+
+
+def _print(result: Change, console: Console) -> None:
+    """Print table and answer."""
+    print_table(coefficients_table(result), console, "llrrrrl", ruled=True)
+    console.print(f"\n{result.sentence}", markup=False)
+
+
+def _files(result: Change, data: Change) -> dict[str, str]:
+    """Return the table as CSV."""
+    table = coefficients_table(result)
+    return {"changed.csv": csv_text(["symbol", *table.columns[1:]], table.rows)}
+
+
+CHANGED = View(
+    about=lambda result: f"[bold]{escape(result.after.joint.name)}[/]: {escape(' and '.join(result.names))}",
+    data=Change,
+    kind="Change",
+    kinds=KINDS,
+    record_file="changed.json",
+    rows="coefficients",
+    judged_by=("judgement",),
+    question="Has it changed?",
+    headline=_trust,
+    tables=lambda result: (coefficients_table(result),),
+    page=_page,
+    print=_print,
+    # What a light holds.
+    warnings=lambda result: (),
+    files=_files,
+    details=lambda result: (
+        f"{shift.id}: p = {shift.p_value:.2g} of being the same"
+        for shift in result.shifts
+        if np.isfinite(shift.p_value)
+    ),
+)

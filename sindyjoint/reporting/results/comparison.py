@@ -18,14 +18,13 @@ from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.reporting.equation import interval_text, superscripted
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
 from sindyjoint.reporting.mathml import mathml
-from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, provenance, section, sentence
+from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.results.discovery_terms import dependence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
 from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, csv_records, print_table, tabulate
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import list_some, quantities, rounded, spelled
-from sindyjoint.trust import Trust
 
 
 def _best_first(choices: Sequence[Choice]) -> list[Choice]:
@@ -143,30 +142,26 @@ def choices_table(result: Comparison) -> TextTable:
     """Return what every choice leads to, by method, frequency, level and library, best first; and the floor."""
     own = "the paper's" if result.of_paper else "the model's"
     load, given = quantities(result.motion).moment.lower(), result.given
-    rows: list[tuple[str, ...]] = [
-        (
-            shortened(choice.name),
-            by,
-            str(len(choice.terms)),
-            _percent(choice.held_out, choice.held_out_error),
-            _percent(choice.response),
-            _percent(choice.residual),
-            _difference(result, choice),
-        )
-        for by, choices in result.groups.items()
-        for choice in _best_first(choices)
-    ]
+    columns: dict[str, Callable[[tuple[str, Choice]], str]] = {
+        "Choice": lambda one: shortened(one[1].name),
+        "By": lambda one: one[0],
+        "Terms": lambda one: str(len(one[1].terms)),
+        f"Left-out {load}": lambda one: _percent(one[1].held_out, one[1].held_out_error),
+        "Response": lambda one: _percent(one[1].response),
+        "Residual": lambda one: _percent(one[1].residual),
+        f"Instead of {own}": lambda one: _difference(result, one[1]),
+    }
+    further: list[tuple[str, ...]] = []
     if given is not None:
-        held = (
-            DASH if given.seen else _percent(given.residual),
-            _percent(given.response),
-            _percent(given.residual),
+        held = DASH if given.seen else _percent(given.residual)
+        left = _percent(given.response), _percent(given.residual)
+        further.append(
+            ("given model", "", str(len(given.terms)), held, *left, _listed(given.elements, result.motion))
         )
-        rows.append(("given model", "", str(len(given.terms)), *held, _listed(given.elements, result.motion)))
     floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
-    rows.append(("noise floor", *[""] * 4, floor, ""))
-    columns = ("Choice", "By", "Terms", f"Left-out {load}", "Response", "Residual", f"Instead of {own}")
-    return TextTable("choices", "Choices, best first", columns, tuple(rows), text=("Choice",))
+    further.append(("noise floor", *[""] * 4, floor, ""))
+    choices = [(by, choice) for by, choices in result.groups.items() for choice in _best_first(choices)]
+    return tabulate("choices", "Choices, best first", choices, columns, further, text=("Choice",))
 
 
 def given_model_table(given: GivenModel, motion: str) -> TextTable:
@@ -267,150 +262,132 @@ KINDS = by_name(
 )
 
 
-class ComparisonView(
-    View[Comparison, Comparison],
-    data=Comparison,
-    kind="Comparison",
-    folder="comparison",
-    kinds=KINDS,
-    record_file="comparison.json",
-    judged_by=FINDING,
-    unsaved={"discovery": None, "left_out": {}, "soundness": Soundness()},
-):
-    """A comparison."""
+def _tables(result: Comparison) -> tuple[TextTable, ...]:
+    """Return the tables of a comparison, that of all choices first."""
+    return (
+        choices_table(result),
+        *(against_terms_table(by, result, choices) for by, choices in result.groups.items() if choices),
+        coefficients_table(result),
+        *([tests_table(result.tests, result.motion)] if result.tests else []),
+        *([folds_table(result)] if result.left_out else []),
+        *([given_model_table(result.given, result.motion)] if result.given is not None else []),
+    )
 
-    def tables(self, result: Comparison) -> tuple[TextTable, ...]:
-        """Return the tables of a comparison, that of all choices first."""
-        tables = [choices_table(result)]
-        tables += [
-            against_terms_table(by, result, choices) for by, choices in result.groups.items() if choices
-        ]
-        tables.append(coefficients_table(result))
-        if result.tests:
-            tables.append(tests_table(result.tests, result.motion))
-        if result.left_out:
-            tables.append(folds_table(result))
-        if result.given is not None:
-            tables.append(given_model_table(result.given, result.motion))
-        return tuple(tables)
 
-    def page(self, result: Comparison, data: Comparison, show: Blocks, folder: Path | None) -> Page:
-        """Return how far all agree, which terms are chosen by what, and every table."""
-        model = None if result.discovery is None else result.discovery.model
-        found = (
+def _page(result: Comparison, data: Comparison, show: Blocks, folder: Path | None) -> Page:
+    """Return how far all agree, which terms are chosen by what, and every table."""
+    model = None if result.discovery is None else result.discovery.model
+    load = quantities(result.motion).moment.lower()
+    about = (
+        f"Sorted by the error of the {load} that was left out, with its standard error. Model by "
+        f"{result.methods[0].name}: {result.model.reason}."
+    )
+    answers = [f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests]
+    above = {"choices": show.paragraph(about, "reason")}
+    below = {
+        "choices": (show.pictures("inclusion"),),
+        "frequency-dependence": (show.items(answers), show.pictures("dependence")),
+    }
+    sections = [
+        section(
+            table.name,
+            table.title,
+            table.name.replace("-", " ").capitalize(),
+            above.get(table.name, ""),
+            show.table(table),
+            *below.get(table.name, ()),
+        )
+        for table in _tables(result)
+    ]
+    return Page(
+        _title(result),
+        "Term selection compared",
+        result.joint,
+        "",
+        (
             show.equation(markup(mathml(model))) if model and model.terms else "",
             show.verdict(sentence(result.agreement)) if result.of_paper else "",
-        )
-        load = quantities(result.motion).moment.lower()
-        about = (
-            f"Sorted by the error of the {load} that was left out, with its standard error. Model by "
-            f"{result.methods[0].name}: {result.model.reason}."
-        )
-        answers = [
-            f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests
-        ]
-        above = {"choices": show.paragraph(about, "reason")}
-        below = {
-            "choices": (show.pictures("inclusion"),),
-            "frequency-dependence": (show.items(answers), show.pictures("dependence")),
+        ),
+        (),
+        (*sections, section("warnings", "To be aware of", "", show.warnings(_warnings(result), ""))),
+    )
+
+
+def _rows(result: Comparison) -> list[dict[str, Any]]:
+    """Return every choice, term by term, numbers in SI units."""
+    missing = float("nan")
+    none = SimpleNamespace(coefficient=missing, standard_error=missing, interval95=(missing, missing))
+    return [
+        {
+            "kind": kind,
+            "name": choice.name,
+            "term": term,
+            "chosen": int(choice[term] is not None),
+            "coefficient": (held := choice[term] or none).coefficient,
+            "standard_error": held.standard_error,
+            "interval95_low": held.interval95[0],
+            "interval95_high": held.interval95[1],
+            "unit": result.units.get(term, ""),
         }
-        sections = [
-            section(
-                table.name,
-                table.title,
-                table.name.replace("-", " ").capitalize(),
-                above.get(table.name, ""),
-                show.table(table),
-                *below.get(table.name, ()),
-            )
-            for table in self.tables(result)
-        ]
-        return Page(
-            _title(result),
-            "Term selection compared",
-            result.joint,
-            (show.answers(self.headline(result), self.question, "", found),),
-            (*sections, section("warnings", "To be aware of", "", show.warnings(self.warnings(result), ""))),
-        )
+        for kind, choices in {**result.groups, "model": (result.model,)}.items()
+        for choice in choices
+        for term in result.shown_ids
+    ]
 
-    def origin(self, result: Comparison, command_line: Any, seed: object, files: Any) -> Provenance:
-        """Return the origin of the campaign's runs, too."""
-        return provenance(result.discovery.campaign, seed, command_line, files)
 
-    def records(self, result: Comparison) -> list[dict[str, Any]]:
-        """Return every choice, term by term, numbers in SI units."""
-        groups = {**result.groups, "model": (result.model,)}
-        missing = float("nan")
-        none = SimpleNamespace(coefficient=missing, standard_error=missing, interval95=(missing, missing))
-        return [
-            {
-                "kind": kind,
-                "name": choice.name,
-                "term": term,
-                "chosen": int(choice[term] is not None),
-                "coefficient": (held := choice[term] or none).coefficient,
-                "standard_error": held.standard_error,
-                "interval95_low": held.interval95[0],
-                "interval95_high": held.interval95[1],
-                "unit": result.units.get(term, ""),
-            }
-            for kind, choices in groups.items()
-            for choice in choices
-            for term in result.shown_ids
-        ]
+def _files(result: Comparison, data: Comparison) -> dict[str, str]:
+    """Return the tables as CSV, Markdown and LaTeX."""
+    tables = _tables(result)
+    latex = "\n".join(table.latex() for table in tables)
+    return {
+        "comparison.csv": csv_records(_rows(result)),
+        "comparison.md": _markdown(result, tables, _warnings(result)),
+        "comparison.tex": f"% needs \\usepackage{{booktabs}}\n{latex}",
+    }
 
-    def files(self, result: Comparison, data: Comparison) -> dict[str, str]:
-        """Return the tables as CSV, Markdown and LaTeX."""
-        tables = self.tables(result)
-        latex = "\n".join(table.latex() for table in tables)
-        return {
-            "comparison.csv": csv_records(self.records(result)),
-            "comparison.md": _markdown(result, tables, self.warnings(result)),
-            "comparison.tex": f"% needs \\usepackage{{booktabs}}\n{latex}",
-        }
 
-    def headline(self, result: Comparison) -> Trust:
-        """Return whether methods, frequencies and resampled campaigns agree."""
-        return result.trust or judge_comparison(result)
+def _about(result: Comparison) -> str:
+    """Return the joint, and how much is compared."""
+    simulated = " (simulated)" if result.simulated else ""
+    plural = {"method": "methods", "library": "libraries", result.parts: result.several}
+    many = [f"{len(each)} {plural.get(by, f'{by}s')}" for by, each in result.groups.items() if each]
+    return f"{escape(result.joint)}{simulated}: terms by {', '.join(many)}"
 
-    def about(self, result: Comparison) -> str:
-        """Return the joint, and how much is compared."""
-        simulated = " (simulated)" if result.simulated else ""
-        plural = {"method": "methods", "library": "libraries", result.parts: result.several}
-        many = [f"{len(each)} {plural.get(by, f'{by}s')}" for by, each in result.groups.items() if each]
-        return f"{escape(result.joint)}{simulated}: terms by {', '.join(many)}"
 
-    def show_result(self, result: Comparison, console: Console) -> None:
-        """Print the model, what every choice leads to, and whether coefficients change with frequency."""
-        names = ", ".join(spelled(term, result.motion) for term in result.model.ids)
-        known = result.discovery is not None and result.model.terms
-        said = result.discovery.model.equation() if known else names or result.model.reason
-        console.print(f"  {escape(said)}\n")
-        print_table(choices_table(result).headed(), console, "llrrrrl", wraps=True)
-        if result.of_paper:
-            console.print(f"\n{escape(result.agreement)}")
-        if result.tests:
-            console.print()
-            tests = tests_table(result.tests, result.motion).take(
-                "term", "trend over band", "at most", "p", "answer"
-            )
-            heads = ("over the tested band", "trend", "at most", "p", "answer")
-            print_table(tests.headed(*heads), console, "lrrrl", wraps=True)
+def _print(result: Comparison, console: Console) -> None:
+    """Print the model, what every choice leads to, and whether coefficients change with frequency."""
+    names = ", ".join(spelled(term, result.motion) for term in result.model.ids)
+    known = result.discovery is not None and result.model.terms
+    said = result.discovery.model.equation() if known else names or result.model.reason
+    console.print(f"  {escape(said)}\n")
+    print_table(choices_table(result).headed(), console, "llrrrrl", wraps=True)
+    if result.of_paper:
+        console.print(f"\n{escape(result.agreement)}")
+    if result.tests:
+        console.print()
+        shown = ("term", "trend over band", "at most", "p", "answer")
+        tests = tests_table(result.tests, result.motion).take(*shown)
+        heads = ("over the tested band", "trend", "at most", "p", "answer")
+        print_table(tests.headed(*heads), console, "lrrrl", wraps=True)
 
-    def warnings(self, result: Comparison) -> tuple[str, ...]:
-        """Return what these runs do not tell apart, too."""
-        return (*result.undetermined, *result.warnings)
 
-    def details(self, result: Comparison) -> Iterator[str]:
-        """Yield how long each method took, and what it led to."""
-        columns: dict[str, Callable[[Choice], str]] = {
-            "method": lambda choice: choice.name,
-            "time": lambda choice: seconds(choice.seconds),
-            "terms": lambda choice: " ".join(term.id for term in choice.terms) or "none",
-        }
-        choices = [choice for group in result.groups.values() for choice in group]
-        yield from aligned(tabulate("choices", "", choices, columns))
-        yield from (f"{stage}: {seconds(spent)}" for stage, spent in result.seconds.items())
+def _warnings(result: Comparison) -> tuple[str, ...]:
+    """Return what these runs do not tell apart, too."""
+    return (*result.undetermined, *result.warnings)
+
+
+_CHOSEN: dict[str, Callable[[Choice], str]] = {
+    "method": lambda choice: choice.name,
+    "time": lambda choice: seconds(choice.seconds),
+    "terms": lambda choice: " ".join(term.id for term in choice.terms) or "none",
+}
+
+
+def _details(result: Comparison) -> Iterator[str]:
+    """Yield how long each method took, and what it led to."""
+    choices = [choice for group in result.groups.values() for choice in group]
+    yield from aligned(tabulate("choices", "", choices, _CHOSEN))
+    yield from (f"{stage}: {seconds(spent)}" for stage, spent in result.seconds.items())
 
 
 def _title(result: Comparison) -> str:
@@ -428,3 +405,25 @@ def _markdown(result: Comparison, tables: Sequence[TextTable], warnings: Sequenc
         *([f"## To be aware of\n\n{notes}"] if notes else []),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+COMPARISON = View(
+    about=_about,
+    data=Comparison,
+    kind="Comparison",
+    folder="comparison",
+    kinds=KINDS,
+    record_file="comparison.json",
+    judged_by=FINDING,
+    unsaved={"discovery": None, "left_out": {}, "soundness": Soundness()},
+    # Whether methods, frequencies and resampled campaigns agree.
+    headline=lambda result: result.trust or judge_comparison(result),
+    tables=_tables,
+    rows=_rows,
+    page=_page,
+    campaign=lambda result: result.discovery.campaign,
+    files=_files,
+    print=_print,
+    warnings=_warnings,
+    details=_details,
+)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,149 +11,134 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.markup import escape
 
+from sindyjoint.judgement.headline import EXPORT
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed, scaled
+from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, Section, capital, section
-from sindyjoint.reporting.style import (
-    DASHES,
-    INK,
-    MUTED,
-    PALETTE,
-    amount,
-    legend_above,
-    plain,
-    prefixed,
-    shortened,
-)
-from sindyjoint.reporting.tables import DASH, TextTable, csv_columns
+from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, amount, prefixed, shortened
+from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.substructure.forced import ForcedResponse, StructureCurves
-from sindyjoint.substructure.joint_curves import MEASURES, JointCurve, JointCurves
+from sindyjoint.substructure.joint_curves import MEASURES, JointCurves
 from sindyjoint.substructure.modes import ModeCurve
 from sindyjoint.text import quantities
+from sindyjoint.trust import Light, Trust
 
+# Of angles and stiffnesses, by kind of motion.
 UNITS = {"rotation": ("rad", "N*m/rad"), "translation": ("m", "N/m")}
-DOTTED: Any = {"ls": (0, (1, 1.5))}
+UNTESTED: Any = {"ls": (0, (1, 1.5))}
+BAND: Any = {"alpha": 0.2, "lw": 0}
+ROWS = 5  # of a joint's table for each frequency
 
 
-def _only(values: Array, where: NDArray[np.bool_]) -> Array:
-    """Return the values where a mark holds, and one beyond on either side, so that lines meet."""
-    wide = where | np.append(where[1:], False)
-    return np.where(wide, values, np.nan)
+def _parts(x: Array, y: Array, *parts: tuple[NDArray[np.bool_], Any]) -> Iterator[Curve]:
+    """Yield a curve part by part, each where a mark holds, with one point beyond on either side: lines meet."""
+    for where, look in parts:
+        yield x, np.where(where | np.append(where[1:], False), y, np.nan), look
 
 
 def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> Axes:
     """Draw a measure at each frequency with its 95 % band; dotted where the model was not tested."""
     angle, stiffness = UNITS[data.motion]
     unit = {"secant": stiffness, "energy": "J"}.get(measure, "")
-    scale = scaled(name, [float(np.max(getattr(curve, measure))) for curve in data.curves], unit)
-    what = f"{quantities(data.motion).angle} amplitude"
-    across = scaled(what, data.tested_angle or data.curves[0].amplitude[-1], angle)
+    curves: list[Curve] = []
     for place, curve in enumerate(data.curves):
-        color, dash = PALETTE[place % len(PALETTE)], DASHES[place % len(DASHES)]
-        x, y = curve.amplitude * across.factor, getattr(curve, measure) * scale.factor
-        low, high = (end * scale.factor for end in curve.interval95(measure))
-        ax.fill_between(x, np.maximum(low, 1e-3 * y), high, color=color, alpha=0.2, lw=0)
-        ax.plot(x, _only(y, curve.tested), color=color, ls=dash, label=f"{curve.frequency:.3g} Hz")
-        ax.plot(x, _only(y, ~curve.tested), color=color, ls=(0, (1, 2)), lw=0.9)
+        look, x, y = cycled(place), curve.amplitude, getattr(curve, measure)
+        low, high = curve.interval95(measure)
+        curves.append((x, (np.maximum(low, 1e-3 * y), high), {"color": look["color"], **BAND}))
+        dotted = {"color": look["color"], "ls": (0, (1, 2)), "lw": 0.9}
+        curves += _parts(
+            x, y, (curve.tested, look | {"label": f"{curve.frequency:.3g} Hz"}), (~curve.tested, dotted)
+        )
     if data.tested_angle > 0:
-        ax.axvline(data.tested_angle * across.factor, color=INK, lw=0.7, ls=(0, (4, 2)), label="tested up to")
+        up_to = {"color": INK, "lw": 0.7, "ls": (0, (4, 2)), "label": "tested up to"}
+        curves.append((data.tested_angle, None, up_to))
     beside = measure == "secant"
     if beside:
-        first = data.curves[0]
-        look: Any = {"color": MUTED, "lw": 0.8, "ls": DASHES[2], "label": "storage stiffness"}
-        ax.plot(first.amplitude * across.factor, first.storage * scale.factor, **look)
-    ax.set(xscale="log", yscale="linear" if beside else "log", xlabel=across.label, ylabel=scale.label)
-    legend_above(ax, 1 + beside, columns=2)
-    return ax
-
-
-JOINT_KINDS = by_name(
-    Kind(
-        "stiffness",
-        "Stiffness over amplitude",
-        "Stiffness between the ends of the loop under a harmonic motion; dots: beyond what was tested.",
-        fixed(partial(over_amplitude, measure="secant", name="Secant stiffness")),
-    ),
-    Kind(
-        "loss",
-        "Loss factor over amplitude",
-        "Energy per cycle over 2π times the stored energy; dots: beyond what was tested.",
-        fixed(partial(over_amplitude, measure="loss_factor", name="Loss factor")),
-    ),
-    Kind(
-        "energy",
-        "Energy per cycle over amplitude",
-        "Area of the loop; dots: beyond what was tested.",
-        fixed(partial(over_amplitude, measure="energy", name="Energy per cycle")),
-    ),
-)
+        look = {"color": MUTED, "lw": 0.8, "ls": DASHES[2], "label": "storage stiffness"}
+        curves.append((data.curves[0].amplitude, data.curves[0].storage, look))
+    largest = data.tested_angle or data.curves[0].amplitude[-1]
+    across = scaled(f"{quantities(data.motion).angle} amplitude", largest, angle)
+    up = scaled(name, [float(np.max(getattr(curve, measure))) for curve in data.curves], unit)
+    return plot(ax, across, up, curves, columns=2, xscale="log", yscale="linear" if beside else "log")
 
 
 def over_frequency(data: StructureCurves, ax: Axes, receptance: bool) -> Axes:
-    """Draw amplitude, or amplitude per force, over frequency at each level: dashed between folds, dotted untested.
-
-    Beside the amplitude stands the backbone through the peaks; of a linear structure the receptances would be one
-    curve.
-    """
+    """Draw amplitude, or amplitude per force, over frequency at each level: dashed between folds, dotted untested."""
+    name = "Receptance" if receptance else f"Deflection at {shortened(data.point, 14)}"
     per = [level.force if receptance else 1.0 for level in data.levels]
-    name = "Receptance" if receptance else f"Deflection at {plain(shortened(data.point, 14))}"
     largest = [float(np.max(level.amplitude / force)) for level, force in zip(data.levels, per, strict=True)]
-    scale = scaled(name, largest, "m/N" if receptance else "m")
+    up = scaled(name, largest, "m/N" if receptance else "m")
+    curves: list[Curve] = []
     for place, (level, force) in enumerate(zip(data.levels, per, strict=True)):
-        color, factor = PALETTE[place % len(PALETTE)], scale.factor / force
+        look: Any = {"color": PALETTE[place % len(PALETTE)]}
         if np.any(level.frequency_error) or np.any(level.log_error):
             (x0, y0), (x1, y1) = (level.band95(side) for side in (-1, 1))
-            band = np.concatenate([x0, x1[::-1]]), np.concatenate([y0, y1[::-1]]) * factor
-            ax.fill(*band, color=color, alpha=0.25, lw=0)
-        x, y, stable = level.frequency, level.amplitude * factor, level.stable
-        ax.plot(x, _only(y, stable & level.tested), color=color, label=f"{level.force:.3g} N")
-        ax.plot(x, _only(y, ~stable), color=color, ls=(0, (4, 2)), lw=0.9)
-        ax.plot(x, _only(y, stable & ~level.tested), color=color, lw=1.0, **DOTTED)
-    ax.set(yscale="log", xlabel="Frequency (Hz)", ylabel=scale.label)
+            edge = np.concatenate([x0, x1[::-1]]), np.concatenate([y0, y1[::-1]]) * up.factor / force
+            ax.fill(*edge, alpha=0.25, lw=0, **look)
+        stable, tested = level.stable, level.tested
+        curves += _parts(
+            level.frequency,
+            level.amplitude / force,
+            (stable & tested, look | {"label": f"{level.force:.3g} N"}),
+            (~stable, look | {"ls": (0, (4, 2)), "lw": 0.9}),
+            (stable & ~tested, look | UNTESTED | {"lw": 1.0}),
+        )
+    ends = (data.locked[0], 2, "joints locked"), (data.sliding[0], 4, "joints sliding freely")
     if receptance:
-        ax.axvline(data.locked[0], color=MUTED, lw=0.7, ls=DASHES[2], label="joints locked")
-        ax.axvline(data.sliding[0], color=MUTED, lw=0.7, ls=DASHES[4], label="joints sliding freely")
+        marks = ((at, {"ls": DASHES[dash], "label": label}) for at, dash, label in ends)
+        curves += [(at, None, {"color": MUTED, "lw": 0.7} | look) for at, look in marks]
     else:
-        _backbones(data, ax, scale.factor)
-    ax.legend(loc="upper right", labelspacing=0.3)
-    return ax
+        seen = np.concatenate([level.amplitude for level in data.levels])
+        curves += _backbones(data, float(seen.min()), float(seen.max()))
+    return plot(ax, "Frequency (Hz)", up, curves, legend="upper right", yscale="log")
 
 
-def _backbones(data: StructureCurves, ax: Axes, factor: float) -> None:
-    low, high = ax.get_ylim()
+def _backbones(data: StructureCurves, low: float, high: float) -> Iterator[Curve]:
     for mode in data.modes:
-        amplitude = mode.amplitude * factor
-        seen = (amplitude >= low) & (amplitude <= high)
-        if mode.point == data.point:
-            label = f"backbone, mode {mode.number}" if seen.any() else None
-            ax.plot(mode.frequency[seen], amplitude[seen], color=INK, lw=1.1, ls=DASHES[1], label=label)
+        seen = (mode.amplitude >= 0.5 * low) & (mode.amplitude <= 2 * high)
+        if mode.point == data.point and seen.any():
+            look = {"color": INK, "lw": 1.1, "ls": DASHES[1], "label": f"backbone, mode {mode.number}"}
+            yield mode.frequency[seen], mode.amplitude[seen], look
 
 
 def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, damping: bool) -> Axes:
     """Draw frequency or damping ratio of a mode over its amplitude."""
-    values, errors = (
-        (100 * mode.damping, 100 * mode.damping_error) if damping else (mode.frequency, mode.frequency_error)
+    percent = 100 * mode.damping, 100 * mode.damping_error
+    values, errors = percent if damping else (mode.frequency, mode.frequency_error)
+    look: Any = {"color": PALETTE[0]}
+    half = 1.96 * errors
+    curves: list[Curve] = [(mode.amplitude, (values - half, values + half), look | BAND)] * bool(
+        np.any(errors)
     )
-    scale = scaled(f"Deflection at {plain(shortened(mode.point, 14))}", mode.amplitude[-1], "m")
-    x = mode.amplitude * scale.factor
-    if np.any(errors):
-        ax.fill_between(x, values - 1.96 * errors, values + 1.96 * errors, color=PALETTE[0], alpha=0.25, lw=0)
-    ax.plot(x, _only(values, mode.tested), color=PALETTE[0])
-    ax.plot(x, _only(values, ~mode.tested), color=PALETTE[0], **DOTTED)
+    curves += _parts(mode.amplitude, values, (mode.tested, look), (~mode.tested, look | UNTESTED))
     for place, (name, slip) in enumerate(zip(data.joints, mode.slips, strict=True)):
         if np.isfinite(slip) and 0 < slip <= mode.amplitude[-1]:
-            dash, label = DASHES[1 + place % (len(DASHES) - 1)], f"{plain(shortened(name, 12))} slips"
-            ax.axvline(slip * scale.factor, color=MUTED, lw=0.8, ls=dash, label=label)
+            mark = {"color": MUTED, "lw": 0.8, "label": f"{shortened(name, 12)} slips"}
+            curves.append((slip, None, mark | {"ls": DASHES[1 + place % (len(DASHES) - 1)]}))
     what = f"Damping ratio of mode {mode.number} (%)" if damping else f"Frequency of mode {mode.number} (Hz)"
-    ax.set(xscale="log", xlabel=scale.label, ylabel=what)
+    across = scaled(f"Deflection at {shortened(mode.point, 14)}", mode.amplitude[-1], "m")
+    plot(ax, across, what, curves, legend="best", xscale="log")
     if damping:
         ax.set_ylim(bottom=0)
-    if ax.get_legend_handles_labels()[1]:
-        ax.legend(loc="best", labelspacing=0.3)
     return ax
 
 
+def _measure(name: str, measure: str, title: str, caption: str) -> Kind:
+    panel = partial(over_amplitude, measure=measure, name=title)
+    return Kind(name, f"{title} over amplitude", f"{caption}; dots: beyond what was tested.", fixed(panel))
+
+
+JOINT_KINDS = by_name(
+    _measure(
+        "stiffness",
+        "secant",
+        "Secant stiffness",
+        "Stiffness between the ends of the loop under a harmonic motion",
+    ),
+    _measure("loss", "loss_factor", "Loss factor", "Energy per cycle over 2π times the stored energy"),
+    _measure("energy", "energy", "Energy per cycle", "Area of the loop"),
+)
 STRUCTURE_KINDS = by_name(
     Kind(
         "response",
@@ -186,160 +170,206 @@ STRUCTURE_KINDS = by_name(
 )
 
 
-# Rows of a joint's table for each frequency.
-ROWS = 5
+def _trust(tested: bool, bands: bool) -> Trust:
+    """Return how far curves are those of what was tested, how sure they are, and what to do with them."""
+    lights = (
+        Light("range", "good", "within the amplitudes that were tested")
+        if tested
+        else Light("range", "fair", "dotted parts lie beyond the amplitudes that were tested"),
+        Light("intervals", "good", "the errors of the coefficients are carried through")
+        if bands
+        else Light("intervals", "fair", "the model holds no standard errors: the curves have no bands"),
+    )
+    verify = ("sindyjoint verify MODEL CAMPAIGN", "hold the model against measured runs")
+    at_hand = ("sindyjoint export MODEL --to python --out joint", EXPORT[1])
+    steps = (at_hand,) if tested else (verify, at_hand)
+    return Trust(lights, steps)
 
 
-class JointCurvesView(
-    View[JointCurves, JointCurves],
-    data=JointCurves,
-    kind="JointCurves",
-    folder="joint-curves",
-    kinds=JOINT_KINDS,
-    record_file="curves.json",
-):
-    """Stiffness, loss and energy of a joint over amplitude."""
-
-    def tables(self, result: JointCurves) -> tuple[TextTable, ...]:
-        """Return the measures at some amplitudes of each frequency."""
-        rows = tuple(row for curve in result.curves for row in _joint_rows(curve, result.motion))
-        what = quantities(result.motion).angle
-        columns = ("Frequency", what, "Secant stiffness", "Loss factor", "Energy per cycle", "Tested")
-        return (TextTable("curves", "With half-widths of the 95 % intervals.", columns, rows),)
-
-    def page(self, result: JointCurves, data: JointCurves, show: Blocks, folder: Path | None) -> Page:
-        """Return how far stiffness and loss change, and all of it."""
-        title, kicker = f"{result.name}: stiffness and loss over amplitude", "A joint over its amplitude"
-        pictures = show.pictures("stiffness", "loss", "energy")
-        part = section("curves", "Stiffness and loss", "", pictures, *map(show.table, self.tables(result)))
-        said = joint_headline(result), f"Of the model {result.equation}."
-        return _page(result, show, title, kicker, said, part)
-
-    def files(self, result: JointCurves, data: JointCurves) -> dict[str, str]:
-        """Return all curves as a table, SI units."""
-        length, stiffness = (unit.replace("*", "") for unit in UNITS[result.motion])
-        units = {"secant": f"_{stiffness}", "storage": f"_{stiffness}", "loss_factor": "", "energy": "_J"}
-        tables = []
-        for curve in result.curves:
-            same = np.full(curve.amplitude.size, curve.frequency)
-            table = {"frequency_Hz": same, f"amplitude_{length}": curve.amplitude}
-            for name in MEASURES:
-                values = getattr(curve, name), *curve.interval95(name)
-                ends = (f"{name}{end}{units[name]}" for end in ("", "_low95", "_high95"))
-                table |= dict(zip(ends, values, strict=True))
-            tables.append(table | {"tested": curve.tested.astype(int)})
-        return {"curves.csv": csv_columns(_stacked(tables))}
-
-    def about(self, result: JointCurves) -> str:
-        """Return how far stiffness and loss change."""
-        return escape(f"{result.name}: {joint_headline(result)}")
+def _with_width(value: float, error: float, unit: str) -> str:
+    factor, shown = prefixed(value, unit)
+    width = f" ± {1.96 * error * factor:.2g}" if error > 0 else ""
+    return f"{value * factor:.4g}{width} {shown}".rstrip()
 
 
-class StructureCurvesView(
-    View[StructureCurves, StructureCurves],
-    data=StructureCurves,
-    kind="StructureCurves",
-    folder="structure-curves",
-    kinds=STRUCTURE_KINDS,
-    record_file="curves.json",
-):
-    """Frequency response by level, backbone and damping of a structure."""
+def _joint_tables(result: JointCurves) -> tuple[TextTable, ...]:
+    """Return the measures at some amplitudes of each frequency."""
+    angle, stiffness = UNITS[result.motion]
+    rows = [
+        (curve, int(i))
+        for curve in result.curves
+        for i in np.unique(np.linspace(0, curve.amplitude.size - 1, ROWS).round().astype(int))
+    ]
 
-    def tables(self, result: StructureCurves) -> tuple[TextTable, ...]:
-        """Return the peak of each level, and the course of each mode."""
-        length = UNITS[result.motion][0]
-        return (
-            TextTable(
-                "levels", "The largest response at each level.",
-                ("Force", "Peak at", "Amplitude", "Largest joint angle", "Jumps at"),
-                tuple(_level_row(level, length) for level in result.levels),
-            ),
-            TextTable(
-                "modes", "From the smallest to the largest amplitude.",
-                ("Mode", "At", "Amplitude", "Frequency", "Damping", "Slips from"),
-                tuple(_mode_row(mode, result.joints) for mode in result.modes),
-            ),
-        )  # fmt: skip
+    def width(measure: str, unit: str) -> Any:
+        return lambda row: _with_width(
+            float(getattr(row[0], measure)[row[1]]), float(getattr(row[0], f"{measure}_error")[row[1]]), unit
+        )
 
-    def page(self, result: StructureCurves, data: StructureCurves, show: Blocks, folder: Path | None) -> Page:
-        """Return how far the first mode changes, responses and modes."""
-        title = f"{result.name}: response and modes over amplitude"
-        kicker = "A structure over frequency and amplitude"
-        how = f"The force acts at {result.at}; up to {result.harmonics} harmonics, and joints stick exactly."
-        levels, modes = map(show.table, self.tables(result))
-        forced = section("levels", "Frequency response", "", show.pictures("response", "receptance"), levels)
-        free = section("modes", "Modes over amplitude", "", show.pictures("backbone", "damping"), modes)
-        return _page(result, show, title, kicker, (structure_headline(result), how), forced, free)
-
-    def files(self, result: StructureCurves, data: StructureCurves) -> dict[str, str]:
-        """Return response and modes as tables, SI units; edges are points of the 95 % band's two edges."""
-        quantity = "angle_rad" if result.motion == "rotation" else "elongation_m"
-        names = [f"{joint}_{quantity}" for joint in result.joints]
-        responses = [
-            {
-                "force_N": np.full(level.frequency.size, level.force),
-                "frequency_Hz": level.frequency,
-                "amplitude_m": level.amplitude,
-                "phase_deg": np.degrees(level.phase),
-                **dict(zip(("low95_frequency_Hz", "low95_amplitude_m"), level.band95(-1), strict=True)),
-                **dict(zip(("high95_frequency_Hz", "high95_amplitude_m"), level.band95(1), strict=True)),
-                **dict(zip(names, level.angle, strict=True)),
-                "stable": level.stable.astype(int),
-                "tested": level.tested.astype(int),
-            }
-            for level in result.levels
-        ]
-        modes = [
-            {
-                "mode": np.full(mode.amplitude.size, mode.number),
-                "amplitude_m": mode.amplitude,
-                "frequency_Hz": mode.frequency,
-                "frequency_error_Hz": mode.frequency_error,
-                "damping_ratio": mode.damping,
-                "damping_ratio_error": mode.damping_error,
-                "force_N": mode.force,
-                **dict(zip(names, mode.angle, strict=True)),
-                "tested": mode.tested.astype(int),
-            }
-            for mode in result.modes
-        ]
-        texts = {"response.csv": responses, "modes.csv": modes}
-        return {name: csv_columns(_stacked(tables)) for name, tables in texts.items()}
-
-    def about(self, result: StructureCurves) -> str:
-        """Return how far the first mode changes."""
-        return escape(f"{result.name} (simulated): {structure_headline(result)}")
-
-    def details(self, result: StructureCurves) -> Iterator[str]:
-        """Yield the number of points of each curve."""
-        for mode in result.modes:
-            yield f"mode {mode.number}: {mode.amplitude.size} amplitudes, {mode.harmonics} harmonics"
-        for level in result.levels:
-            yield f"{level.force:g} N: {level.frequency.size} frequencies, {level.harmonics} harmonics"
+    columns: dict[str, Any] = {
+        "Frequency": lambda row: f"{row[0].frequency:.3g} Hz",
+        quantities(result.motion).angle: lambda row: amount(float(row[0].amplitude[row[1]]), angle),
+        "Secant stiffness": width("secant", stiffness),
+        "Loss factor": width("loss_factor", ""),
+        "Energy per cycle": width("energy", "J"),
+        "Tested": lambda row: "yes" if row[0].tested[row[1]] else "no",
+    }
+    return (tabulate("curves", "With half-widths of the 95 % intervals.", rows, columns),)
 
 
-def _page(result: Any, show: Blocks, title: str, kicker: str, said: tuple[str, str], *parts: Section) -> Page:
-    sentence, reason = said
-    lead = show.verdict(capital(sentence)), show.paragraph(reason, "reason"), show.warnings(result.warnings)
-    return Page(title, kicker, result.name, lead, [replace(part, link=part.heading) for part in parts])
+def _structure_tables(result: StructureCurves) -> tuple[TextTable, ...]:
+    """Return the peak of each level, and the course of each mode."""
+    levels = {
+        "Force": lambda level: f"{level.force:.3g} N",
+        "Peak at": lambda level: f"{level.peak[0]:.4g} Hz",
+        "Amplitude": lambda level: _with_width(level.peak[1], level.peak[1] * level.peak_error, "m"),
+        "Largest joint angle": lambda level: amount(float(level.angle.max()), UNITS[result.motion][0]),
+        "Jumps at": lambda level: ", ".join(f"{fold:.4g} Hz" for fold in level.folds) or DASH,
+    }
+
+    def slips_from(mode: ModeCurve) -> str:
+        slips = np.where(np.isfinite(mode.slips), mode.slips, np.inf)
+        first = int(np.argmin(slips))
+        there = 0 < slips[first] < np.inf
+        return f"{amount(float(slips[first]), 'm')} ({result.joints[first]})" if there else DASH
+
+    modes = {
+        "Mode": lambda mode: str(mode.number),
+        "At": lambda mode: mode.point,
+        "Amplitude": lambda mode: " … ".join(amount(float(mode.amplitude[i]), "m") for i in (0, -1)),
+        "Frequency": lambda mode: f"{mode.frequency[0]:.4g} … {mode.frequency[-1]:.4g} Hz",
+        "Damping": lambda mode: f"{100 * mode.damping[0]:.2g} … {100 * mode.damping[-1]:.2g} %",
+        "Slips from": slips_from,
+    }
+    return (
+        tabulate("levels", "The largest response at each level.", result.levels, levels),
+        tabulate("modes", "From the smallest to the largest amplitude.", result.modes, modes),
+    )
 
 
-def _stacked(tables: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return tables of the same columns, one below the other."""
-    return {name: np.concatenate([table[name] for table in tables]) for name in (tables[0] if tables else ())}
+def _page(result: Any, show: Blocks, about: Sequence[str], reason: str, *parts: Section) -> Page:
+    title, kicker, said = about
+    found = show.verdict(capital(said)), show.paragraph(reason, "reason")
+    lead = (show.warnings(result.warnings),)
+    return Page(f"{result.name}: {title}", kicker, result.name, "", found, lead, parts)
+
+
+def _joint_page(result: JointCurves, data: JointCurves, show: Blocks, folder: Path | None) -> Page:
+    """Return how far stiffness and loss change, and all of it."""
+    blocks = show.pictures("stiffness", "loss", "energy"), show.tables(*_joint_tables(result))
+    part = section("curves", "Stiffness and loss", "Stiffness and loss", *blocks)
+    about = "stiffness and loss over amplitude", "A joint over its amplitude", joint_headline(result)
+    return _page(result, show, about, f"Of the model {result.equation}.", part)
+
+
+def _structure_page(
+    result: StructureCurves, data: StructureCurves, show: Blocks, folder: Path | None
+) -> Page:
+    """Return how far the first mode changes, responses and modes."""
+    levels, modes = map(show.tables, _structure_tables(result))
+    how = f"The force acts at {result.at}; up to {result.harmonics} harmonics, and joints stick exactly."
+    about = (
+        "response and modes over amplitude",
+        "A structure over frequency and amplitude",
+        structure_headline(result),
+    )
+    pictures = show.pictures("response", "receptance"), show.pictures("backbone", "damping")
+    return _page(
+        result,
+        show,
+        about,
+        how,
+        section("levels", "Frequency response", "Frequency response", pictures[0], levels),
+        section("modes", "Modes over amplitude", "Modes over amplitude", pictures[1], modes),
+    )
+
+
+def _stacked(tables: Sequence[Mapping[str, Any]]) -> str:
+    """Return tables of the same columns, one below the other, as CSV."""
+    names = tables[0] if tables else ()
+    return csv_columns({name: np.concatenate([table[name] for table in tables]) for name in names})
+
+
+def _joint_files(result: JointCurves, data: JointCurves) -> dict[str, str]:
+    """Return all curves as a table, SI units."""
+    length, stiffness = (unit.replace("*", "") for unit in UNITS[result.motion])
+    units = {"secant": f"_{stiffness}", "storage": f"_{stiffness}", "loss_factor": "", "energy": "_J"}
+    tables = [
+        {
+            "frequency_Hz": np.full(curve.amplitude.size, curve.frequency),
+            f"amplitude_{length}": curve.amplitude,
+            **{
+                f"{name}{end}{units[name]}": values
+                for name in MEASURES
+                for end, values in zip(
+                    ("", "_low95", "_high95"), (getattr(curve, name), *curve.interval95(name)), strict=True
+                )
+            },
+            "tested": curve.tested.astype(int),
+        }
+        for curve in result.curves
+    ]
+    return {"curves.csv": _stacked(tables)}
+
+
+def _structure_files(result: StructureCurves, data: StructureCurves) -> dict[str, str]:
+    """Return response and modes as tables, SI units; edges are points of the 95 % band's two edges."""
+    quantity = "angle_rad" if result.motion == "rotation" else "elongation_m"
+    names = [f"{joint}_{quantity}" for joint in result.joints]
+
+    def edge(level: ForcedResponse, name: str, side: int) -> dict[str, Any]:
+        ends = f"{name}95_frequency_Hz", f"{name}95_amplitude_m"
+        return dict(zip(ends, level.band95(side), strict=True))
+
+    responses = [
+        {
+            "force_N": np.full(level.frequency.size, level.force),
+            "frequency_Hz": level.frequency,
+            "amplitude_m": level.amplitude,
+            "phase_deg": np.degrees(level.phase),
+            **edge(level, "low", -1),
+            **edge(level, "high", 1),
+            **dict(zip(names, level.angle, strict=True)),
+            "stable": level.stable.astype(int),
+            "tested": level.tested.astype(int),
+        }
+        for level in result.levels
+    ]
+    modes = [
+        {
+            "mode": np.full(mode.amplitude.size, mode.number),
+            "amplitude_m": mode.amplitude,
+            "frequency_Hz": mode.frequency,
+            "frequency_error_Hz": mode.frequency_error,
+            "damping_ratio": mode.damping,
+            "damping_ratio_error": mode.damping_error,
+            "force_N": mode.force,
+            **dict(zip(names, mode.angle, strict=True)),
+            "tested": mode.tested.astype(int),
+        }
+        for mode in result.modes
+    ]
+    return {"response.csv": _stacked(responses), "modes.csv": _stacked(modes)}
+
+
+def _structure_details(result: StructureCurves) -> Iterator[str]:
+    """Yield the number of points of each curve."""
+    for mode in result.modes:
+        yield f"mode {mode.number}: {mode.amplitude.size} amplitudes, {mode.harmonics} harmonics"
+    for level in result.levels:
+        yield f"{level.force:g} N: {level.frequency.size} frequencies, {level.harmonics} harmonics"
 
 
 def joint_headline(result: JointCurves) -> str:
     """Return how far stiffness and loss change over the tested amplitudes, in a sentence."""
-    curve = result.curves[0]
-    within = curve.amplitude <= result.tested_angle if result.tested_angle > 0 else np.ones(1, bool)
-    last = int(np.flatnonzero(within)[-1]) if np.any(within) else curve.amplitude.size - 1
-    small, large = (amount(float(curve.secant[i]), UNITS[result.motion][1]) for i in (0, last))
+    curve, (angle, stiffness) = result.curves[0], UNITS[result.motion]
+    within = np.flatnonzero(curve.amplitude <= result.tested_angle)
+    last = int(within[-1]) if within.size else curve.amplitude.size - 1
+    ends = [amount(float(curve.amplitude[i]), angle) for i in (0, last)]
+    small, large = (amount(float(curve.secant[i]), stiffness) for i in (0, last))
     return (
-        f"from {amount(float(curve.amplitude[0]), UNITS[result.motion][0])} to "
-        f"{amount(float(curve.amplitude[last]), UNITS[result.motion][0])} the secant stiffness goes from {small} to "
-        f"{large}, the loss factor at {curve.frequency:.3g} Hz from {curve.loss_factor[0]:.3g} to "
-        f"{curve.loss_factor[last]:.3g}."
+        f"from {ends[0]} to {ends[1]} the secant stiffness goes from {small} to {large}, the loss factor at "
+        f"{curve.frequency:.3g} Hz from {curve.loss_factor[0]:.3g} to {curve.loss_factor[last]:.3g}."
     )
 
 
@@ -354,44 +384,36 @@ def structure_headline(result: StructureCurves) -> str:
     )
 
 
-def _joint_rows(curve: JointCurve, motion: str) -> Iterator[tuple[str, ...]]:
-    length, stiffness = UNITS[motion]
-    for i in np.unique(np.linspace(0, curve.amplitude.size - 1, ROWS).round().astype(int)):
-        yield (
-            f"{curve.frequency:.3g} Hz",
-            amount(float(curve.amplitude[i]), length),
-            _with_width(float(curve.secant[i]), float(curve.secant_error[i]), stiffness),
-            _with_width(float(curve.loss_factor[i]), float(curve.loss_factor_error[i]), ""),
-            _with_width(float(curve.energy[i]), float(curve.energy_error[i]), "J"),
-            "yes" if curve.tested[i] else "no",
-        )
-
-
-def _level_row(level: ForcedResponse, length: str) -> tuple[str, ...]:
-    frequency, amplitude = level.peak
-    return (
-        f"{level.force:.3g} N",
-        f"{frequency:.4g} Hz",
-        _with_width(amplitude, amplitude * level.peak_error, "m"),
-        amount(float(level.angle.max()), length),
-        ", ".join(f"{fold:.4g} Hz" for fold in level.folds) or DASH,
-    )
-
-
-def _mode_row(mode: ModeCurve, joints: Sequence[str]) -> tuple[str, ...]:
-    slips = np.where(np.isfinite(mode.slips), mode.slips, np.inf)
-    first = int(np.argmin(slips))
-    return (
-        str(mode.number),
-        mode.point,
-        f"{amount(float(mode.amplitude[0]), 'm')} … {amount(float(mode.amplitude[-1]), 'm')}",
-        f"{mode.frequency[0]:.4g} … {mode.frequency[-1]:.4g} Hz",
-        f"{100 * mode.damping[0]:.2g} … {100 * mode.damping[-1]:.2g} %",
-        f"{amount(float(slips[first]), 'm')} ({joints[first]})" if 0 < slips[first] < np.inf else DASH,
-    )
-
-
-def _with_width(value: float, error: float, unit: str) -> str:
-    factor, shown = prefixed(value, unit)
-    width = f" ± {1.96 * error * factor:.2g}" if error > 0 else ""
-    return f"{value * factor:.4g}{width} {shown}".rstrip()
+JOINT_CURVES = View(
+    about=lambda result: escape(f"{result.name}: {joint_headline(result)}"),
+    data=JointCurves,
+    kind="JointCurves",
+    folder="joint-curves",
+    kinds=JOINT_KINDS,
+    record_file="curves.json",
+    question="How stiff is it, and what does it dissipate?",
+    headline=lambda result: _trust(
+        all(curve.tested.all() for curve in result.curves),
+        any(np.any(curve.secant_error) for curve in result.curves),
+    ),
+    tables=_joint_tables,
+    page=_joint_page,
+    files=_joint_files,
+)
+STRUCTURE_CURVES = View(
+    about=lambda result: escape(f"{result.name} (simulated): {structure_headline(result)}"),
+    data=StructureCurves,
+    kind="StructureCurves",
+    folder="structure-curves",
+    kinds=STRUCTURE_KINDS,
+    record_file="curves.json",
+    question="How does it respond?",
+    headline=lambda result: _trust(
+        all(each.tested.all() for each in (*result.levels, *result.modes)),
+        any(np.any(mode.frequency_error) for mode in result.modes),
+    ),
+    tables=_structure_tables,
+    page=_structure_page,
+    files=_structure_files,
+    details=_structure_details,
+)

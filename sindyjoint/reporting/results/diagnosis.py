@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import model_table
-from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.mathml import effect_mathml, mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
 from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, STRUCTURE_KINDS, thinned
@@ -30,7 +29,6 @@ from sindyjoint.reporting.tables import (
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
-from sindyjoint.trust import Trust
 
 PARTS = ("state", "history", "run", "processing", "noise")
 VERDICTS = {
@@ -46,164 +44,131 @@ VERDICTS = {
 }
 
 
-class DiagnosisView(
-    View[Diagnosis, Diagnosis],
-    data=Diagnosis,
-    kind="Diagnosis",
-    folder="diagnosis",
-    formerly={"StructureDiagnosis": {"source": "structure"}},
-    record_file="diagnosis.json",
-    question="What is missing?",
-    judged_by=("states", "response", "diagnosis campaign", "diagnosis structure"),
-    unsaved={"effects": (), "whole": None, "test": None, "soundness": None, "stopped": None},
-):
-    """The diagnosis of a campaign or of a structure."""
+def _judges(result: Diagnosis) -> tuple[str, ...]:
+    """Return the policies that decided it; a structure has no force states."""
+    if result.source == "structure":
+        return ("response", "diagnosis structure")
+    return ("states", "response", "diagnosis campaign")
 
-    def kinds_of(self, data: Diagnosis) -> Mapping[str, Kind]:
-        """Return the figures of a campaign, or those of a structure."""
-        return STRUCTURE_KINDS if data.source == "structure" else CAMPAIGN_KINDS
 
-    def judges_of(self, result: Diagnosis) -> tuple[str, ...]:
-        """Return the policies that decided it; a structure has no force states."""
-        other = {"campaign": ("diagnosis structure",), "structure": ("states", "diagnosis campaign")}
-        return tuple(name for name in self.judged_by if name not in other[result.source])
+def _tables(result: Diagnosis) -> tuple[TextTable, ...]:
+    """Return the gap by step, the parameters of the effects, and the model's terms."""
+    motion = result.model.joint.motion
+    columns = (
+        "Step", f"{quantities(motion).moment} gap", "Response gap", "Probability", "Indistinguishable from",
+    )  # fmt: skip
+    caption = "Gap between model and measurement, relative RMS, after each named effect."
+    parameters = [(step, name, value) for step in result.steps for name, value in step.parameters.items()]
+    described: dict[str, Callable[[tuple[Step, str, float]], str]] = {
+        "Effect": lambda one: spelled(one[0].effect, motion),
+        "Parameter": lambda one: one[1],
+        "Value": lambda one: number(one[2], 4),
+        "Unit": lambda one: parameter_unit(one[0], one[1]) or DASH,
+    }
+    return (
+        TextTable("steps", caption, columns, _step_rows(result)),
+        tabulate("parameters", "Parameters of the effects, SI.", parameters, described),
+        model_table(result.whole or result.model),
+    )
 
-    def kept(self, data: Diagnosis) -> Diagnosis:
-        """Return it with the model that ``model.json`` holds, and no more samples than a picture shows."""
-        records = tuple(map(thinned, data.records))
-        return replace(data, model=data.whole or data.model, records=records)
 
-    def tables(self, result: Diagnosis) -> tuple[TextTable, ...]:
-        """Return the gap by step, the parameters of the effects, and the model's terms."""
-        motion = result.model.joint.motion
-        moment = quantities(motion).moment
-        columns = ("Step", f"{moment} gap", "Response gap", "Probability", "Indistinguishable from")
-        caption = "Gap between model and measurement, relative RMS, after each named effect."
-        parameters = tuple(
-            (spelled(step.effect, motion), name, number(value, 4), parameter_unit(step, name) or DASH)
-            for step in result.steps
-            for name, value in step.parameters.items()
-        )
-        return (
-            TextTable("steps", caption, columns, _step_rows(result)),
-            TextTable(
-                "parameters",
-                "Parameters of the effects, SI.",
-                ("Effect", "Parameter", "Value", "Unit"),
-                parameters,
-            ),
-            model_table(result.whole or result.model),
-        )
+def _rows(result: Diagnosis) -> list[dict[str, Any]]:
+    """Return the gaps of the model alone, after each step, and of the noise, as shares."""
+    unknown = float("nan")
+    rows = [
+        ("model alone", result.initial, unknown),
+        *((step.effect, step.gap_after, step.probability) for step in result.steps),
+        ("noise floor", result.noise_floor, unknown),
+    ]
+    return [
+        {"step": name, "moment_gap": gap.moment, "response_gap": gap.response, "probability": probability}
+        for name, gap, probability in rows
+    ]
 
-    def records(self, result: Diagnosis) -> list[dict[str, Any]]:
-        """Return the gaps of the model alone, after each step, and of the noise, as shares."""
-        rows: list[tuple[str, Gap, float]] = [("model alone", result.initial, float("nan"))]
-        rows += [(step.effect, step.gap_after, step.probability) for step in result.steps]
-        rows.append(("noise floor", result.noise_floor, float("nan")))
-        return [
-            {"step": name, "moment_gap": gap.moment, "response_gap": gap.response, "probability": probability}
-            for name, gap, probability in rows
-        ]
 
-    def page(self, result: Diagnosis, data: Diagnosis, show: Blocks, folder: Path | None) -> Page:
-        """Return what is missing, the gap step by step, where it lies, and the model."""
-        badge, headline = VERDICTS[result.verdict]
-        motion = result.model.joint.motion
-        others = [e for e in result.moments if e.name not in result.element_ids]
-        lines = [mathml(result.whole or result.model, [in_words_of(motion, e.effect.name) for e in others])]
-        lines += [effect_mathml(effect, motion) for effect in others]
-        found = (
+def _page(result: Diagnosis, data: Diagnosis, show: Blocks, folder: Path | None) -> Page:
+    """Return what is missing, the gap step by step, where it lies, and the model."""
+    badge, headline = VERDICTS[result.verdict]
+    motion, name = result.model.joint.motion, result.model.joint.name
+    others = [e for e in result.moments if e.name not in result.element_ids]
+    lines = [mathml(result.whole or result.model, [in_words_of(motion, e.effect.name) for e in others])]
+    lines += [effect_mathml(effect, motion) for effect in others]
+    steps, parameters, terms = _tables(result)
+    hidden = markup("Hidden in this virtual test was: <b>{}</b>.").format(
+        spelled(result.hidden or "", motion)
+    )
+    return Page(
+        f"{name}: what its model lacks",
+        "What the model of this joint lacks",
+        f"{name} in {result.rig}" if result.in_place else name,
+        show.hero("gap"),
+        (
             show.verdict(headline, badge, result.verdict.replace("_", " ")),
             show.equation(markup("".join(lines))),
-        )
-        steps, parameters, terms = self.tables(result)
-        hidden = markup("Hidden in this virtual test was: <b>{}</b>.").format(
-            spelled(result.hidden or "", motion)
-        )
-        name = result.model.joint.name
-        return Page(
-            f"{name}: what its model lacks",
-            "What the model of this joint lacks",
-            f"{name} in {result.rig}" if result.in_place else name,
-            (
-                show.answers(self.headline(result), self.question, self.hero(show, data, "gap"), found),
-                show.paragraph(hidden if result.hidden else ""),
-                show.warnings(result.warnings),
+        ),
+        (show.paragraph(hidden if result.hidden else ""), show.warnings(result.warnings)),
+        (
+            section(
+                "steps",
+                "The gap, step by step",
+                "Steps",
+                show.table(steps),
+                show.pictures("maps", "overlay", "cycles", "envelope", "rivals"),
+                show.tables(parameters),
+                show.items(list(map(sentence, _notes(result)))),
             ),
-            (
-                section(
-                    "steps",
-                    "The gap, step by step",
-                    "Steps",
-                    show.table(steps),
-                    show.pictures("maps", "overlay", "cycles", "envelope", "rivals"),
-                    show.table(parameters) if parameters.rows else "",
-                    show.items(list(map(sentence, _notes(result)))),
-                ),
-                section(
-                    "where",
-                    "Where the first gap lies",
-                    "Where",
-                    show.items([sentence(region.words) for region in result.where]),
-                    show.pictures("where", "budget"),
-                ),
-                section(
-                    "model", "The model, estimated together with the effects", "Model", show.table(terms)
-                ),
+            section(
+                "where",
+                "Where the first gap lies",
+                "Where",
+                show.items([sentence(region.words) for region in result.where]),
+                show.pictures("where", "budget"),
             ),
-        )
+            section("model", "The model, estimated together with the effects", "Model", show.table(terms)),
+        ),
+    )
 
-    def files(self, result: Diagnosis, data: Diagnosis) -> dict[str, str]:
-        """Return the model with what the effects add to the joint's law, and what belongs to the test."""
-        return {"model.json": (result.whole or result.model).to_json() + "\n"}
 
-    def headline(self, result: Diagnosis) -> Trust:
-        """Return whether to believe the diagnosis."""
-        return result.trust or judge_diagnosis(result, self.simulated(result))
+def _print(result: Diagnosis, console: Console) -> None:
+    """Print gap by step, the parameters of the effects, where the gap lies, advice."""
+    steps, parameters, _ = _tables(result)
+    console.print(terminal_table(steps.headed("", *steps.headed().columns[1:]), "lrrrl", wraps=True))
+    if parameters.rows:
+        console.print()
+        print_table(parameters.headed(), console, "llrl")
+    budget = result.budget
+    if budget.total > 0:
+        shares = {name: round(getattr(budget, name) / budget.total, 2) for name in PARTS}
+        parts = ", ".join(f"{name} {percent(share)}" for name, share in shares.items())
+        console.print(f"\nthe first gap in mean square: {parts}")
+    for words in (*(region.words for region in result.where), *_notes(result)):
+        console.print(f"- {escape(words)}")
+    if result.hidden is not None:
+        hidden = spelled(result.hidden, result.model.joint.motion)
+        console.print(f"\nhidden in this virtual test was: [bold]{hidden}[/]")
 
-    def about(self, result: Diagnosis) -> str:
-        """Return the joint and the verdict."""
-        virtual = " (simulated)" if self.simulated(result) else ""
-        return f"{escape(result.model.joint.name)}{virtual}: [bold]{result.verdict.replace('_', ' ')}[/]"
 
-    def show_result(self, result: Diagnosis, console: Console) -> None:
-        """Print gap by step, the parameters of the effects, where the gap lies, advice."""
-        steps, parameters, _ = self.tables(result)
-        console.print(terminal_table(steps.headed("", *steps.headed().columns[1:]), "lrrrl", wraps=True))
-        if parameters.rows:
-            console.print()
-            print_table(parameters.headed(), console, "llrl")
-        budget = result.budget
-        if budget.total > 0:
-            parts = ", ".join(
-                f"{name} {percent(round(getattr(budget, name) / budget.total, 2))}" for name in PARTS
-            )
-            console.print(f"\nthe first gap in mean square: {parts}")
-        for words in (*(region.words for region in result.where), *_notes(result)):
-            console.print(f"- {escape(words)}")
-        if result.hidden is not None:
-            hidden = spelled(result.hidden, result.model.joint.motion)
-            console.print(f"\nhidden in this virtual test was: [bold]{hidden}[/]")
+_RECORDS: dict[str, Callable[[RecordGap], str]] = {
+    "record": lambda record: record.name,
+    "samples": lambda record: str(record.time.size),
+    "noise": lambda record: f"{record.noise:.2e} m",
+    "kept out from": lambda record: f"{record.held_from:.3g} s",
+    "gap before": lambda record: percent(record.gap_before),
+    "gap after": lambda record: percent(record.gap_after),
+    "noise floor": lambda record: percent(record.noise_floor),
+}
 
-    def details(self, result: Diagnosis) -> Iterator[str]:
-        """Yield the rivals of each step, the budget in numbers, and the gap of each record."""
-        for step in result.steps:
-            rows = ((step.effect, step.probability), *step.rivals)
-            written = tuple((name, f"{p:.3g}") for name, p in rows)
-            yield from aligned(TextTable("rivals", "", (f"step {step.effect}", "probability"), written))
-        parts = ", ".join(f"{name} {getattr(result.budget, name):.3g}" for name in PARTS)
-        yield f"mean square of the first gap: {parts}"
-        columns: dict[str, Callable[[RecordGap], str]] = {
-            "record": lambda record: record.name,
-            "samples": lambda record: str(record.time.size),
-            "noise": lambda record: f"{record.noise:.2e} m",
-            "kept out from": lambda record: f"{record.held_from:.3g} s",
-            "gap before": lambda record: percent(record.gap_before),
-            "gap after": lambda record: percent(record.gap_after),
-            "noise floor": lambda record: percent(record.noise_floor),
-        }
-        if result.records:
-            yield from aligned(tabulate("records", "", result.records, columns))
+
+def _details(result: Diagnosis) -> Iterator[str]:
+    """Yield the rivals of each step, the budget in numbers, and the gap of each record."""
+    for step in result.steps:
+        rows = ((step.effect, step.probability), *step.rivals)
+        written = tuple((name, f"{p:.3g}") for name, p in rows)
+        yield from aligned(TextTable("rivals", "", (f"step {step.effect}", "probability"), written))
+    parts = ", ".join(f"{name} {getattr(result.budget, name):.3g}" for name in PARTS)
+    yield f"mean square of the first gap: {parts}"
+    if result.records:
+        yield from aligned(tabulate("records", "", result.records, _RECORDS))
 
 
 def _notes(result: Diagnosis) -> list[str]:
@@ -264,3 +229,32 @@ def _step_rows(result: Diagnosis) -> tuple[tuple[str, ...], ...]:
 
 def _gap(gap: Gap) -> tuple[str, str]:
     return percent(gap.moment), percent(gap.response)
+
+
+DIAGNOSIS: View = View(
+    about=lambda result: (
+        f"{escape(result.model.joint.name)}{' (simulated)' * DIAGNOSIS.simulated(result)}: "
+        f"[bold]{result.verdict.replace('_', ' ')}[/]"
+    ),
+    data=Diagnosis,
+    kind="Diagnosis",
+    folder="diagnosis",
+    formerly={"StructureDiagnosis": {"source": "structure"}},
+    record_file="diagnosis.json",
+    question="What is missing?",
+    judged_by=_judges,
+    unsaved={"effects": (), "whole": None, "test": None, "soundness": None, "stopped": None},
+    kinds=lambda data: STRUCTURE_KINDS if data.source == "structure" else CAMPAIGN_KINDS,
+    # With the model that model.json holds, and no more samples than a picture shows.
+    kept=lambda data: replace(
+        data, model=data.whole or data.model, records=tuple(map(thinned, data.records))
+    ),
+    headline=lambda result: result.trust or judge_diagnosis(result, DIAGNOSIS.simulated(result)),
+    tables=_tables,
+    rows=_rows,
+    page=_page,
+    # What the effects add to the joint's law, and what belongs to the test.
+    files=lambda result, data: {"model.json": (result.whole or result.model).to_json() + "\n"},
+    print=_print,
+    details=_details,
+)

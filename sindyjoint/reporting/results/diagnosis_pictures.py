@@ -26,12 +26,14 @@ from sindyjoint.reporting.figure import (
     each,
     fixed,
     moment_scale,
+    plot,
     rate_scale,
     scaled,
     spread,
     time_label,
 )
-from sindyjoint.reporting.results.verification import KEPT_SAMPLES
+from sindyjoint.reporting.results.discovery_data import MAP_CELLS
+from sindyjoint.reporting.results.verification import CYCLES_SHOWN, KEPT_SAMPLES
 from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
 from sindyjoint.response.oscillations import hilbert_envelope, main_frequency
 from sindyjoint.text import percent, quantities, spelled
@@ -70,11 +72,15 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
         ax.barh(rows, values - low, left=low, height=0.9 * thick, **look)
         for row, value in zip(rows, values, strict=True):
             if np.isfinite(value):
-                ax.text(value, row, f" {percent(value / 100)}", va="center", color=INK)
+                # Behind a floor that would run through its words.
+                across = [floor for floor in floors.values() if value <= floor < value * (3 if far else 1.3)]
+                ax.text(max([value, *across]), row, f" {percent(value / 100)}", va="center", color=INK)
         if np.isfinite(floors[name]):
             below = "" if floors[name] in known else ", below the axis"
             label = f"noise floor of the {called[name]}, {percent(floors[name] / 100)}{below}"
-            ax.axvline(floors[name], color=PALETTE[index], ls=DASHES[1], label=label)
+            # No further than the bars: the legend stands above them.
+            look = {"color": PALETTE[index], "ls": DASHES[1], "label": label}
+            ax.plot([floors[name]] * 2, [-0.5, len(gaps) - 0.5], **look)
     ax.set(
         xscale="log" if far else "linear", xlim=(low, (2.5 if far else 1.25) * max(known)), yticks=range(len(gaps)),
         yticklabels=["model alone", *labels], ylim=(len(gaps) - 0.5, -0.5), xlabel="relative RMS (%)",
@@ -121,7 +127,6 @@ def where(result: Diagnosis, ax: Axes) -> Axes:
     return ax
 
 
-CELLS = 24
 SHOWN = 2  # runs
 
 
@@ -162,7 +167,7 @@ def _edges(runs: Sequence[RunGap], name: str) -> Array:
     if name == "rate":
         # Zero rate is an edge, so that no cell averages over the friction step.
         low, high = -max(-low, high), max(-low, high)
-    return np.linspace(low, high if high > low else low + 1.0, CELLS + 1)
+    return np.linspace(low, high if high > low else low + 1.0, MAP_CELLS + 1)
 
 
 def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
@@ -177,9 +182,9 @@ def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
     return mean
 
 
-_MEASURED = {"color": PALETTE[0], "lw": 2.4, "alpha": 0.45}
-_BEFORE: dict[str, Any] = {"color": PALETTE[1], "lw": 0.9, "ls": (0, (4, 1.5))}
-_AFTER = {"color": INK, "lw": 0.8}
+MEASURED: Any = {"color": PALETTE[0], "label": "measured"}
+BEFORE: Any = {"color": PALETTE[1], "lw": 0.9, "ls": (0, (4, 1.5))}
+AFTER: Any = {"color": INK, "lw": 0.8}
 
 
 def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
@@ -187,46 +192,43 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
     q = quantities(result.model.joint.motion)
     # What the rows are: less the inertia's moment, unless the inertia is among the terms.
     name = q.moment if "inertia" in result.model.ids else q.transfer
-    scale = moment_scale(result.model.joint.motion, before.measured, name)
     curves = [
-        (before, before.measured, "measured", _MEASURED),
-        (before, before.model, "model alone", _BEFORE),
+        (before, before.measured, MEASURED | {"lw": 2.4, "alpha": 0.45}),
+        (before, before.model, BEFORE | {"label": "model alone"}),
     ]
-    curves += [] if after is None else [(after, after.model, "with the effects", _AFTER)]
-    _curves(result, ax, scale, curves)
-    legend_above(ax, 2, columns=2)
-    return ax
+    curves += [] if after is None else [(after, after.model, AFTER | {"label": "with the effects"})]
+    return _drawn(result, ax, moment_scale(result.model.joint.motion, before.measured, name), curves)
 
 
 def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
     """Draw the residuals of a run together with its noise."""
-    scale = moment_scale(result.model.joint.motion, before.residual, "Measured less model")
-    noise, of = 2 * before.noise * scale.factor, "noise of the mean period" if before.repeats else "noise"
-    ax.axhspan(-noise, noise, color=MUTED, alpha=0.2, lw=0, label=f"{of}, ±2σ")
-    curves = [(before, before.residual, "residual of the model alone", _BEFORE)]
-    curves += [] if after is None else [(after, after.residual, "residual with the effects", _AFTER)]
-    _curves(result, ax, scale, curves)
-    legend_above(ax, 3)
-    return ax
+    of = "noise of the mean period" if before.repeats else "noise"
+    band = (None, (-2 * before.noise, 2 * before.noise))
+    curves = [(before, before.residual, BEFORE | {"label": "residual of the model alone"})]
+    if after is not None:
+        curves.append((after, after.residual, AFTER | {"label": "residual with the effects"}))
+    look = {"color": MUTED, "alpha": 0.2, "lw": 0, "label": f"{of}, ±2σ"}
+    up = moment_scale(result.model.joint.motion, before.residual, "Measured less model")
+    return _drawn(result, ax, up, curves, [(*band, look)])
 
 
-def _curves(
-    result: Diagnosis, ax: Axes, scale: Scale, curves: Sequence[tuple[RunGap, Array, str, Any]]
-) -> None:
+def _drawn(
+    result: Diagnosis, ax: Axes, up: Scale, runs: Sequence[tuple[RunGap, Array, Any]], behind: Any = ()
+) -> Axes:
     """Draw curves of a run, each in its pieces, which have one entry in the legend."""
-    motion, run = result.model.joint.motion, curves[0][0]
+    motion, run = result.model.joint.motion, runs[0][0]
     across = angle_scale(motion, [float(np.abs(each.angle).max()) for each in result.before])
-    for shown, values, label, look in curves:
-        for x, y in _pieces(shown, values * scale.factor, across.factor):
-            ax.plot(x, y, **look)
-        ax.plot([], [], label=label, **look)
+    curves = [*behind]
+    for one, values, look in runs:
+        unnamed = {name: value for name, value in look.items() if name != "label"}
+        curves += [(x, y, unnamed) for x, y in _pieces(one, values)] + [([], [], look)]
     time = time_label(result.model.fitted.quasi_static, motion)
     where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
-    title = plain(shortened(where if run.repeats else run.run))
-    ax.set(xlabel=across.label if run.frequency > 0 else time, ylabel=scale.label, title=title)
+    title = where if run.repeats else run.run
+    return plot(ax, across if run.frequency > 0 else time, up, curves, title, columns=1 if behind else 2)
 
 
-def _pieces(run: RunGap, values: Array, factor: float) -> list[tuple[Array, Array]]:
+def _pieces(run: RunGap, values: Array) -> list[tuple[Array, Array]]:
     """Return curves to draw: of a mean period by direction of motion, of another run by unbroken parts of a segment.
 
     Samples in which the joint sticks are no part of either, and no line crosses them.
@@ -235,7 +237,7 @@ def _pieces(run: RunGap, values: Array, factor: float) -> list[tuple[Array, Arra
     cut = np.diff(time) > 1.5 * np.median(np.diff(time))
     if run.repeats:
         cut |= np.diff(np.sign(rate)) != 0
-    x = run.angle * factor if run.frequency > 0 else run.time
+    x = run.angle if run.frequency > 0 else run.time
     return [(x[part], values[part]) for part in np.split(np.arange(run.curve), np.flatnonzero(cut) + 1)]
 
 
@@ -289,9 +291,6 @@ CAMPAIGN_KINDS = by_name(
 )
 
 
-CYCLES_SHOWN = 6
-
-
 def thinned(record: RecordGap) -> RecordGap:
     """Return a record with no more samples than a picture shows."""
     step = -(-record.time.size // KEPT_SAMPLES)
@@ -301,52 +300,46 @@ def thinned(record: RecordGap) -> RecordGap:
     )
 
 
-BEFORE: Any = {"color": MUTED, "lw": 0.9, "ls": (0, (1, 1)), "label": "model alone"}
-AFTER: Any = {"color": INK, "lw": 0.8, "ls": (0, (4, 1.5)), "label": "with the effects"}
-MEASURED: Any = {"color": PALETTE[0], "lw": 1.8, "label": "measured"}
-
-
 def _curves_of(record: RecordGap) -> list[tuple[Array, Any]]:
     """Return signal and look of the measured and simulated curves."""
-    curves = ((record.measured, MEASURED), (record.before, BEFORE), (record.after, AFTER))
+    curves = (
+        (record.measured, MEASURED | {"lw": 1.8}),
+        (record.before, {"color": MUTED, "lw": 0.9, "ls": (0, (1, 1)), "label": "model alone"}),
+        (record.after, AFTER | {"ls": (0, (4, 1.5)), "label": "with the effects"}),
+    )
     return [(signal, look) for signal, look in curves if signal is not None]
 
 
-def _draw(
-    record: RecordGap, ax: Axes, curves: Iterable[tuple[Array, Any]], kept: slice, name: str = ""
-) -> Scale:
+def _over_time(
+    record: RecordGap, ax: Axes, curves: Iterable[tuple[Array, Any]], kept: slice, name: str = "", **more: Any
+) -> Axes:
     """Draw signals over time, on an axis that suits what was measured."""
-    scale = scaled(name or record.quantity.capitalize(), record.measured, record.unit)
-    for signal, look in curves:
-        ax.plot(record.time[kept], signal[kept] * scale.factor, **look)
-    ax.set(xlabel="Time (s)", ylabel=scale.label, title=plain(shortened(record.name)))
-    return scale
+    up = scaled(name or record.quantity.capitalize(), record.measured, record.unit)
+    shown = [(record.time[kept], signal[kept], look) for signal, look in curves]
+    return plot(ax, "Time (s)", up, [*shown, *more.pop("levels", ())], record.name, **more)
 
 
 def overlay(record: RecordGap, ax: Axes) -> Axes:
     """Draw the measured displacement and, over it, the residuals before and after."""
-    thin = {"lw": 0.7, "ls": "-", "rasterized": record.time.size > 4000}
+    thin = {"lw": 0.7, "rasterized": record.time.size > 4000}
+    residuals = (record.before, PALETTE[1], "of the model alone"), (record.after, INK, "with the effects")
     curves: list[tuple[Array, Any]] = [(record.measured, MEASURED | thin | {"lw": 0.5, "alpha": 0.35})]
-    for simulated, color, of in (
-        (record.before, PALETTE[1], "of the model alone"),
-        (record.after, INK, "with the effects"),
-    ):
-        if simulated is not None:
-            curves.append((simulated - record.measured, thin | {"color": color, "label": f"residual {of}"}))
-    _draw(record, ax, curves, slice(None))
+    curves += [
+        (simulated - record.measured, thin | {"color": color, "label": f"residual {of}"})
+        for simulated, color, of in residuals
+        if simulated is not None
+    ]
+    _over_time(record, ax, curves, slice(None))
     if record.held_from:
         ax.axvline(record.held_from, color=MUTED, lw=0.6)
         ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
                     xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
-    legend_above(ax, 3)
     return ax
 
 
 def cycles(record: RecordGap, ax: Axes) -> Axes:
     """Draw a few cycles of what the fit did not see, measured and simulated."""
-    _draw(record, ax, _curves_of(record), _middle_cycles(record))
-    legend_above(ax, 3)
-    return ax
+    return _over_time(record, ax, _curves_of(record), _middle_cycles(record))
 
 
 def _middle_cycles(record: RecordGap) -> slice:
@@ -363,11 +356,8 @@ def envelope(record: RecordGap, ax: Axes) -> Axes:
     cut = int(rate / main_frequency(record.measured, rate))
     moving = [(signal, look) for signal, look in _curves_of(record) if np.ptp(signal) > 0]
     heights = [(hilbert_envelope(signal, rate)[0], look) for signal, look in moving]
-    scale = _draw(record, ax, heights, slice(cut, -cut), "Envelope")
-    ax.axhline(record.noise * scale.factor, color=MUTED, lw=0.7, ls=(0, (4, 2)), label="noise (RMS)")
-    ax.set_yscale("log")
-    legend_above(ax, 5)
-    return ax
+    noise = (None, record.noise, {"color": MUTED, "lw": 0.7, "ls": (0, (4, 2)), "label": "noise (RMS)"})
+    return _over_time(record, ax, heights, slice(cut, -cut), "Envelope", levels=[noise], yscale="log")
 
 
 def _records(result: Diagnosis) -> tuple[RecordGap, ...]:

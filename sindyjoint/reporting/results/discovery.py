@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
 from sindyjoint.reporting.equation import model_table, terms_csv
 from sindyjoint.reporting.mathml import mathml
-from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, number, provenance, section, sentence
+from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
 from sindyjoint.reporting.results.discovery_data import Loop, ReportData, gather
 from sindyjoint.reporting.results.discovery_states import loops_payload, map_payload
 from sindyjoint.reporting.results.discovery_terms import KINDS
@@ -38,7 +38,6 @@ from sindyjoint.reporting.tables import (
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.states import ForceStates
 from sindyjoint.text import quantities, rounded, spelled
-from sindyjoint.trust import Trust
 
 # Of a joint whose inertia is not declared, and is no term of the model.
 NO_INERTIA = "its load is too small on these runs to be told from the other terms"
@@ -90,203 +89,170 @@ NO_MODEL = "No set of terms passed: these data give no model of this joint."
 NEIGHBOURS = 3
 
 
-class DiscoveryView(
-    View[Discovery, ReportData],
-    data=ReportData,
-    records_key="terms",
-    kind="ReportData",
-    folder="discovery",
-    kinds=KINDS,
-    judged_by=FINDING,
-):
-    """A discovery; its data are gathered into small arrays, and its page is made of only these."""
+def _checked(read: ReportData) -> ReportData:
+    """Return data of matching shapes."""
+    cells = (read.surface.n, read.surface.n)
+    shapes = [read.surface.moment.shape, read.surface.count.shape, read.residual_map.moment.shape]
+    if not read.loops or any(shape != cells for shape in shapes) or read.upper.shape != read.lower.shape:
+        raise InputError("not a saved ReportData: expected loops and a square map")
+    return read
 
-    def drawn_from(self, result: Discovery) -> ReportData:
-        """Return what is small enough to be saved."""
-        return gather(result)
 
-    def save(self, data: ReportData) -> dict[str, Any]:
-        """Return the data with the version of their layout."""
-        return {"schema": 1, **super().save(data)}
+def _tables(result: Discovery | ReportData) -> tuple[TextTable, ...]:
+    """Return the terms, and the law over each input."""
+    over = result.over_inputs if isinstance(result, Discovery) else result.over
+    return (model_table(result.model), *map(over_table, over))
 
-    def restore(self, record: Mapping[str, Any]) -> ReportData:
-        """Return data of matching shapes."""
-        read: ReportData = super().restore(record)
-        cells = (read.surface.n, read.surface.n)
-        shapes = [read.surface.moment.shape, read.surface.count.shape, read.residual_map.moment.shape]
-        if not read.loops or any(shape != cells for shape in shapes) or read.upper.shape != read.lower.shape:
-            raise InputError("not a saved ReportData: expected loops and a square map")
-        return read
 
-    def simulated(self, result: Discovery | ReportData) -> bool:
-        """Return whether the model is of a virtual test."""
-        return result.model.fitted.simulated
-
-    def tables(self, result: Discovery | ReportData) -> tuple[TextTable, ...]:
-        """Return the terms, and the law over each input."""
-        over = result.over_inputs if isinstance(result, Discovery) else result.over
-        return (model_table(result.model), *map(over_table, over))
-
-    def page(
-        self, result: Discovery | ReportData, data: ReportData, show: Blocks, folder: Path | None
-    ) -> Page:
-        """Return the equation, its terms, the map, loops, residual, why these terms, and the runs."""
-        model, q = data.model, quantities(data.model.joint.motion)
-        found, name = bool(model.terms), model.joint.name
-        none = show.verdict(NO_MODEL, "undecided", "no model")
-        source = markup(" The five terms are those of <cite>{}</cite>, doi:{}.").format(TITLE, DOI)
-        paper = (
-            show.verdict(HEADLINES[data.verdict], data.verdict, data.verdict) if found else none,
-            show.paragraph(markup("{}").format(sentence(data.verdict_reason)) + source, "reason"),
-        )
-        answers = (
-            self.headline(result),
-            self.question,
-            show.pictures("fit"),
-            (show.equation(markup(mathml(model))) if found or data.paper else none,),
-        )
-        texts = show.copyable(model.equation()), show.copyable(model.latex())
-        terms, *over = self.tables(data)
-        listed = (show.table(terms), show.folded("The equation as text and LaTeX", texts))
-        empty = (show.paragraph(f"None: {data.selection_reason}."),)
-        reasons = [
-            f"{row.symbol}: {row.answer} ({row.reason})"
-            for each in data.over
-            for row in each.coefficients
-            if row.answer
-        ]
-        inputs = (
-            *map(show.table, over),
-            show.folded("What the levels say of each coefficient", [show.items(reasons)]) if reasons else "",
-            show.pictures("inputs"),
-        )
-        path = show.folded("Every model of the path", [show.table(path_table(data))]) if data.path else ""
-        candidates = ", ".join(spelled(each, model.joint.motion) for each in data.candidates)
-        cells = "virtual test cells" if self.simulated(data) else "measured cells"
-        return Page(
-            f"{name}: terms of the joint",
-            "Joint identification",
-            name,
-            (*(paper if data.paper else ()), show.answers(*answers), show.facts(key_facts(data.model))),
-            (
-                section(
-                    "terms", "Terms", "Terms", *(listed if found else empty), show.warnings(data.warnings)
-                ),
-                section("inputs", "Over the inputs", "", *inputs),
-                section(
-                    "map", "Force–state map", "Map", show.turning_map(cells, found), show.pictures("map")
-                ),
-                section(
-                    "loops",
-                    "Loops, with the model over them",
-                    "Loops",
-                    show.curves(f"{q.moment}–{q.angle.lower()} loops", found),
-                    show.pictures("loops"),
-                ),
-                section("residual", "Residual", "Residual", show.pictures("residual")),
-                section(
-                    "choice",
-                    "Why these terms",
-                    "Choice",
-                    show.paragraph(sentence(data.selection_reason)),
-                    show.pictures("path", "coefficients", "covariance"),
-                    path,
-                    show.folded(f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]),
-                ),
-                section("runs", "Runs", "Runs", show.table(runs_table(data))),
+def _page(result: Discovery | ReportData, data: ReportData, show: Blocks, folder: Path | None) -> Page:
+    """Return the equation, its terms, the map, loops, residual, why these terms, and the runs."""
+    model, q = data.model, quantities(data.model.joint.motion)
+    found, name = bool(model.terms), model.joint.name
+    none = show.verdict(NO_MODEL, "undecided", "no model")
+    source = markup(" The five terms are those of <cite>{}</cite>, doi:{}.").format(TITLE, DOI)
+    paper = (
+        show.verdict(HEADLINES[data.verdict], data.verdict, data.verdict) if found else none,
+        show.paragraph(markup("{}").format(sentence(data.verdict_reason)) + source, "reason"),
+    )
+    texts = show.copyable(model.equation()), show.copyable(model.latex())
+    terms, *over = _tables(data)
+    listed = (show.table(terms), show.folded("The equation as text and LaTeX", texts))
+    empty = (show.paragraph(f"None: {data.selection_reason}."),)
+    reasons = [
+        f"{row.symbol}: {row.answer} ({row.reason})"
+        for each in data.over
+        for row in each.coefficients
+        if row.answer
+    ]
+    path = show.folded("Every model of the path", [show.table(path_table(data))]) if data.path else ""
+    candidates = ", ".join(spelled(each, model.joint.motion) for each in data.candidates)
+    cells = "virtual test cells" if _simulated(data) else "measured cells"
+    return Page(
+        f"{name}: terms of the joint",
+        "Joint identification",
+        name,
+        show.pictures("fit"),
+        (show.equation(markup(mathml(model))) if found or data.paper else none,),
+        (show.facts(key_facts(data.model)),),
+        (
+            section("terms", "Terms", "Terms", *(listed if found else empty), show.warnings(data.warnings)),
+            section(
+                "inputs",
+                "Over the inputs",
+                "",
+                show.tables(*over),
+                show.folded("What the levels say of each coefficient", [show.items(reasons)])
+                if reasons
+                else "",
+                show.pictures("inputs"),
             ),
-            {"map": map_payload(data), "loops": loops_payload(data)},
-        )
+            section("map", "Force–state map", "Map", show.turning_map(cells, found), show.pictures("map")),
+            section(
+                "loops",
+                "Loops, with the model over them",
+                "Loops",
+                show.curves(f"{q.moment}–{q.angle.lower()} loops", found),
+                show.pictures("loops"),
+            ),
+            section("residual", "Residual", "Residual", show.pictures("residual")),
+            section(
+                "choice",
+                "Why these terms",
+                "Choice",
+                show.paragraph(sentence(data.selection_reason)),
+                show.pictures("path", "coefficients", "covariance"),
+                path,
+                show.folded(f"All {len(data.candidates)} candidates", [show.paragraph(f"{candidates}.")]),
+            ),
+            section("runs", "Runs", "Runs", show.table(runs_table(data))),
+        ),
+        {"map": map_payload(data), "loops": loops_payload(data)},
+        paper if data.paper else (),
+    )
 
-    def origin(self, result: Discovery, command_line: Any, seed: object, files: Any) -> Provenance:
-        """Return the origin of the campaign's runs, too."""
-        return provenance(result.campaign, result.regressor.random_state, command_line, files)
 
-    def files(self, result: Discovery, data: ReportData) -> dict[str, str]:
-        """Return the model and its terms."""
-        return {"model.json": result.model.to_json() + "\n", "terms.csv": terms_csv(result.model)}
+def _about(result: Discovery) -> str:
+    """Return the joint and its runs, and the question of the paper's terms where that leads."""
+    model, fitted = result.model, result.model.fitted
+    at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
+    title = f"[bold]{escape(model.joint.name + ' (simulated)' * fitted.simulated)}[/]"
+    moving = f"{fitted.samples} moving samples, {100 * fitted.moving_fraction:.0f} % of all"
+    line = f"{title}: {fitted.runs} run(s){at}, {moving}"
+    if not result.leads_with_paper:
+        return line
+    verdict = result.verdict
+    return f"{line}\n\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}"
 
-    def headline(self, result: Discovery | ReportData) -> Trust:
-        """Return that of the discovery."""
-        return result.trust
 
-    def about(self, result: Discovery) -> str:
-        """Return the joint and its runs, and the question of the paper's terms where that leads."""
-        model, fitted = result.model, result.model.fitted
-        simulated = " (simulated)" if fitted.simulated else ""
-        at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
-        title = f"[bold]{escape(model.joint.name + simulated)}[/]"
-        moving = f"{fitted.samples} moving samples, {100 * fitted.moving_fraction:.0f} % of all"
-        line = f"{title}: {fitted.runs} run(s){at}, {moving}"
-        if not result.leads_with_paper:
-            return line
-        verdict = result.verdict
-        return f"{line}\n\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}"
+def _print(result: Discovery, console: Console) -> None:
+    """Print equation, terms and fit."""
+    model = result.model
+    if not result.found:
+        console.print(f"  no model: {escape(result.reason)}")
+    else:
+        terms, *over = _tables(result)
+        console.print(f"  {escape(model.equation())}\n")
+        print_table(_fitting(terms, console), console, "llrlrr", ruled=True)
+        what = quantities(model.joint.motion).moment.lower()
+        console.print(f"\nshare: unique share of the RMS {what}, which no other term can take over")
+        for each in over:
+            console.print(f"\n[bold]{escape(each.title)}[/]")
+            print_table(each, console, "ll" + "r" * (len(each.columns) - 3) + "l")
+    # What was tested stands in the first line.
+    for label, value, note in key_facts(model)[:-2]:
+        console.print(escape(f"{label[:1].lower()}{label[1:]} {value}, {note}"))
+    if result.skew is not None:
+        console.print(_delay_words(result.skew, model.joint.motion))
+    if result.warnings:
+        console.print("\n[bold]What to know before using it[/]")
 
-    def show_result(self, result: Discovery, console: Console) -> None:
-        """Print equation, terms and fit."""
-        model = result.model
-        if not result.found:
-            console.print(f"  no model: {escape(result.reason)}")
-        else:
-            terms, *over = self.tables(result)
-            console.print(f"  {escape(model.equation())}\n")
-            print_table(_fitting(terms, console), console, "llrlrr", ruled=True)
-            what = quantities(model.joint.motion).moment.lower()
-            console.print(f"\nshare: unique share of the RMS {what}, which no other term can take over")
-            for each in over:
-                console.print(f"\n[bold]{escape(each.title)}[/]")
-                print_table(each, console, "ll" + "r" * (len(each.columns) - 3) + "l")
-        # What was tested stands in the first line.
-        for label, value, note in key_facts(model)[:-2]:
-            console.print(escape(f"{label[:1].lower()}{label[1:]} {value}, {note}"))
-        if result.skew is not None:
-            console.print(_delay_words(result.skew, model.joint.motion))
-        if result.warnings:
-            console.print("\n[bold]What to know before using it[/]")
 
-    def details(self, result: Discovery) -> Iterator[str]:
-        """Yield states, the path round the choice, and what each term carries."""
-        model = result.model
-        load = quantities(model.joint.motion).moment.lower()
-        yield from state_lines(result.states, model.joint.motion)
-        path, chosen = result.selection.path, result.selection.chosen
-        yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
-        near = range(len(path)) if chosen is None else range(chosen - NEIGHBOURS, chosen + NEIGHBOURS + 1)
-        columns: dict[str, Callable[[int], str]] = {
-            "": lambda i: "chosen" if i == chosen else "",
-            "terms": lambda i: str(path[i].size),
-            "residual": lambda i: f"{path[i].fit.residual_rms:.4g}",
-            "held out": lambda i: short_number(path[i].held_out_rms),
-            "threshold": lambda i: f"{path[i].threshold:.2e}",
-            "least |t| over groups": lambda i: short_number(np.min(path[i].group_t_ratios, initial=np.inf)),
-        }
-        yield from aligned(tabulate("path", "", [i for i in near if 0 <= i < len(path)], columns))
-        fitted = model.fitted
-        yield (
-            f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
-            + (f"{fitted.noise_floor:.4g}" if math.isfinite(fitted.noise_floor) else "an unknown part")
-        )
-        yield from _shares(result)
+def _details(result: Discovery) -> Iterator[str]:
+    """Yield states, the path round the choice, and what each term carries."""
+    fitted = result.model.fitted
+    load = quantities(result.model.joint.motion).moment.lower()
+    yield from state_lines(result.states, result.model.joint.motion)
+    path, chosen = result.selection.path, result.selection.chosen
+    yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
+    near = range(len(path)) if chosen is None else range(chosen - NEIGHBOURS, chosen + NEIGHBOURS + 1)
+    columns: dict[str, Callable[[int], str]] = {
+        "": lambda i: "chosen" if i == chosen else "",
+        "terms": lambda i: str(path[i].size),
+        "residual": lambda i: f"{path[i].fit.residual_rms:.4g}",
+        "held out": lambda i: short_number(path[i].held_out_rms),
+        "threshold": lambda i: f"{path[i].threshold:.2e}",
+        "least |t| over groups": lambda i: short_number(np.min(path[i].group_t_ratios, initial=np.inf)),
+    }
+    yield from aligned(tabulate("path", "", [i for i in near if 0 <= i < len(path)], columns))
+    yield (
+        f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
+        + (f"{fitted.noise_floor:.4g}" if math.isfinite(fitted.noise_floor) else "an unknown part")
+    )
+    yield from _shares(result)
+
+
+def _simulated(result: Discovery | ReportData) -> bool:
+    """Return whether the model is of a virtual test."""
+    return result.model.fitted.simulated
 
 
 def over_table(over: OverInput) -> TextTable:
     """Return the law at three values of an input, and whether each coefficient depends on it."""
-    rows = tuple(
-        (
-            row.symbol,
-            pretty_unit(row.unit),
-            *(rounded(value, error) for value, error in zip(row.values, row.errors, strict=True)),
-            over.dependence(row) or DASH,
-        )
-        for row in over.coefficients
-    )
-    columns = ("", "unit", *map(pretty_unit, over.headings), "with levels apart")
+
+    def at(place: int) -> Callable[[Any], str]:
+        return lambda row: rounded(row.values[place], row.errors[place])
+
+    columns: dict[str, Callable[[Any], str]] = {
+        "": lambda row: row.symbol,
+        "unit": lambda row: pretty_unit(row.unit),
+        **{pretty_unit(heading): at(place) for place, heading in enumerate(over.headings)},
+        "with levels apart": lambda row: over.dependence(row) or DASH,
+    }
     title = (
         f"The law over {over.label}: coefficients at the least, the reference and the largest value, with one standard "
         "error; with levels apart: what fits to the runs of each level say."
     )
-    return TextTable(f"over_{over.name}", title, columns, rows, text=("unit",))
+    return tabulate(f"over_{over.name}", title, over.coefficients, columns, text=("unit",))
 
 
 def runs_table(data: ReportData) -> TextTable:
@@ -380,3 +346,29 @@ def _shares(result: Discovery) -> Iterator[str]:
         "relative error": lambda term: relative(term, term.standard_error),
     }
     return aligned(tabulate("shares", "", result.model.terms, columns))
+
+
+#: Its data are gathered into small arrays, and its page is made of only these.
+DISCOVERY = View(
+    about=_about,
+    data=ReportData,
+    rows="terms",
+    kind="ReportData",
+    marks={"schema": 1},
+    folder="discovery",
+    kinds=KINDS,
+    judged_by=FINDING,
+    drawn_from=gather,
+    checked=_checked,
+    simulated=_simulated,
+    seed=lambda result, given: result.regressor.random_state,
+    headline=lambda result: result.trust,
+    tables=_tables,
+    page=_page,
+    files=lambda result, data: {
+        "model.json": result.model.to_json() + "\n",
+        "terms.csv": terms_csv(result.model),
+    },
+    print=_print,
+    details=_details,
+)

@@ -25,8 +25,7 @@ from sindyjoint.trust import Trust
 MAP_CELLS = 24
 SHEET_NODES = 17
 LOOP_SAMPLES = 480
-PHASE_BINS = 60
-TIME_BINS = 40
+PHASE_BINS, TIME_BINS = 60, 40
 
 
 @dataclass(frozen=True, eq=False)

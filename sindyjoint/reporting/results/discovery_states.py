@@ -10,28 +10,28 @@ import numpy as np
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import (
     Axes,
+    Curve,
     Scale,
     angle_scale,
     coloured_cells,
+    cycled,
     moment_scale,
     nothing,
+    plot,
     rate_scale,
+    scaled,
     short_numbers,
     spread,
     time_label,
 )
 from sindyjoint.reporting.results.discovery_data import Loop, ReportData, run_labels
 from sindyjoint.reporting.style import (
-    DASHES,
     DIVERGING,
     FIXED_INK,
     INK,
     MUTED,
     PALETTE,
     SEQUENTIAL,
-    legend_above,
-    plain,
-    prefixed,
     shortened,
 )
 from sindyjoint.text import quantities
@@ -67,22 +67,17 @@ def _modelled(data: ReportData, loop: Loop) -> Array:
 
 def loops(data: ReportData, ax: Axes, group: str) -> Axes:
     """Draw measured moment–angle loops of a frequency (colours) and the model over them (black dots)."""
-    x, y = _loop_scales(data)
-    chosen = spread(loop_groups(data)[group], MOST_LOOPS)
-    for loop, color, dash in zip(chosen, PALETTE, DASHES, strict=False):
-        angle, modelled = loop.angle * x.factor, _modelled(data, loop) * y.factor
+    dots: Any = {"color": INK, "ls": "none", "marker": "."}
+    curves: list[Curve] = []
+    for place, loop in enumerate(spread(loop_groups(data)[group], MOST_LOOPS)):
         label = loop.run if loop.level is None else f"level {loop.level}"
-        ax.plot(angle, loop.moment * y.factor, color=color, linestyle=dash, label=plain(shortened(label)))
-        every = max(1, modelled.size // 90)
-        if modelled.size:
-            ax.plot(
-                angle[::every], modelled[::every], color=INK, linestyle="none", marker=".", markersize=1.8
-            )
+        curves.append((loop.angle, loop.moment, cycled(place, label=shortened(label))))
+        if data.model.terms:
+            every = slice(None, None, max(1, loop.angle.size // 90))
+            curves.append((loop.angle[every], _modelled(data, loop)[every], dots | {"ms": 1.8}))
     if data.model.terms:
-        ax.plot([], [], color=INK, linestyle="none", marker=".", markersize=3, label="model, moving")
-    ax.set(xlabel=x.label, ylabel=y.label, title=plain(shortened(group)))
-    legend_above(ax, -(-(len(chosen) + bool(data.model.terms)) // 2), columns=2)
-    return ax
+        curves.append(([], [], dots | {"ms": 3, "label": "model, moving"}))
+    return plot(ax, *_loop_scales(data), curves, group, columns=2)
 
 
 def loops_payload(data: ReportData) -> dict[str, Any]:
@@ -180,27 +175,25 @@ def cut_at_zero_rate(data: ReportData, ax: Axes) -> Axes:
     """Draw the cut at θ̇ = 0: cell means just above and just below, the model, and the friction step between."""
     q, surface = quantities(data.model.joint.motion), data.surface
     x, _, z = _map_scales(data)
-    middle = surface.n // 2
-    sides = ((middle, data.upper[:, 0], ">"), (middle - 1, data.lower[:, -1], "<"))
-    for index, (column, sheet, sign) in enumerate(sides):
+    middle, dots = surface.n // 2, {"ls": "none", "marker": ".", "color": INK}
+    curves: list[Curve] = []
+    for index, (column, sheet, sign) in enumerate(
+        ((middle, data.upper[:, 0], ">"), (middle - 1, data.lower[:, -1], "<"))
+    ):
         near = _nearest(data, column, 1 if sign == ">" else -1)
         cells = np.flatnonzero(near >= 0), near[near >= 0]
-        angle, colour = surface.angle[cells], PALETTE[index]
-        ax.plot(
-            angle * x.factor, surface.moment[cells] * z.factor, linestyle="none", marker="os"[index], markersize=3,
-            color=colour, label=f"slowest cells, {q.rate_symbol} {sign} 0",
-        )  # fmt: skip
+        angle, look = surface.angle[cells], {"color": PALETTE[index]}
+        label = f"slowest cells, {q.rate_symbol} {sign} 0"
+        marks = look | {"ls": "none", "marker": "os"[index], "ms": 3, "label": label}
+        curves.append((angle, surface.moment[cells], marks))
         if data.model.terms:
-            modelled = data.model.moment(angle, surface.rate[cells]) * z.factor
-            ax.plot(angle * x.factor, modelled, linestyle="none", marker=".", markersize=2.5, color=INK)
-            ax.plot(_nodes(data) * x.factor, sheet * z.factor, color=colour, linestyle=("-", "--")[index])
+            curves.append((angle, data.model.moment(angle, surface.rate[cells]), dots | {"ms": 2.5}))
+            curves.append((_nodes(data), sheet, look | {"ls": ("-", "--")[index]}))
     if data.model.terms:
         _mark_step(data, ax, x, z)
-        ax.plot([], [], linestyle="none", marker=".", markersize=4, color=INK, label="model in those cells")
-        ax.plot([], [], color=MUTED, label=f"model at {q.rate_symbol} = 0±")
-    ax.set(xlabel=x.label, ylabel=z.label, title=f"Cut at {q.rate_symbol} = 0")
-    legend_above(ax, 4 if data.model.terms else 2)
-    return ax
+        curves.append(([], [], dots | {"ms": 4, "label": "model in those cells"}))
+        curves.append(([], [], {"color": MUTED, "label": f"model at {q.rate_symbol} = 0±"}))
+    return plot(ax, x, z, curves, f"Cut at {q.rate_symbol} = 0")
 
 
 def _nearest(data: ReportData, column: int, direction: int) -> Any:
@@ -234,10 +227,8 @@ def cut_at_centre(data: ReportData, ax: Axes) -> Axes:
     centre = 0.0 if abs(middle) < quarter else middle
     row = int(np.clip(np.searchsorted(edges, centre, side="right") - 1, 0, surface.n - 1))
     cells = row, np.flatnonzero(surface.filled[row])
-    ax.errorbar(
-        surface.rate[cells] * y.factor, surface.moment[cells] * z.factor, yerr=surface.spread[cells] * z.factor,
-        linestyle="none", marker="o", markersize=3, elinewidth=0.7, color=PALETTE[0], label="cell mean ± spread",
-    )  # fmt: skip
+    means: Any = {"fmt": "o", "ms": 3, "elinewidth": 0.7, "color": PALETTE[0], "label": "cell mean ± spread"}
+    curves = [(surface.rate[cells], surface.moment[cells], means | {"yerr": surface.spread[cells]})]
     if data.model.terms:
         top = float(surface.rate_edges[-1])
         sides = np.linspace(-top, -1e-9 * top, 60), [np.nan], np.linspace(1e-9 * top, top, 60)
@@ -245,11 +236,9 @@ def cut_at_centre(data: ReportData, ax: Axes) -> Axes:
         # The mean angle within the cell: comparing at its middle would show the width of the cell as a misfit.
         angle = float(np.average(surface.angle[cells], weights=surface.count[cells]))
         modelled = data.model.moment(np.full_like(rates, angle), rates)
-        ax.plot(rates * y.factor, modelled * z.factor, color=INK, label="model")
+        curves.append((rates, modelled, {"color": INK, "label": "model"}))
     at = f"{q.angle_symbol} = {centre * x.factor:.3g}" + (f" {x.unit}" if centre else "")
-    ax.set(xlabel=y.label, ylabel=z.label, title=f"Cut at {at}")
-    legend_above(ax, 2)
-    return ax
+    return plot(ax, y, z, curves, f"Cut at {at}")
 
 
 def map_payload(data: ReportData) -> dict[str, Any]:
@@ -299,43 +288,47 @@ def residual_phase(data: ReportData, ax: Axes) -> Axes:
                 lines[group] = np.where(known, np.nansum(stacked, axis=0) / known, np.nan)
     if not lines:
         return nothing(ax, "no periodic run: there is no phase to fold on")
-    factor, unit = prefixed(_top([*lines.values(), np.array([data.model.fitted.noise_floor])]), q.moment_unit)
-    for group, color, dash in zip(spread(list(lines), MOST_LOOPS), PALETTE, DASHES, strict=False):
-        phase = (np.arange(lines[group].size) + 0.5) * 360 / lines[group].size
-        ax.plot(phase, lines[group] * factor, color=color, linestyle=dash, label=plain(shortened(group)))
-    ax.axhline(0, color=INK, linewidth=0.6)
-    known = any(np.isfinite(values).any() for values in lines.values())
-    top = _top(list(lines.values())) * factor if known else 1.0
-    ax.set(
-        xlim=(0, 360), xticks=range(0, 361, 90), xlabel=f"Phase from the largest {q.angle.lower()} (°)",
-        ylabel=f"Mean residual ({unit})", title="Residual over the cycle", ylim=(-1.15 * top, 1.9 * top),
-    )  # fmt: skip
-    ax.legend(loc="upper center", ncols=3, columnspacing=1.0)
-    return ax
+    top = _top(list(lines.values()))
+    curves: list[Curve] = [
+        (
+            (np.arange(lines[group].size) + 0.5) * 360 / lines[group].size,
+            lines[group],
+            cycled(place, label=group),
+        )
+        for place, group in enumerate(spread(list(lines), MOST_LOOPS))
+    ]
+    up = scaled("Mean residual", max(top, np.nan_to_num(data.model.fitted.noise_floor)), q.moment_unit)
+    return plot(
+        ax,
+        f"Phase from the largest {q.angle.lower()} (°)",
+        up,
+        [*curves, (None, 0, {"color": INK, "lw": 0.6})],
+        "Residual over the cycle",
+        legend="upper center",
+        columns=3,
+        xlim=(0, 360),
+        xticks=range(0, 361, 90),
+        ylim=(-1.15 * top * up.factor, 1.9 * top * up.factor),
+    )
 
 
 def residual_time(data: ReportData, ax: Axes) -> Axes:
     """Draw the RMS residual in intervals of time, with the noise floor."""
     labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
-    chosen = spread(data.loops, MOST_LOOPS)
-    fitted, motion = data.model.fitted, data.model.joint.motion
-    top = _top([loop.residual_over_time for loop in chosen])
-    factor, unit = prefixed(top, quantities(motion).moment_unit)
-    for loop, color, dash in zip(chosen, PALETTE, DASHES, strict=False):
-        label = plain(shortened(labels[loop.run], 18))
-        ax.plot(loop.time, loop.residual_over_time * factor, color=color, linestyle=dash, label=label)
-    floor = fitted.noise_floor
+    chosen, fitted = spread(data.loops, MOST_LOOPS), data.model.fitted
+    motion, floor = data.model.joint.motion, fitted.noise_floor
+    curves: list[Curve] = [
+        (loop.time, loop.residual_over_time, cycled(place, label=shortened(labels[loop.run], 18)))
+        for place, loop in enumerate(chosen)
+    ]
     if np.isfinite(floor):
-        ax.axhline(floor * factor, color=MUTED, linewidth=1.6, linestyle="-", zorder=1, label="noise floor")
-    known = [run for loop in chosen if np.isfinite(run := loop.residual_over_time).any()]
+        curves.append((None, floor, {"color": MUTED, "lw": 1.6, "zorder": 1, "label": "noise floor"}))
+    top = _top([loop.residual_over_time for loop in chosen])
+    up = scaled("RMS residual", top, quantities(motion).moment_unit)
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"
-    ax.set(
-        ylim=(0, 1.05 * factor * max([np.nan_to_num(floor), *map(np.nanmax, known)])),
-        xlabel=time_label(fitted.quasi_static, motion), ylabel=f"RMS residual ({unit})",
-        title=f"Residual over time{shown}",
-    )  # fmt: skip
-    legend_above(ax, 1 + -(-(len(chosen) + 1) // 2), columns=2)
-    return ax
+    ends = (0, 1.05 * up.factor * max(top, float(np.nan_to_num(floor))))
+    across = time_label(fitted.quasi_static, motion)
+    return plot(ax, across, up, curves, f"Residual over time{shown}", columns=2, ylim=ends)
 
 
 def _top(arrays: list[Any]) -> float:

@@ -15,16 +15,19 @@ from sindyjoint.judgement.over_inputs import CoefficientOver, OverInput
 from sindyjoint.paper import FREQUENCIES, TABLES, TERMS
 from sindyjoint.reporting.figure import (
     Axes,
+    Curve,
     Kind,
     Panel,
     Scale,
     angle_scale,
     by_name,
     colour_scale,
+    cycled,
     fixed,
     math_symbol,
     moment_scale,
     nothing,
+    plot,
     scale_of,
     spread,
 )
@@ -42,7 +45,6 @@ from sindyjoint.reporting.results.discovery_states import (
 )
 from sindyjoint.reporting.style import (
     ACCENT,
-    DASHES,
     DIVERGING,
     FIXED_INK,
     FIXED_PAPER,
@@ -69,22 +71,21 @@ def path(data: ReportData, ax: Axes) -> Axes:
     fitted, held_out = (
         np.array([getattr(step, n) for step in data.path]) for n in ("residual_rms", "held_out_rms")
     )
-    scale = moment_scale(data.model.joint.motion, fitted, "RMS")
-    look: Any = {"color": PALETTE[0], "marker": "o", "markersize": 3}
-    ax.plot(size, fitted * scale.factor, **look, label="residual of the fit")
+    look: Any = {"color": PALETTE[0], "marker": "o", "ms": 3}
+    curves: list[Curve] = [(size, fitted, look | {"label": "residual of the fit"})]
     if np.isfinite(held_out).any():
-        look |= {"color": PALETTE[1], "marker": "s", "linestyle": "--"}
-        ax.plot(size, held_out * scale.factor, **look, label="held-out error")
+        look |= {"color": PALETTE[1], "marker": "s", "ls": "--", "label": "held-out error"}
+        curves.append((size, held_out, look))
     floor = data.model.fitted.noise_floor
     if np.isfinite(floor) and floor > 0:
-        ax.axhline(floor * scale.factor, color=MUTED, linewidth=1.6, zorder=1, label="noise floor")
+        curves.append((None, floor, {"color": MUTED, "lw": 1.6, "zorder": 1, "label": "noise floor"}))
     if data.chosen is not None:
-        ax.axvline(size[data.chosen], color=INK, linewidth=0.8, linestyle=":")
+        curves.append((size[data.chosen], None, {"color": INK, "lw": 0.8, "ls": ":"}))
+    up = moment_scale(data.model.joint.motion, fitted, "RMS")
     title = f"Path of models{_chosen_note(data, 'dotted')}"
-    ax.set(yscale="log", xlabel="Terms kept", ylabel=scale.label, title=title)
+    plot(ax, "Terms kept", up, curves, title, legend="best", yscale="log")
     ax.yaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.legend(loc="best")
     return ax
 
 
@@ -219,8 +220,6 @@ def correlation(model: JointModel) -> Any:
 
 
 POINTS = 13
-# Points of a cycle of the law.
-CYCLE = 401
 
 
 def drawn_over(data: ReportData) -> list[tuple[OverInput, CoefficientOver]]:
@@ -238,14 +237,16 @@ def _law_at(data: ReportData, over: OverInput, value: float) -> JointModel:
 def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> Axes:
     """Draw one cycle of the law, through the largest tested angle and rate, at the values of its table."""
     fitted, motion = data.model.fitted, data.model.joint.motion
-    phase = np.linspace(0, 2 * np.pi, CYCLE)
+    phase = np.linspace(0, 2 * np.pi, 401)
     angle, rate = fitted.angle * np.sin(phase), fitted.rate * np.cos(phase)
     moments = [_law_at(data, over, value).moment(angle, rate) for value in over.values]
     x, y = angle_scale(motion, fitted.angle), moment_scale(motion, moments)
-    for moment, heading, colour, dash in zip(moments, over.headings, PALETTE, DASHES, strict=False):
-        ax.plot(angle * x.factor, moment * y.factor, color=colour, ls=dash, label=plain(pretty_unit(heading)))
-    title = plain(f"the law over {over.label}\none cycle to the largest {x.name.lower()}")
-    ax.set(xlabel=x.label, ylabel=y.label, title=title)
+    curves = [
+        (angle, moment, cycled(place, label=pretty_unit(heading)))
+        for place, (moment, heading) in enumerate(zip(moments, over.headings, strict=False))
+    ]
+    plot(ax, x, y, curves, legend="none")
+    ax.set_title(plain(f"the law over {over.label}\none cycle to the largest {x.name.lower()}"))
     ax.set_ylim(top=1.5 * y.factor * float(np.max(moments)))
     look: Any = {"frameon": False, "columnspacing": 0.8, "handlelength": 1.4, "handletextpad": 0.4}
     ax.legend(loc="upper center", ncols=len(moments), **look)
@@ -261,18 +262,18 @@ def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: Coefficie
     ]
     values, errors = np.array(terms).T
     factor, unit = scale_of(float(np.abs(values).max()), row.unit)
-    low, high = (factor * (values + side * errors) for side in (-1.96, 1.96))
-    ax.fill_between(shown, low, high, color=PALETTE[0], alpha=0.25, lw=0)
-    ax.plot(shown, factor * values, color=PALETTE[0])
+    band = tuple(values + side * errors for side in (-1.96, 1.96))
+    curves: list[Curve] = [
+        (shown, band, {"color": PALETTE[0], "alpha": 0.25, "lw": 0}),
+        (shown, values, {"color": PALETTE[0]}),
+    ]
     if row.levels:
-        own, wide = factor * np.array(row.estimates), 1.96 * abs(factor) * np.array(row.level_errors)
-        ax.errorbar(row.levels, own, yerr=wide, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[1])
+        bars = {"yerr": 1.96 * np.array(row.level_errors), "fmt": "o", "ms": 3.5, "capsize": 2.5}
+        curves.append((row.levels, np.array(row.estimates), bars | {"color": PALETTE[1]}))
     ax.margins(x=0.06, y=0.15)
-    ax.set(
-        xlabel=plain(Scale(over.label, pretty_unit(over.unit)).label),
-        ylabel=f"{math_symbol(row.symbol)}" + (f" ({unit})" if unit else ""),
-        title=plain(f"{data.model[row.id].name}" + (f"\n{over.dependence(row)}" if row.answer else "")),
-    )
+    across = Scale(plain(over.label), pretty_unit(over.unit))
+    plot(ax, across, Scale(math_symbol(row.symbol), unit, factor), curves)
+    ax.set_title(plain(f"{data.model[row.id].name}" + (f"\n{over.dependence(row)}" if row.answer else "")))
     return ax
 
 

@@ -13,12 +13,19 @@ import numpy as np
 from sindyjoint.judgement.paper_tables import TableCheck
 from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TERMS, UNITS
-from sindyjoint.reporting.figure import Axes, Kind, Panel, by_name, fixed
+from sindyjoint.reporting.figure import Axes, Kind, Panel, by_name, cycled, fixed, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.discovery import state_lines
 from sindyjoint.reporting.results.verification import amplitude, period, response_payload, thinned
 from sindyjoint.reporting.style import DIVERGING, INK, PALETTE, pretty_unit
-from sindyjoint.reporting.tables import TextTable, csv_records, milliseconds, terminal, terminal_table
+from sindyjoint.reporting.tables import (
+    Console,
+    TextTable,
+    csv_records,
+    milliseconds,
+    terminal,
+    terminal_table,
+)
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import RunVerification
 from sindyjoint.states import ForceStates
@@ -27,9 +34,6 @@ from sindyjoint.text import percent
 from sindyjoint.workflows.reproduce import JointReproduction, Reproduction
 
 TRUTHS = {"plain": "truth: only the model's terms", "richer": "truth: friction that first gives way"}
-# What one panel shows of a response.
-COMPARED = 10.0  # s
-LEVELS_SHOWN = slice(0, 7, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +88,9 @@ def one_period(state: ForceStates) -> Array:
 
 def loops(result: ReproductionFigures, ax: Axes, joint: JointFigures) -> Axes:
     """Draw moment over angle at 3 Hz for some of the levels: one period each (Figure 5)."""
-    dashes = ("-", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)))
-    for (theta, moment), color, dash in zip(joint.loops[LEVELS_SHOWN], PALETTE, dashes, strict=False):
-        ax.plot(1e3 * theta, moment, color=color, lw=0.9, ls=dash)
-    ax.set(xlabel="Angle $\\theta$ (mrad)", ylabel="Moment $M$ (N·m)", title=f"{joint.name}, 3 Hz")
-    return ax
+    shown = joint.loops[:7:2]
+    curves = [(1e3 * theta, moment, cycled(place, lw=0.9)) for place, (theta, moment) in enumerate(shown)]
+    return plot(ax, "Angle $\\theta$ (mrad)", "Moment $M$ (N·m)", curves, f"{joint.name}, 3 Hz")
 
 
 def surface(result: ReproductionFigures, ax: Any, joint: JointFigures | None = None) -> Any:
@@ -126,27 +128,24 @@ def surface(result: ReproductionFigures, ax: Any, joint: JointFigures | None = N
 def force(result: ReproductionFigures, ax: Axes) -> Axes:
     """Draw the pulse (Figure 9)."""
     time, values = result.force
-    ax.plot(1e3 * time, values, color=PALETTE[0])
-    ax.set(xlabel="Time (ms)", ylabel="Force (N)", title="Exciting force")
-    return ax
+    curves = [(1e3 * time, values, {"color": PALETTE[0]})]
+    return plot(ax, "Time (ms)", "Force (N)", curves, "Exciting force")
 
 
 def displacement(result: ReproductionFigures, ax: Axes, truth: str, until: float, model: bool) -> Axes:
     """Draw the displacement of the free end in a virtual test (Figure 10), and the model over it (Figure 11)."""
     run = getattr(result, truth)
     kept = run.time <= until
-    ax.plot(run.time[kept], 1e3 * run.measured[kept], color=PALETTE[0], lw=0.8, label="virtual test")
+    curves = [
+        (run.time[kept], 1e3 * run.measured[kept], {"color": PALETTE[0], "lw": 0.8, "label": "virtual test"})
+    ]
     if model and run.simulated is not None:
         look: Any = {"color": INK, "lw": 0.7, "ls": (0, (3, 1.5)), "label": "identified model"}
-        ax.plot(run.time[kept], 1e3 * run.simulated[kept], **look)
+        curves.append((run.time[kept], 1e3 * run.simulated[kept], look))
     title = TRUTHS[truth] if model else "Displacement of the free end"
-    ax.set(xlabel="Time (s)", ylabel="Displacement (mm)", title=title)
     ax.margins(x=0.01)
-    if model:
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, high + 0.2 * (high - low))
-        ax.legend(loc="upper right", ncols=2)
-    return ax
+    legend = "above" if model else "none"
+    return plot(ax, "Time (s)", "Displacement (mm)", curves, title, legend=legend, columns=2)
 
 
 def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, draw: Callable[[Any, Axes], Axes]) -> Axes:
@@ -194,7 +193,7 @@ KINDS = by_name(
         "figure-11",
         "Figure 11",
         "Figure 11: virtual test and identified model, first 10 s.",
-        fixed(*(partial(displacement, truth=truth, until=COMPARED, model=True) for truth in TRUTHS)),
+        fixed(*(partial(displacement, truth=truth, until=10.0, model=True) for truth in TRUTHS)),
     ),
     Kind(
         "amplitude-and-period",
@@ -212,8 +211,6 @@ KINDS = by_name(
 
 
 WIDTH = 118  # characters, for the widest of the tables
-# Powers of ten that k1, k2, k3, c1, M_F are printed in.
-_POWERS = (3, 5, 9, 1, 0)
 _LEGEND = (
     "Identified (paper). Deviation: population standard deviation over the frequencies. Furthest: largest distance "
     "of a row from the paper's, in the paper's deviations. Paper's way: cells averaged with the sticking samples in "
@@ -227,148 +224,131 @@ _MARKS = (
 )
 
 
-class ReproductionView(
-    View[Reproduction, ReproductionFigures],
-    data=ReproductionFigures,
-    kind="Reproduction",
-    folder="reproduction",
-    kinds=KINDS,
-    record_file="reproduction.json",
-    judged_by=("states", "discovery", "response"),
-):
-    """A reproduction of the paper."""
+def gather(result: Reproduction) -> ReproductionFigures:
+    """Return what is drawn of a reproduction."""
+    time = np.linspace(-0.005, 0.02, 501)
+    values = np.where(time < 0, 0.0, result.pulse.rig.excitation(np.maximum(time, 0.0)))
+    return ReproductionFigures(
+        joints=tuple(
+            JointFigures(joint.table.joint, tuple(map(one_period, joint.loops)), joint.surface)
+            for joint in result.joints
+        ),
+        linear=result.linear,
+        force=np.stack([time, values]),
+        plain=thinned(result.pulse.plain).runs[0],
+        richer=thinned(result.pulse.richer).runs[0],
+    )
 
-    def simulated(self, result: Reproduction | ReproductionFigures) -> bool:
-        """Return True: the paper's joints are not at hand."""
-        return True
 
-    def drawn_from(self, result: Reproduction) -> ReproductionFigures:
-        """Return what is drawn of a reproduction."""
-        time = np.linspace(-0.005, 0.02, 501)
-        values = np.where(time < 0, 0.0, result.pulse.rig.excitation(np.maximum(time, 0.0)))
-        return ReproductionFigures(
-            joints=tuple(
-                JointFigures(joint.table.joint, tuple(map(one_period, joint.loops)), joint.surface)
-                for joint in result.joints
+def _tables(result: Reproduction) -> tuple[TextTable, ...]:
+    """Return Tables 1 and 2, and what the printed ones show."""
+    checks = check_table(result.checks)
+    # Of two columns that only together name a row, one.
+    rows = tuple((f"{table}, {parameter}", *others) for table, parameter, *others in checks.rows)
+    columns = (", ".join(checks.columns[:2]), *checks.columns[2:])
+    joints = tuple(map(joint_table, result.joints))
+    return *joints, replace(checks, title=f"{checks.title}.", columns=columns, rows=rows)
+
+
+def _page(result: Reproduction, data: ReproductionFigures, show: Blocks, folder: Path | None) -> Page:
+    """Return how near the paper it comes, its tables and figures, what they show and what not."""
+    furthest = max(float(joint.largest_error.max()) for joint in result.joints)
+    plain, richer = result.pulse.plain, result.pulse.richer
+    every = "Every parameter comes" if furthest < 1 else "Not every parameter comes"
+    badge, word = ("confirmed", "within") if furthest < 1 else ("refuted", "outside")
+    period = milliseconds(PULSE.mean_period_difference)
+    both = f"{percent(richer.amplitude_rms_error)}, {milliseconds(richer.mean_period_difference)}"
+    facts = [
+        ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),
+        ("Amplitude", percent(plain.amplitude_rms_error), f"the paper prints {PULSE.amplitude_rms_error:g}"),
+        ("Period", milliseconds(plain.mean_period_difference), f"the paper prints {period}"),
+        ("With friction that gives way", both, "amplitude, period: what the model lacks shows"),
+    ]
+    *joints, printed = _tables(result)
+    name = "The paper's joints from virtual tests"
+    said = (
+        "Everything here is simulated from the paper's printed values: it shows that the pipeline from strains to "
+        "tables holds, not that a real joint is like that."
+    )
+    truths = [replace(getattr(data, truth), name=name) for truth, name in TRUTHS.items()]
+    return Page(
+        name,
+        "The paper's tables and figures again",
+        name,
+        "",
+        (
+            show.verdict(f"{every} back within the paper's standard deviations.", badge, word),
+            show.paragraph(said, "reason"),
+            show.facts(facts),
+        ),
+        (),
+        (
+            section(
+                "tables",
+                "Identified, and the paper's value in brackets",
+                "Tables 1, 2",
+                show.paragraph(_LEGEND),
+                show.tables(*joints),
             ),
-            linear=result.linear,
-            force=np.stack([time, values]),
-            plain=thinned(result.pulse.plain).runs[0],
-            richer=thinned(result.pulse.richer).runs[0],
-        )
-
-    def tables(self, result: Reproduction) -> tuple[TextTable, ...]:
-        """Return Tables 1 and 2, and what the printed ones show."""
-        checks = check_table(result.checks)
-        # Of two columns that only together name a row, one.
-        rows = tuple((f"{table}, {parameter}", *others) for table, parameter, *others in checks.rows)
-        columns = (", ".join(checks.columns[:2]), *checks.columns[2:])
-        joints = tuple(map(joint_table, result.joints))
-        return *joints, replace(checks, title=f"{checks.title}.", columns=columns, rows=rows)
-
-    def page(
-        self, result: Reproduction, data: ReproductionFigures, show: Blocks, folder: Path | None
-    ) -> Page:
-        """Return how near the paper it comes, its tables and figures, what they show and what not."""
-        furthest = max(float(joint.largest_error.max()) for joint in result.joints)
-        plain, richer = result.pulse.plain, result.pulse.richer
-        every = "Every parameter comes" if furthest < 1 else "Not every parameter comes"
-        badge, word = ("confirmed", "within") if furthest < 1 else ("refuted", "outside")
-        period = milliseconds(PULSE.mean_period_difference)
-        both = f"{percent(richer.amplitude_rms_error)}, {milliseconds(richer.mean_period_difference)}"
-        facts = [
-            ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),
-            (
-                "Amplitude",
-                percent(plain.amplitude_rms_error),
-                f"the paper prints {PULSE.amplitude_rms_error:g}",
+            section(
+                "joints",
+                "Loops and force–state maps",
+                "Loops and maps",
+                show.pictures("figure-05", "figure-06", "figure-07"),
             ),
-            ("Period", milliseconds(plain.mean_period_difference), f"the paper prints {period}"),
-            ("With friction that gives way", both, "amplitude, period: what the model lacks shows"),
-        ]
-        *joints, printed = self.tables(result)
-        name = "The paper's joints from virtual tests"
-        return Page(
-            name,
-            "The paper's tables and figures again",
-            name,
-            (
-                show.verdict(f"{every} back within the paper's standard deviations.", badge, word),
-                show.paragraph(
-                    "Everything here is simulated from the paper's printed values: it shows that the pipeline from "
-                    "strains to tables holds, not that a real joint is like that.",
-                    "reason",
-                ),
-                show.facts(facts),
+            section(
+                "pulse",
+                "The pulse on two beams with the joint between them",
+                "Pulse",
+                show.curves("Virtual test and identified model over time"),
+                show.pictures("figure-09", "figure-10", "figure-11", "amplitude-and-period"),
             ),
-            (
-                section(
-                    "tables",
-                    "Identified, and the paper's value in brackets",
-                    "Tables 1, 2",
-                    show.paragraph(_LEGEND),
-                    *map(show.table, joints),
-                ),
-                section(
-                    "joints",
-                    "Loops and force–state maps",
-                    "Loops and maps",
-                    show.pictures("figure-05", "figure-06", "figure-07"),
-                ),
-                section(
-                    "pulse",
-                    "The pulse on two beams with the joint between them",
-                    "Pulse",
-                    show.curves("Virtual test and identified model over time"),
-                    show.pictures("figure-09", "figure-10", "figure-11", "amplitude-and-period"),
-                ),
-                section(
-                    "printed",
-                    "What the paper's printed tables show",
-                    "Printed tables",
-                    show.paragraph(f"“!”: {_MARKS}"),
-                    show.table(printed),
-                ),
-                section(
-                    "limits",
-                    "What this shows, and what it cannot",
-                    "What it shows",
-                    show.items(list(map(sentence, result.statements))),
-                ),
+            section(
+                "printed",
+                "What the paper's printed tables show",
+                "Printed tables",
+                show.paragraph(f"“!”: {_MARKS}"),
+                show.table(printed),
             ),
-            {
-                "loops": response_payload(
-                    [replace(getattr(data, truth), name=name) for truth, name in TRUTHS.items()]
-                )
-            },
-        )
+            section(
+                "limits",
+                "What this shows, and what it cannot",
+                "What it shows",
+                show.items(list(map(sentence, result.statements))),
+            ),
+        ),
+        {"loops": response_payload(truths)},
+    )
 
-    def files(self, result: Reproduction, data: ReproductionFigures) -> dict[str, str]:
-        """Return everything as one page of Markdown, and the tables as CSV."""
-        captions = {name: kind.caption for name, kind in self.kinds.items() if kind.panels(data)}
-        return {"reproduction.md": page_text(result, captions), "tables.csv": tables_csv(result)}
 
-    def show(self, result: Reproduction) -> None:
-        """Print tables and statements."""
-        for joint in result.joints:
-            table = joint_table(joint)
-            _print_table(replace(table, title=f"{table.title[:-1]}, identified (paper)"))
-        terminal(WIDTH, markup=False).print(_LEGEND + "\n")
-        show_checks(result.checks, result.statements)
+def _files(result: Reproduction, data: ReproductionFigures) -> dict[str, str]:
+    """Return everything as one page of Markdown, and the tables as CSV."""
+    captions = {name: kind.caption for name, kind in KINDS.items() if kind.panels(data)}
+    return {"reproduction.md": page_text(result, captions), "tables.csv": tables_csv(result)}
 
-    def details(self, result: Reproduction) -> Iterator[str]:
-        """Yield the states behind each joint's table."""
-        for joint in result.joints:
-            yield joint.table.joint
-            yield from state_lines(joint.loops)
-            yield "furthest of each parameter, in the paper's deviations: " + ", ".join(
-                f"{value:.2f}" for value in joint.largest_error
-            )
+
+def _print(result: Reproduction, console: Console) -> None:
+    """Print tables and statements."""
+    for joint in result.joints:
+        table = joint_table(joint)
+        _print_table(replace(table, title=f"{table.title[:-1]}, identified (paper)"))
+    terminal(WIDTH, markup=False).print(_LEGEND + "\n")
+    show_checks(result.checks, result.statements)
+
+
+def _details(result: Reproduction) -> Iterator[str]:
+    """Yield the states behind each joint's table."""
+    for joint in result.joints:
+        yield joint.table.joint
+        yield from state_lines(joint.loops)
+        furthest = ", ".join(f"{value:.2f}" for value in joint.largest_error)
+        yield f"furthest of each parameter, in the paper's deviations: {furthest}"
 
 
 def joint_table(joint: JointReproduction) -> TextTable:
     """Return a table of the paper: identified, and the paper's value in brackets."""
-    powers = [power if power > 1 else 0 for power in _POWERS]
+    # Of ten, that k1, k2, k3, c1, M_F are printed in.
+    powers = [3, 5, 9, 0, 0]
     units = [
         f"{f'1e{power} ' if power else ''}{pretty_unit(u)}" for u, power in zip(UNITS, powers, strict=True)
     ]
@@ -469,3 +449,23 @@ def _print_table(table: TextTable) -> None:
     console.print(table.title)
     console.print(terminal_table(table, wraps=True))
     console.print()
+
+
+REPRODUCTION = View(
+    about=lambda result: "The paper's tables and figures from virtual tests (simulated)\n",
+    data=ReproductionFigures,
+    kind="Reproduction",
+    folder="reproduction",
+    kinds=KINDS,
+    record_file="reproduction.json",
+    judged_by=("states", "discovery", "response"),
+    # The paper's joints are not at hand.
+    simulated=lambda result: True,
+    drawn_from=gather,
+    tables=_tables,
+    page=_page,
+    files=_files,
+    print=_print,
+    warnings=lambda result: (),
+    details=_details,
+)

@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.markup import escape
 
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, fixed
+from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, section
-from sindyjoint.reporting.style import (
-    DASHES,
-    MUTED,
-    PALETTE,
-    amount,
-    legend_above,
-    plain,
-    prefixed,
-    shortened,
-)
-from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_columns
-from sindyjoint.reporting.view import View
-from sindyjoint.workflows.rig import RigMotion
-
-# What a picture shows of a curve.
-DRAWN_SAMPLES = 4000
+from sindyjoint.reporting.results.verification import KEPT_SAMPLES
+from sindyjoint.reporting.style import MUTED, PALETTE, amount, plain, shortened
+from sindyjoint.reporting.tables import Console, TextTable, csv_columns, tabulate
+from sindyjoint.reporting.view import View, print_tables
+from sindyjoint.trust import Light, Trust
+from sindyjoint.workflows.simulate import RigMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +31,8 @@ class RigFigures:
     name : str
     time : ndarray, shape (n,)
         s.
-    displacement : dict of str to ndarray, shape (n,)
-        m.
+    displacement : dict of str to ndarray
+        Of the output points, m.
     joints : tuple of str
     angle : ndarray, shape (joints, n)
         rad.
@@ -59,180 +51,193 @@ class RigFigures:
     heat: dict[str, float]
 
 
-def deflection(result: RigFigures, ax: Axes) -> Axes:
-    """Draw the deflection of the output points over time."""
-    _lines(ax, result.time, result.displacement, "m")
-    ax.set(ylabel=f"Deflection ({ax.get_ylabel()})", title=plain(shortened(result.name)))
-    return ax
+def gather(result: RigMotion) -> RigFigures:
+    """Return no more samples than a picture shows."""
+    response = result.response
+    step = -(-response.time.size // KEPT_SAMPLES)
+    displacement = {name: values[::step] for name, values in response.displacement.items()}
+    angle, locked = response.angle[:, ::step], response.stuck.mean(axis=1)
+    return RigFigures(
+        result.rig.name, response.time[::step], displacement, response.joints, angle, locked, result.heat
+    )
 
 
-def angles(result: RigFigures, ax: Axes) -> Axes:
-    """Draw the angle of every joint over time."""
-    _lines(ax, result.time, dict(zip(result.joints, result.angle, strict=True)), "rad")
-    ax.set_ylabel(f"Joint angle ({ax.get_ylabel()})")
-    return ax
+def over_time(result: RigFigures, ax: Axes, name: str, unit: str) -> Axes:
+    """Draw the deflection of the output points, or the angle of every joint, over time."""
+    signals = result.displacement if unit == "m" else dict(zip(result.joints, result.angle, strict=True))
+    largest = [float(np.abs(values).max()) for values in signals.values()] or [1.0]
+    curves = [
+        (result.time, values, cycled(place, lw=0.8, label=shortened(called, 18)))
+        for place, (called, values) in enumerate(signals.items())
+    ]
+    title = result.name if unit == "m" else ""
+    return plot(ax, "Time (s)", scaled(name, largest, unit), curves, title, columns=2)
 
 
-def _lines(ax: Axes, time: Array, signals: dict[str, Array], unit: str) -> None:
-    largest = max((float(np.abs(values).max()) for values in signals.values()), default=1.0)
-    factor, shown = prefixed(largest, unit)
-    for index, (name, values) in enumerate(signals.items()):
-        color, dash = PALETTE[index % len(PALETTE)], DASHES[index % len(DASHES)]
-        ax.plot(time, values * factor, lw=0.8, color=color, ls=dash, label=plain(shortened(name, 18)))
-    ax.set(xlabel="Time (s)", ylabel=shown)
-    legend_above(ax, -(-len(signals) // 2) + 1, columns=2)
-
-
-def heat(result: RigFigures, ax: Axes) -> Axes:
-    """Draw who dissipates how much of what became heat."""
+def shares(result: RigFigures, ax: Axes, of: str) -> Axes:
+    """Draw who dissipates how much of what became heat, or how long each joint is locked."""
     total = sum(result.heat.values()) or 1.0
-    shares = [100 * value / total for value in result.heat.values()]
-    return bars(ax, _names(result.heat), shares, 115, "Share of what became heat, %", PALETTE[0], "{:.1f}")
-
-
-def locked(result: RigFigures, ax: Axes) -> Axes:
-    """Draw the share of the time in which each joint is locked."""
-    shares = (100 * result.locked).tolist()
-    return bars(ax, _names(result.joints), shares, 115, "Share of the time locked, %", MUTED, "{:.1f}")
-
-
-def _names(names: Iterable[str]) -> list[str]:
-    return [plain(shortened(name, 18)) for name in names]
+    locked = dict(zip(result.joints, result.locked.tolist(), strict=True))
+    known = {name: value / total for name, value in result.heat.items()} if of == "heat" else locked
+    label = "Share of what became heat, %" if of == "heat" else "Share of the time locked, %"
+    names, values = [plain(shortened(name, 18)) for name in known], [100 * each for each in known.values()]
+    return bars(ax, names, values, 115, label, PALETTE[0] if of == "heat" else MUTED, "{:.1f}")
 
 
 KINDS = by_name(
     Kind(
-        "deflection", "Deflection", "Deflection of the output points over time.", fixed(deflection), wide=True
+        "deflection",
+        "Deflection",
+        "Deflection of the output points over time.",
+        fixed(partial(over_time, name="Deflection", unit="m")),
+        wide=True,
     ),
     Kind(
         "angles",
         "Joint angles",
         "Angle of every joint over time; where a line is flat the joint is locked.",
-        fixed(angles),
+        fixed(partial(over_time, name="Joint angle", unit="rad")),
         wide=True,
     ),
-    Kind("heat", "Dissipation", "Who dissipates how much of what became heat.", fixed(heat)),
-    Kind("locked", "Locked", "Share of the time in which each joint is locked.", fixed(locked)),
+    Kind(
+        "heat",
+        "Dissipation",
+        "Who dissipates how much of what became heat.",
+        fixed(partial(shares, of="heat")),
+    ),
+    Kind(
+        "locked",
+        "Locked",
+        "Share of the time in which each joint is locked.",
+        fixed(partial(shares, of="time")),
+    ),
 )
 
 
-class RigView(
-    View[RigMotion, RigFigures],
+def _tables(result: RigMotion) -> tuple[TextTable, ...]:
+    """Return the frequencies of the modes, and what each joint and the beams did."""
+    total, beams = sum(result.heat.values()) or 1.0, result.response.beam_dissipation
+    modes = enumerate(zip(result.slipping, result.locked, strict=False), 1)
+    joints = tabulate(
+        "joints",
+        "From the pulse to the end of the simulation.",
+        result.joints,
+        {
+            "Joint": lambda joint: joint.name,
+            "Largest angle": lambda joint: amount(joint.peak_angle, "rad"),
+            "Locked": lambda joint: f"{100 * joint.locked_share:.1f} %",
+            "Slips until": lambda joint: f"{joint.last_slip:.2f} s",
+            "Dissipated": lambda joint: amount(joint.dissipated, "J"),
+            "Share": lambda joint: f"{100 * (joint.dissipated / total):.1f} %",
+        },
+        [("beams", *["–"] * 3, amount(beams, "J"), f"{100 * (beams / total):.1f} %")],
+    )
+    return (
+        tabulate(
+            "modes",
+            "With the joints' stiffness at standstill, and with locked joints.",
+            modes,
+            {
+                "Mode": lambda mode: str(mode[0]),
+                "Joints slip": lambda mode: f"{mode[1][0]:.3f} Hz",
+                "Joints locked": lambda mode: f"{mode[1][1]:.3f} Hz",
+            },
+        ),
+        joints,
+    )
+
+
+def _trust(result: RigMotion) -> Trust:
+    """Return whether the motion is one for which the joints' laws hold, and what to do with it."""
+    beyond = "; ".join(result.warnings)
+    return Trust(
+        (
+            Light("range", "fair", beyond)
+            if beyond
+            else Light("range", "good", "no joint leaves the range for which its law is known"),
+            Light("data", "fair", "a simulation of the rig as its file describes it: nothing was measured"),
+        ),
+        (
+            ("sindyjoint verify MODEL RIG", "hold a model of the joint against the rig's response"),
+            ("sindyjoint curves RIG --out curves", "see its frequency response and modes over amplitude"),
+        ),
+    )
+
+
+def _first(result: RigMotion) -> str:
+    return max(result.heat, key=lambda name: result.heat[name])
+
+
+def _page(result: RigMotion, data: RigFigures, show: Blocks, folder: Path | None) -> Page:
+    """Return where the energy goes, what each joint did, frequencies and motion."""
+    first, (modes, joints) = _first(result), _tables(result)
+    share = 100 * (result.heat[first] / (sum(result.heat.values()) or 1.0))
+    reason = f"The joints slip for the last time {result.last_slips.max(initial=0.0):.2f} s after the pulse."
+    reason += f" {result.rig.description}." if result.rig.description else ""
+    return Page(
+        f"{data.name} in motion",
+        "A structure with joints after its pulse",
+        data.name,
+        show.hero("deflection"),
+        (
+            show.verdict(f"Most of the energy, {share:.0f} %, is dissipated in: {first}."),
+            show.paragraph(reason, "reason"),
+        ),
+        (),
+        (
+            section(
+                "joints",
+                "What each joint did",
+                "Joints",
+                show.tables(joints),
+                show.pictures("heat", "locked"),
+            ),
+            section("modes", "Natural frequencies", "Frequencies", show.tables(modes)),
+            section("motion", "Motion", "Motion", show.pictures("angles")),
+        ),
+    )
+
+
+def _files(result: RigMotion, data: RigFigures) -> dict[str, str]:
+    """Return time, force, deflections, joint angles and moments, SI units."""
+    response = result.response
+    columns: dict[str, Any] = {"time_s": response.time, "force_N": response.force}
+    columns |= {f"{name}_m": values for name, values in response.displacement.items()}
+    for name, angle, moment in zip(response.joints, response.angle, response.moment, strict=True):
+        columns |= {f"{name}_angle_rad": angle, f"{name}_moment_Nm": moment}
+    return {"response.csv": csv_columns(columns, 9)}
+
+
+def _print(result: RigMotion, console: Console) -> None:
+    """Print frequencies, what each joint did, and peaks."""
+    print_tables(_tables(result), console)
+    for point in result.points:
+        console.print(f"largest deflection at {point.name}: {amount(point.peak, 'm')}", markup=False)
+
+
+def _details(result: RigMotion) -> Iterator[str]:
+    """Yield how it was simulated, and the balance of its energy."""
+    response, heat = result.response, sum(result.heat.values())
+    yield f"{response.time.size} samples, steps of {1e3 * response.step:g} ms, {response.events} events of joints"
+    before, after = response.energy.max(), response.energy[-1]
+    yield f"largest energy {before:.4g} J, remaining at the end {after:.4g} J, became heat {heat:.4g} J"
+
+
+RIG = View(
+    about=lambda result: f"{escape(result.rig.name)} (simulated), {result.duration:.3g} s after the pulse",
     data=RigFigures,
     kind="Rig",
     folder="rig",
     kinds=KINDS,
     record_file="rig.json",
-):
-    """A rig in motion."""
-
-    def simulated(self, result: RigMotion | RigFigures) -> bool:
-        """Return True: a rig moves only in a simulation."""
-        return True
-
-    def drawn_from(self, result: RigMotion) -> RigFigures:
-        """Return no more samples than a picture shows."""
-        response = result.response
-        step = -(-response.time.size // DRAWN_SAMPLES)
-        return RigFigures(
-            name=result.rig.name,
-            time=response.time[::step],
-            displacement={name: values[::step] for name, values in response.displacement.items()},
-            joints=response.joints,
-            angle=response.angle[:, ::step],
-            locked=response.stuck.mean(axis=1),
-            heat=result.heat,
-        )
-
-    def tables(self, result: RigMotion) -> tuple[TextTable, ...]:
-        """Return the frequencies of the modes, and what each joint and the beams did."""
-        modes = tuple(
-            (str(mode), f"{low:.3f} Hz", f"{high:.3f} Hz")
-            for mode, (low, high) in enumerate(zip(result.slipping, result.locked, strict=False), 1)
-        )
-        columns = ("Joint", "Largest angle", "Locked", "Slips until", "Dissipated", "Share")
-        return (
-            TextTable(
-                "modes",
-                "With the joints' stiffness at standstill, and with locked joints.",
-                ("Mode", "Joints slip", "Joints locked"),
-                modes,
-            ),
-            TextTable("joints", "From the pulse to the end of the simulation.", columns, _joint_rows(result)),
-        )
-
-    def page(self, result: RigMotion, data: RigFigures, show: Blocks, folder: Path | None) -> Page:
-        """Return where the energy goes, what each joint did, frequencies and motion."""
-        first = max(result.heat, key=lambda name: result.heat[name])
-        share = 100 * (result.heat[first] / (sum(result.heat.values()) or 1.0))
-        locked_at = float(result.last_slips.max(initial=0.0))
-        modes, joints = self.tables(result)
-        reason = f"The joints slip for the last time {locked_at:.2f} s after the pulse."
-        if result.rig.description:
-            reason += f" {result.rig.description}."
-        return Page(
-            f"{data.name} in motion",
-            "A structure with joints after its pulse",
-            data.name,
-            (
-                show.verdict(f"Most of the energy, {share:.0f} %, is dissipated in: {first}."),
-                show.paragraph(reason, "reason"),
-                show.pictures("deflection"),
-            ),
-            (
-                section(
-                    "joints",
-                    "What each joint did",
-                    "Joints",
-                    show.table(joints),
-                    show.pictures("heat", "locked"),
-                ),
-                section("modes", "Natural frequencies", "Frequencies", show.table(modes)),
-                section("motion", "Motion", "Motion", show.pictures("angles")),
-            ),
-        )
-
-    def files(self, result: RigMotion, data: RigFigures) -> dict[str, str]:
-        """Return time, force, deflections, joint angles and moments, SI units."""
-        response = result.response
-        columns = {"time_s": response.time, "force_N": response.force}
-        columns |= {f"{name}_m": values for name, values in response.displacement.items()}
-        for name, angle, moment in zip(response.joints, response.angle, response.moment, strict=True):
-            columns |= {f"{name}_angle_rad": angle, f"{name}_moment_Nm": moment}
-        return {"response.csv": csv_columns(columns, 9)}
-
-    def about(self, result: RigMotion) -> str:
-        """Return the rig and how long it is followed."""
-        return f"{escape(result.rig.name)} (simulated), {result.response.time[-1]:.3g} s after the pulse"
-
-    def show_result(self, result: RigMotion, console: Console) -> None:
-        """Print frequencies, what each joint did, and peaks."""
-        super().show_result(result, console)
-        for name, values in result.response.displacement.items():
-            deflection = amount(float(np.abs(values).max()), "m")
-            console.print(f"largest deflection at {name}: {deflection}", markup=False)
-
-    def details(self, result: RigMotion) -> Iterator[str]:
-        """Yield how it was simulated, and the balance of its energy."""
-        response = result.response
-        yield f"{response.time.size} samples, steps of {1e3 * response.step:g} ms, {response.events} events of joints"
-        before, after = response.energy.max(), response.energy[-1]
-        heat = sum(result.heat.values())
-        yield f"largest energy {before:.4g} J, remaining at the end {after:.4g} J, became heat {heat:.4g} J"
-
-
-def _joint_rows(result: RigMotion) -> tuple[tuple[str, ...], ...]:
-    response, total = result.response, sum(result.heat.values()) or 1.0
-    rows = [
-        (
-            name,
-            amount(float(np.abs(response.angle[index]).max()), "rad"),
-            f"{100 * response.stuck[index].mean():.1f} %",
-            f"{result.last_slips[index]:.2f} s",
-            amount(result.heat[name], "J"),
-            f"{100 * (result.heat[name] / total):.1f} %",
-        )
-        for index, name in enumerate(response.joints)
-    ]
-    lost = response.beam_dissipation
-    return (*rows, ("beams", DASH, DASH, DASH, amount(lost, "J"), f"{100 * (lost / total):.1f} %"))
+    question="How does it move?",
+    simulated=lambda result: True,
+    drawn_from=gather,
+    tables=_tables,
+    page=_page,
+    headline=_trust,
+    print=_print,
+    warnings=lambda result: (),
+    files=_files,
+    details=_details,
+)

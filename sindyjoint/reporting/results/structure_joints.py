@@ -13,11 +13,11 @@ from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.equation import model_table
-from sindyjoint.reporting.figure import Axes, Kind, by_name, each, fixed
+from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, each, fixed, plot
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
-from sindyjoint.reporting.tables import Console, TextTable, print_table
+from sindyjoint.reporting.tables import Console, TextTable, print_table, tabulate
 from sindyjoint.reporting.view import FINDING, View
 
 # Loss of a sensor at which the scale of the picture ends.
@@ -75,12 +75,12 @@ def worth(data: StructureFigures, ax: Axes) -> Axes:
 
 
 def _loop(loop: RecoveredLoop, ax: Axes) -> Axes:
-    ax.plot(1e3 * loop.angle, loop.moment, color=PALETTE[0], label="recovered")
-    if loop.law.size:
-        ax.plot(1e3 * loop.angle, loop.law, ".", color=ACCENT, markersize=2, label="found law, moving")
-    ax.set(xlabel="Angle (mrad)", ylabel="Moment (N m)", title=f"{loop.joint}, {loop.run}")
-    ax.legend(loc="upper left")
-    return ax
+    recovered = {"color": PALETTE[0], "label": "recovered"}
+    found = {"color": ACCENT, "ls": "none", "marker": ".", "ms": 2, "label": "found law, moving"}
+    curves: list[Curve] = [(1e3 * loop.angle, loop.moment, recovered), (1e3 * loop.angle, loop.law, found)]
+    title = f"{loop.joint}, {loop.run}"
+    shown = curves[: 1 + bool(loop.law.size)]
+    return plot(ax, "Angle (mrad)", "Moment (N m)", shown, title, legend="upper left")
 
 
 KINDS = by_name(
@@ -108,132 +108,111 @@ POINTS = 400  # of a loop in the picture
 TERMS = ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval")
 
 
-class StructureJointsView(
-    View[RigDiscovery, StructureFigures],
-    data=StructureFigures,
-    kind="StructureJoints",
-    folder="structure",
-    kinds=KINDS,
-    record_file="structure.json",
-    judged_by=FINDING,
-):
-    """The laws of the joints inside a structure."""
+def gather(result: RigDiscovery) -> StructureFigures:
+    """Return the loops, and what each sensor is worth."""
+    return StructureFigures(
+        result.test.name,
+        tuple(each.joint for each in result.seen),
+        tuple(sensor.name for sensor in result.test.sensors),
+        np.minimum(result.worth, 100.0),
+        tuple(_loops(result)),
+        result.simulated,
+    )
 
-    def drawn_from(self, result: RigDiscovery) -> StructureFigures:
-        """Return the loops, and what each sensor is worth."""
-        return StructureFigures(
-            result.test.name,
-            tuple(each.joint for each in result.seen),
-            tuple(sensor.name for sensor in result.test.sensors),
-            np.minimum(result.worth, 100.0),
-            tuple(_loops(result)),
-            result.simulated,
-        )
 
-    def tables(self, result: RigDiscovery) -> tuple[TextTable, ...]:
-        """Return the terms of every law, how each joint is shown, and the structure's numbers."""
-        models = {law.kind: law.discovery.model for law in result.laws if law.discovery is not None}
-        terms = {kind: model_table(model).take(*TERMS) for kind, model in models.items()}
-        seen = tuple(
-            (
-                one.joint,
-                amount(one.largest_angle, "rad"),
-                f"{100 * one.angle_error:.2g} %",
-                f"{100 * one.moment_error:.2g} %",
-            )
-            for one in result.seen
-        )
-        update = result.update
-        numbers = () if update is None else tuple(
-            (name, f"± {100 * stated:.2g} %", f"{100 * change:+.2f} %", f"± {100 * error:.2g} %")
-            for name, stated, change, error in zip(
-                update.names, update.prior, update.change, update.standard_error, strict=True
-            )
-        )  # fmt: skip
-        return (
-            TextTable(
-                "terms", "Terms by kind of joint", ("Kind", *TERMS),
-                tuple((kind, *row) for kind, table in terms.items() for row in table.rows), text=("Unit",),
+def _tables(result: RigDiscovery) -> tuple[TextTable, ...]:
+    """Return the terms of every law, how each joint is shown, and the structure's numbers."""
+    models = {law.kind: law.discovery.model for law in result.laws if law.discovery is not None}
+    terms = {kind: model_table(model).take(*TERMS) for kind, model in models.items()}
+    joints = {
+        "Joint": lambda one: one.joint,
+        "Recovered angle": lambda one: amount(one.largest_angle, "rad"),
+        "Error of angle": lambda one: f"{100 * one.angle_error:.2g} %",
+        "Error of moment": lambda one: f"{100 * one.moment_error:.2g} %",
+    }
+    update = result.update
+    known = () if update is None else (update.names, update.prior, update.change, update.standard_error)
+    numbers = {
+        "Number": lambda row: row[0],
+        "Stated": lambda row: f"± {100 * row[1]:.2g} %",
+        "Change": lambda row: f"{100 * row[2]:+.2f} %",
+        "Known to": lambda row: f"± {100 * row[3]:.2g} %",
+    }
+    how = "Standard errors of the strongest harmonic, of the run that shows the joint best."
+    rows = tuple((kind, *row) for kind, table in terms.items() for row in table.rows)
+    return (
+        TextTable("terms", "Terms by kind of joint", ("Kind", *TERMS), rows, text=("Unit",)),
+        tabulate("joints", how, result.seen, joints),
+        tabulate("numbers", "Numbers of the structure", zip(*known, strict=True), numbers),
+    )
+
+
+def _page(result: RigDiscovery, data: StructureFigures, show: Blocks, folder: Path | None) -> Page:
+    """Return each law, its terms, and how the joints were recovered."""
+    terms, joints, numbers = map(show.tables, _tables(result))
+    said = markup("<b>{}</b>: {}"), markup(' (<a href="{}/report.html">its page</a>)')
+    laws = []
+    for law in result.laws:
+        there = "" if law.discovery is None else said[1].format(place_of_law(law))
+        laws.append(show.verdict(said[0].format(law.kind, law_words(law)) + there))
+        if law.discovery and law.found:
+            laws.append(show.equation(markup(mathml(law.discovery.model))))
+        laws.append(show.paragraph(sentence(verdict_words(law))))
+    how = (
+        "The joints are cut open; their moments are unknown inputs of the linear rest, and follow from the sensors "
+        "at each harmonic by least squares weighted with their noise. "
+    )
+    recovered = show.paragraph(how + _misfit(result)), joints, show.pictures("worth"), numbers
+    return Page(
+        f"{data.rig}: the law of its joints",
+        "Joints inside a structure",
+        data.rig,
+        "",
+        laws,
+        (),
+        (
+            section(
+                "laws", "Laws", "Laws", terms, show.paragraph(_refined(result)), show.pictures("recovered")
             ),
-            TextTable(
-                "joints", "Standard errors of the strongest harmonic, of the run that shows the joint best.",
-                ("Joint", "Recovered angle", "Error of angle", "Error of moment"), seen,
-            ),
-            TextTable("numbers", "Numbers of the structure", ("Number", "Stated", "Change", "Known to"), numbers),
-        )  # fmt: skip
+            section("recovery", "Recovery", "Recovery", *recovered, show.warnings(result.warnings)),
+        ),
+    )
 
-    def page(self, result: RigDiscovery, data: StructureFigures, show: Blocks, folder: Path | None) -> Page:
-        """Return each law, its terms, and how the joints were recovered."""
-        terms, joints, numbers = self.tables(result)
-        said = markup("<b>{}</b>: {}"), markup(' (<a href="{}/report.html">its page</a>)')
-        laws = []
-        for law in result.laws:
-            there = "" if law.discovery is None else said[1].format(place_of_law(law))
-            laws.append(show.verdict(said[0].format(law.kind, law_words(law)) + there))
-            if law.discovery and law.found:
-                laws.append(show.equation(markup(mathml(law.discovery.model))))
-            laws.append(show.paragraph(sentence(verdict_words(law))))
-        how = (
-            "The joints are cut open; their moments are unknown inputs of the linear rest, and follow from the sensors "
-            "at each harmonic by least squares weighted with their noise. "
+
+def _about(result: RigDiscovery) -> str:
+    """Return how many runs, sensors and joints there are."""
+    simulated = " (simulated)" if result.simulated else ""
+    many = (
+        f"{len(result.recoveries)} run(s), {len(result.test.sensors)} sensor(s), {len(result.seen)} joint(s)"
+    )
+    return f"[bold]{escape(result.test.name)}{simulated}[/]: {many}"
+
+
+def _print(result: RigDiscovery, console: Console) -> None:
+    """Print laws, joints and the structure's numbers."""
+    for law in result.laws:
+        console.print(f"\n[bold]{escape(law.kind)}[/]: {escape(law_words(law))}")
+        if law.discovery is not None and law.found:
+            lines = law.discovery.model.equation(), verdict_words(law)
+            console.print("\n".join(f"  {line}" for line in lines if line), markup=False)
+    for table in _tables(result):
+        if table.rows:
+            console.print(f"\n[bold]{escape(table.title)}[/]")
+            print_table(table.headed(), console)
+    console.print(f"\n{_misfit(result)}")
+    if _refined(result):
+        console.print(_refined(result))
+
+
+def _details(result: RigDiscovery) -> Iterator[str]:
+    """Yield what each run recovered."""
+    for recovery in result.recoveries:
+        spectra = recovery.spectra
+        repeats = f"{spectra.edges.size - 1} blocks" if spectra.repeats else "the whole record"
+        yield (
+            f"{recovery.run.name}: {spectra.frequency:.6g} Hz, {spectra.angular.size} harmonics, {repeats}, "
+            f"left of the sensors {np.sqrt(recovery.misfit / max(recovery.degrees, 1)):.2f} of their noise"
         )
-        return Page(
-            f"{data.rig}: the law of its joints",
-            "Joints inside a structure",
-            data.rig,
-            laws,
-            (
-                section(
-                    "laws",
-                    "Laws",
-                    "Laws",
-                    show.table(terms) if terms.rows else "",
-                    show.paragraph(_refined(result)),
-                    show.pictures("recovered"),
-                ),
-                section(
-                    "recovery",
-                    "Recovery",
-                    "Recovery",
-                    show.paragraph(how + _misfit(result)),
-                    show.table(joints),
-                    show.pictures("worth"),
-                    show.table(numbers) if numbers.rows else "",
-                    show.warnings(result.warnings),
-                ),
-            ),
-        )
-
-    def about(self, result: RigDiscovery) -> str:
-        """Return how many runs, sensors and joints there are."""
-        simulated = " (simulated)" if result.simulated else ""
-        many = f"{len(result.recoveries)} run(s), {len(result.test.sensors)} sensor(s), {len(result.seen)} joint(s)"
-        return f"[bold]{escape(result.test.name)}{simulated}[/]: {many}"
-
-    def show_result(self, result: RigDiscovery, console: Console) -> None:
-        """Print laws, joints and the structure's numbers."""
-        for law in result.laws:
-            console.print(f"\n[bold]{escape(law.kind)}[/]: {escape(law_words(law))}")
-            if law.discovery is not None and law.found:
-                lines = law.discovery.model.equation(), verdict_words(law)
-                console.print("\n".join(f"  {line}" for line in lines if line), markup=False)
-        for table in self.tables(result):
-            if table.rows:
-                console.print(f"\n[bold]{escape(table.title)}[/]")
-                print_table(table.headed(), console)
-        console.print(f"\n{_misfit(result)}")
-        if _refined(result):
-            console.print(_refined(result))
-
-    def details(self, result: RigDiscovery) -> Iterator[str]:
-        """Yield what each run recovered."""
-        for recovery in result.recoveries:
-            spectra = recovery.spectra
-            repeats = f"{spectra.edges.size - 1} blocks" if spectra.repeats else "the whole record"
-            yield (
-                f"{recovery.run.name}: {spectra.frequency:.6g} Hz, {spectra.angular.size} harmonics, {repeats}, "
-                f"left of the sensors {np.sqrt(recovery.misfit / max(recovery.degrees, 1)):.2f} of their noise"
-            )
 
 
 def place_of_law(law: JointLaw) -> str:
@@ -301,3 +280,19 @@ def _misfit(result: RigDiscovery) -> str:
             "There are as many sensors as joints: nothing shows whether the structure is the one described."
         )
     return f"What is left of the sensors is {result.misfit:.2f} times their noise."
+
+
+STRUCTURE_JOINTS = View(
+    about=_about,
+    data=StructureFigures,
+    kind="StructureJoints",
+    folder="structure",
+    kinds=KINDS,
+    record_file="structure.json",
+    judged_by=FINDING,
+    drawn_from=gather,
+    tables=_tables,
+    page=_page,
+    print=_print,
+    details=_details,
+)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,10 +15,12 @@ from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import (
     Axes,
+    Curve,
     Kind,
     Panel,
     Scale,
     by_name,
+    plot,
     scaled,
     short_numbers,
     spread,
@@ -26,16 +28,7 @@ from sindyjoint.reporting.figure import (
 )
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
-from sindyjoint.reporting.style import (
-    INK,
-    MUTED,
-    PALETTE,
-    legend_above,
-    plain,
-    prefixed,
-    pretty_unit,
-    shortened,
-)
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
     Console,
@@ -51,7 +44,7 @@ from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.response.verification import Band, RunVerification, Verification
 from sindyjoint.text import in_words_of_origin, percent, quantities, rounded, spelled
 from sindyjoint.trust import Trust
-from sindyjoint.workflows.refine import RefinedModel, number_labels
+from sindyjoint.workflows.verify import RefinedModel
 
 CYCLES_SHOWN = 6
 UNITS = {
@@ -59,6 +52,9 @@ UNITS = {
 }  # fmt: skip
 # More samples of a response than these no picture shows, and no screen.
 KEPT_SAMPLES, RESPONSE_SAMPLES = 6000, 3000
+MEASURED: Any = {"color": PALETTE[0], "label": "measured"}
+SIMULATED: Any = {"color": INK, "label": "simulated"}
+MARKS: Any = {"ls": "none", "ms": 2.5}
 
 
 def thinned(result: Verification) -> Verification:
@@ -83,23 +79,17 @@ def _time(run: RunVerification) -> str:
 
 def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
     """Draw measured and simulated response over time; zoomed, only the first cycles."""
-    scale, kept = _scale(run), slice(_first_cycles(run) if zoom else None)
+    kept = slice(_first_cycles(run) if zoom else None)
     time = run.time[kept]
-    ax.plot(time, run.measured[kept] * scale.factor, color=PALETTE[0], lw=1.6, label="measured")
+    curves: list[Curve] = [(time, run.measured[kept], MEASURED | {"lw": 1.6})]
     if run.simulated is not None:
-        look: Any = {"color": INK, "lw": 0.8, "ls": (0, (4, 1.5)), "label": "simulated"}
-        ax.plot(time, run.simulated[kept] * scale.factor, **look)
+        curves.append((time, run.simulated[kept], SIMULATED | {"lw": 0.8, "ls": (0, (4, 1.5))}))
     if run.band is not None:
-        ax.fill_between(
-            time, run.band.low[kept] * scale.factor, run.band.high[kept] * scale.factor, color=PALETTE[1],
-            alpha=0.35, lw=0, label="95 % of the model", rasterized=time.size > 4000,
-        )  # fmt: skip
-    ax.set(xlabel=_time(run), ylabel=scale.label)
-    if zoom:
-        legend_above(ax, 2, columns=2)
-    else:
-        ax.set_title(plain(shortened(run.name)))
-    return ax
+        look = {"color": PALETTE[1], "alpha": 0.35, "lw": 0, "rasterized": time.size > 4000}
+        look["label"] = "95 % of the model"
+        curves.append((time, (run.band.low[kept], run.band.high[kept]), look))
+    title, legend = ("", "above") if zoom else (run.name, "none")
+    return plot(ax, _time(run), _scale(run), curves, title, legend=legend, columns=2)
 
 
 def _first_cycles(run: RunVerification) -> int:
@@ -116,19 +106,19 @@ def response_payload(runs: Sequence[RunVerification], virtual: bool = False) -> 
     for run in runs:
         scale, step = _scale(run), -(-run.time.size // RESPONSE_SAMPLES)
         signals = {"virtual test" if virtual else "measured": run.measured, "simulated": run.simulated}
-        for label, signal in signals.items():
-            if signal is not None:
-                curves.append(
-                    {
-                        "label": label,
-                        "run": f"{run.name}, {label}",
-                        "group": run.name,
-                        "x": short_numbers(run.time[::step]),
-                        "y": short_numbers(signal[::step] * scale.factor),
-                        "model": [],
-                        "axis": scale.to_dict(),
-                    }
-                )
+        curves += [
+            {
+                "label": label,
+                "run": f"{run.name}, {label}",
+                "group": run.name,
+                "x": short_numbers(run.time[::step]),
+                "y": short_numbers(signal[::step] * scale.factor),
+                "model": [],
+                "axis": scale.to_dict(),
+            }
+            for label, signal in signals.items()
+            if signal is not None
+        ]
     path = bool(runs) and runs[0].drive == "path"
     length = "m" if path and runs[0].channel == "force" else "rad"
     across = Scale("Travelled path", length, symbol="s") if path else Scale("Time", "s", symbol="t")
@@ -143,91 +133,71 @@ def response_payload(runs: Sequence[RunVerification], virtual: bool = False) -> 
 
 def amplitude(run: RunVerification, ax: Axes) -> Axes:
     """Draw the amplitude of each half-cycle, as a mark, and the envelope by Hilbert's transform as a line."""
-    scale = _scale(run, "Amplitude")
-    # At either end the transform extrapolates: over one period here, over two below.
-    _draw_by_half_cycle(
-        run,
-        ax,
-        1,
-        lambda s: (s.amplitude_time, s.amplitude * scale.factor),
-        lambda height, _: height * scale.factor,
-    )
-    ax.set(yscale="log", ylabel=scale.label)
-    legend_above(ax, 1, columns=2)
-    return ax
+    # At either end the transform extrapolates: over one period here, over two of the period.
+    curves = _by_half_cycle(run, 1, lambda s: (s.amplitude_time, s.amplitude), lambda height, _: height)
+    return plot(ax, _time(run), _scale(run, "Amplitude"), curves, columns=2, yscale="log")
 
 
 def period(run: RunVerification, ax: Axes) -> Axes:
     """Draw the period from each turning point to the next but one as a mark, and Hilbert's as a line."""
-    _draw_by_half_cycle(
-        run, ax, 2, lambda s: (s.time[1:-1], 1e3 * s.period), lambda _, frequency: 1e3 / frequency
-    )
-    ax.set_ylabel("Period (ms)")
-    legend_above(ax, 1, columns=2)
-    return ax
+    curves = _by_half_cycle(run, 2, lambda s: (s.time[1:-1], 1e3 * s.period), lambda _, f: 1e3 / f)
+    return plot(ax, _time(run), "Period (ms)", curves, columns=2)
 
 
-def _draw_by_half_cycle(
+def _by_half_cycle(
     run: RunVerification,
-    ax: Axes,
     cut: int,
     marks: Callable[[Any], tuple[Any, Any]],
     line: Callable[[Any, Any], Any],
-) -> None:
-    """Draw values by half-cycle as marks, and those of Hilbert's transform as a line, its ends cut off."""
-    rate = 1 / (run.time[1] - run.time[0])
-    signals = zip(("measured", "simulated"), run.oscillations, (run.measured, run.simulated), strict=True)
-    for (label, oscillation, signal), color, marker in zip(signals, (PALETTE[0], INK), "ox", strict=True):
+) -> list[Curve]:
+    """Return values by half-cycle as marks, and those of Hilbert's transform as a line, its ends cut off."""
+    rate, curves = 1 / (run.time[1] - run.time[0]), []
+    looks = MEASURED | MARKS | {"marker": "o"}, SIMULATED | MARKS | {"marker": "x"}
+    for oscillation, signal, look in zip(run.oscillations, (run.measured, run.simulated), looks, strict=True):
         if oscillation is not None and signal is not None:
             time, values = marks(oscillation)
-            ax.plot(time + run.time[0], values, color=color, ls="none", marker=marker, ms=2.5, label=label)
             kept = slice(*(cut * int(float(np.median(oscillation.period)) * rate) * side for side in (1, -1)))
-            ax.plot(run.time[kept], line(*hilbert_envelope(signal, rate))[kept], color=color, lw=0.7)
-    ax.set_xlabel(_time(run))
+            curves.append((time + run.time[0], values, look))
+            course = line(*hilbert_envelope(signal, rate))[kept]
+            curves.append((run.time[kept], course, {"color": look["color"], "lw": 0.7}))
+    return curves
 
 
 def error(run: RunVerification, ax: Axes) -> Axes:
     """Draw the residual, simulation less measurement."""
     assert run.simulated is not None
     residual = run.simulated - run.measured
-    scale = scaled("Simulated − measured", residual, UNITS[run.channel])
-    ax.plot(run.time, residual * scale.factor, color=MUTED, lw=0.4, rasterized=residual.size > 4000)
-    ax.set(ylabel=scale.label, xlabel=_time(run))
-    return ax
+    look = {"color": MUTED, "lw": 0.4, "rasterized": residual.size > 4000}
+    up = scaled("Simulated − measured", residual, UNITS[run.channel])
+    return plot(ax, _time(run), up, [(run.time, residual, look)])
 
 
 def energy(run: RunVerification, ax: Axes) -> Axes:
     """Draw the energy dissipated in each cycle."""
     assert run.energy is not None
-    scale = scaled("Dissipated per cycle", run.energy, "J")
     known = run.energy > 1e-4 * float(np.abs(run.energy).max())
-    cycles = np.arange(1, run.energy.shape[1] + 1)
-    looks = (PALETTE[0], "o", "measured"), (INK, "x", "simulated")
-    for values, seen, (color, marker, label) in zip(run.energy, known, looks, strict=True):
-        shown = values[seen] * scale.factor
-        ax.plot(cycles[seen], shown, color=color, ls="none", marker=marker, ms=2.5, label=label)
-    if known.any() and run.energy[known].max() > 5 * run.energy[known].min():
-        ax.set_yscale("log")
-    ax.set(ylabel=scale.label, xlabel="Cycle")
-    legend_above(ax, 1, columns=2)
-    return ax
+    looks = MEASURED | MARKS | {"marker": "o"}, SIMULATED | MARKS | {"marker": "x"}
+    curves = [
+        (np.flatnonzero(seen) + 1, values[seen], look)
+        for values, seen, look in zip(run.energy, known, looks, strict=True)
+    ]
+    wide = known.any() and run.energy[known].max() > 5 * run.energy[known].min()
+    up = scaled("Dissipated per cycle", run.energy, "J")
+    return plot(ax, "Cycle", up, curves, columns=2, yscale="log" if wide else "linear")
 
 
-def _of_runs(draw: Callable[[Any, Axes], Axes], has: Callable[[Any], bool]) -> Callable[[Any], list[Panel]]:
-    """Return panels that draw one run each."""
+def _of_runs(draw: Callable[[Any, Axes], Axes], has: Callable[[Any], object]) -> Callable[[Any], list[Panel]]:
+    """Return panels that draw one run each, named where there are several."""
 
-    def panels(result: Any) -> list[Panel]:
-        shown = spread([run for run in result.runs if has(run)])
-        return [partial(_of_run, draw=draw, run=run, named=len(result.runs) > 1) for run in shown]
+    def panel(result: Any, ax: Axes, run: Any) -> Axes:
+        draw(run, ax)
+        if len(result.runs) > 1:
+            ax.set_title(plain(shortened(run.name)))
+        return ax
 
-    return panels
-
-
-def _of_run(result: Any, ax: Axes, draw: Callable[[Any, Axes], Axes], run: Any, named: bool) -> Axes:
-    draw(run, ax)
-    if named:
-        ax.set_title(plain(shortened(run.name)))
-    return ax
+    return lambda result: [
+        partial(panel, run=run) for run in spread([run for run in result.runs if has(run)])
+    ]
 
 
 KINDS = by_name(
@@ -270,11 +240,8 @@ KINDS = by_name(
         _of_runs(energy, lambda run: run.energy is not None),
     ),
 )
-
-
 # Units that take a prefix; others ("mm", "kip", "inch") are printed as the campaign declares them.
 PREFIXED = ("rad", "m", "N", "N*m", "V", "A")
-NUMBERS = "Numbers of the model before and after the refinement, with one standard error."
 SEEN = {True: "seen", False: "not seen", None: "unknown"}
 
 
@@ -287,10 +254,134 @@ def in_its_unit(run: RunVerification) -> str:
     return f"{short_number(run.rmse * factor)} {unit}".rstrip()
 
 
-class VerificationView(
-    View[Verification, Verification],
+def _tables(result: Verification) -> tuple[TextTable, ...]:
+    """Return the runs and the models' terms."""
+    load = quantities(result.model.joint.motion).moment
+    columns: dict[str, Callable[[RunVerification], str]] = {
+        "Run": lambda run: run.name,
+        "Simulated by": lambda run: run.drive,
+        "Response error": lambda run: percent(run.response_nrmse),
+        "RMSE": in_its_unit,
+        "Noise floor": lambda run: percent(run.noise_floor),
+        f"{load} error": lambda run: percent(run.moment_nrmse),
+        "Amplitude": lambda run: percent(run.amplitude_rms_error),
+        "Period": lambda run: milliseconds(run.mean_period_difference),
+        "Seen by the fit": lambda run: DASH if run.drive == "pulse" else SEEN[run.seen],
+    }
+    virtual = VERIFICATION.simulated(result)
+    caption = in_words_of_origin(virtual, "Errors relative to the RMS of what was measured.")
+    others = (
+        replace(model_table(model), name=f"terms-{place}", title=f"Coefficients of {model.joint.name}.")
+        for place, model in enumerate(result.beside, 2)
+    )
+    return tabulate("runs", caption, result.runs, columns), model_table(result.model), *others
+
+
+def _trust(result: Verification) -> Trust:
+    """Return whether the model gives the response."""
+    return result.trust or judge_verification(result, VERIFICATION.simulated(result), None)
+
+
+def _page(
+    tables: Callable[[Any], tuple[TextTable, ...]],
+    result: Verification,
+    data: Verification,
+    show: Blocks,
+    folder: Path | None,
+) -> Page:
+    """Return verdict and equations, runs, responses, decay, models."""
+    passed, virtual = result.verdict == "passed", VERIFICATION.simulated(result)
+    load = quantities(result.model.joint.motion).moment
+    errors = [run.beyond_noise for run in spread(data.runs)]
+    caption = VERIFICATION.figures(data)["cycles"].caption
+    if len(result.runs) > 1:
+        caption = f"Worst of the runs: {caption[:1].lower()}{caption[1:]}"
+    said = f"The model {'gives the measured' if passed else 'misses the'} response."
+    badge = "confirmed" if passed else "refuted"
+    facts = [
+        (f"{load} error", percent(result.moment_nrmse), "relative RMS"),
+        ("Amplitude", percent(result.amplitude_rms_error), "RMS difference, of the first amplitude"),
+        ("Period", milliseconds(result.mean_period_difference), "mean difference"),
+    ]
+    runs, *others = tables(result)
+    failures = [f"{run.name}: {run.failure}." for run in result.runs if run.failure]
+    seen = "virtual test" if virtual else "measured"
+    return Page(
+        f"{result.model.joint.name} against {result.subject}",
+        f"Model against {'rig' if result.kind == 'rig' else 'runs'}: {result.subject}",
+        result.model.joint.name,
+        show.hero("cycles", errors.index(max(errors)), caption),
+        (
+            show.verdict(in_words_of_origin(virtual, said), badge, result.verdict),
+            *(show.equation(markup(mathml(model))) for model in (result.model, *result.beside)),
+        ),
+        (show.facts(facts), show.warnings(_warnings(result))),
+        (
+            section("runs", "Runs", "Runs", show.table(runs), show.items(failures)),
+            section(
+                "response",
+                f"Simulated over {'the virtual test' if virtual else 'measured'}",
+                "Response",
+                show.curves(f"{capital(seen)} and simulated response over time"),
+                show.pictures("response", "cycles", "error"),
+            ),
+            section(
+                "decay",
+                "Amplitude, period and energy",
+                "Decay",
+                show.pictures("envelope", "period", "energy"),
+            ),
+            section("model", "The model", "Model", *map(show.table, others)),
+        ),
+        {"loops": response_payload(result.runs, virtual)},
+    )
+
+
+def _files(result: Verification, data: Verification) -> dict[str, str]:
+    """Return the models."""
+    models = (result.model, *result.beside)
+    return {f"model{f'-{n}' * (n > 1)}.json": each.to_json() + "\n" for n, each in enumerate(models, 1)}
+
+
+def _about(result: Verification) -> str:
+    """Return what is compared with what, and the verdict."""
+    where = "the rig" if result.kind == "rig" else "the runs of"
+    virtual = " (simulated, not measured)" if VERIFICATION.simulated(result) else ""
+    compared = f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}{virtual}"
+    return f"{compared}: [bold]{result.verdict}[/]"
+
+
+def _print(result: Verification, console: Console) -> None:
+    """Print equation and figures."""
+    # The rates of internal states stand below.
+    lines = [line for model in (result.model, *result.beside) for line in model.equation().split("; ")]
+    console.print("\n".join(f"  {escape(line)}" for line in lines) + "\n")
+    runs = _tables(result)[0]
+    rows = tuple((shortened(name), *others) for name, *others in runs.rows)
+    print_table(replace(runs, rows=rows).headed(), console, "llr")
+    console.print(f"\n{escape(result.reason)}")
+
+
+def _warnings(result: Verification) -> list[str]:
+    """Return those that no light above them holds."""
+    held = "".join(light.sentence for light in _trust(result).question)
+    return [text for text in result.warnings if text not in held]
+
+
+_DETAILS: dict[str, Callable[[RunVerification], str]] = {
+    "run": lambda run: run.name,
+    "simulated by": lambda run: run.drive,
+    "samples": lambda run: str(run.measured.size),
+    "error": lambda run: short_number(run.response_nrmse),
+    "noise": lambda run: short_number(run.noise_floor),
+    "beyond noise": lambda run: short_number(run.beyond_noise),
+    "band drawn": lambda run: DASH if run.band is None else str(run.band.draws),
+    "failed": lambda run: DASH if run.band is None else str(run.band.failed),
+}
+VERIFICATION = View(
+    about=_about,
     data=Verification,
-    records_key="runs",
+    rows="runs",
     kind="Verification",
     folder="verification",
     kinds=KINDS,
@@ -298,155 +389,45 @@ class VerificationView(
     judged_by=("states", "response", "workflows"),
     question="What is the result?",
     renamed={"kind": "subject_kind"},
-):
-    """A verification."""
-
-    def kept(self, data: Verification) -> Verification:
-        """Return it with no more samples than a picture shows."""
-        return thinned(data)
-
-    def tables(self, result: Verification) -> tuple[TextTable, ...]:
-        """Return the runs and the models' terms."""
-        load = quantities(result.model.joint.motion).moment
-        columns: dict[str, Callable[[RunVerification], str]] = {
-            "Run": lambda run: run.name,
-            "Simulated by": lambda run: run.drive,
-            "Response error": lambda run: percent(run.response_nrmse),
-            "RMSE": in_its_unit,
-            "Noise floor": lambda run: percent(run.noise_floor),
-            f"{load} error": lambda run: percent(run.moment_nrmse),
-            "Amplitude": lambda run: percent(run.amplitude_rms_error),
-            "Period": lambda run: milliseconds(run.mean_period_difference),
-            "Seen by the fit": lambda run: DASH if run.drive == "pulse" else SEEN[run.seen],
-        }
-        what = "Errors relative to the RMS of what was measured."
-        caption = in_words_of_origin(self.simulated(result), what)
-        others = tuple(
-            replace(model_table(model), name=f"terms-{number}", title=f"Coefficients of {model.joint.name}.")
-            for number, model in enumerate(result.beside, 2)
-        )
-        return tabulate("runs", caption, result.runs, columns), model_table(result.model), *others
-
-    def page(self, result: Verification, data: Verification, show: Blocks, folder: Path | None) -> Page:
-        """Return verdict and equations, runs, responses, decay, models."""
-        passed, virtual = result.verdict == "passed", self.simulated(result)
-        load = quantities(result.model.joint.motion).moment
-        errors = [run.beyond_noise for run in spread(data.runs)]
-        caption = self.figures(data)["cycles"].caption
-        if len(result.runs) > 1:
-            caption = f"Worst of the runs: {caption[:1].lower()}{caption[1:]}"
-        said = f"The model {'gives the measured' if passed else 'misses the'} response."
-        badge = "confirmed" if passed else "refuted"
-        models = (result.model, *result.beside)
-        found = (
-            show.verdict(in_words_of_origin(virtual, said), badge, result.verdict),
-            *(show.equation(markup(mathml(model))) for model in models),
-        )
-        facts = [
-            (f"{load} error", percent(result.moment_nrmse), "relative RMS"),
-            ("Amplitude", percent(result.amplitude_rms_error), "RMS difference, of the first amplitude"),
-            ("Period", milliseconds(result.mean_period_difference), "mean difference"),
-        ]
-        runs, *others = self.tables(result)
-        failures = [f"{run.name}: {run.failure}." for run in result.runs if run.failure]
-        seen = "virtual test" if virtual else "measured"
-        hero = self.hero(show, data, "cycles", errors.index(max(errors)), caption)
-        return Page(
-            f"{result.model.joint.name} against {result.subject}",
-            f"Model against {'rig' if result.kind == 'rig' else 'runs'}: {result.subject}",
-            result.model.joint.name,
-            (
-                show.answers(self.headline(result), self.question, hero, found),
-                show.facts(facts),
-                show.warnings(self.warnings(result)),
-            ),
-            (
-                section("runs", "Runs", "Runs", show.table(runs), show.items(failures)),
-                section(
-                    "response",
-                    f"Simulated over {'the virtual test' if virtual else 'measured'}",
-                    "Response",
-                    show.curves(f"{capital(seen)} and simulated response over time"),
-                    show.pictures("response", "cycles", "error"),
-                ),
-                section(
-                    "decay",
-                    "Amplitude, period and energy",
-                    "Decay",
-                    show.pictures("envelope", "period", "energy"),
-                ),
-                section("model", "The model", "Model", *list(map(show.table, others))),
-            ),
-            {"loops": response_payload(result.runs, virtual)},
-        )
-
-    def files(self, result: Verification, data: Verification) -> dict[str, str]:
-        """Return the models."""
-        others = {f"model-{n}.json": each.to_json() + "\n" for n, each in enumerate(result.beside, 2)}
-        return {"model.json": result.model.to_json() + "\n", **others}
-
-    def headline(self, result: Verification) -> Trust:
-        """Return whether the model gives the response."""
-        return result.trust or judge_verification(result, self.simulated(result), None)
-
-    def about(self, result: Verification) -> str:
-        """Return what is compared with what, and the verdict."""
-        where = "the rig" if result.kind == "rig" else "the runs of"
-        virtual = " (simulated, not measured)" if self.simulated(result) else ""
-        compared = f"{escape(result.model.joint.name)} against {where} {escape(result.subject)}{virtual}"
-        return f"{compared}: [bold]{result.verdict}[/]"
-
-    def show_result(self, result: Verification, console: Console) -> None:
-        """Print equation and figures."""
-        # The rates of internal states stand below.
-        lines = [line for model in (result.model, *result.beside) for line in model.equation().split("; ")]
-        console.print("\n".join(f"  {escape(line)}" for line in lines) + "\n")
-        runs = self.tables(result)[0]
-        rows = tuple((shortened(name), *others) for name, *others in runs.rows)
-        print_table(replace(runs, rows=rows).headed(), console, "llr")
-        console.print(f"\n{escape(result.reason)}")
-
-    def warnings(self, result: Verification) -> list[str]:
-        """Return those that no light above them holds."""
-        held = "".join(light.sentence for light in self.headline(result).question)
-        return [text for text in result.warnings if text not in held]
-
-    def details(self, result: Verification) -> Iterator[str]:
-        """Yield how each run was simulated and judged."""
-        columns: dict[str, Callable[[RunVerification], str]] = {
-            "run": lambda run: run.name,
-            "simulated by": lambda run: run.drive,
-            "samples": lambda run: str(run.measured.size),
-            "error": lambda run: short_number(run.response_nrmse),
-            "noise": lambda run: short_number(run.noise_floor),
-            "beyond noise": lambda run: short_number(run.beyond_noise),
-            "tolerated": lambda run: f"{result.tolerance:g}",
-            "band drawn": lambda run: DASH if run.band is None else str(run.band.draws),
-            "failed": lambda run: DASH if run.band is None else str(run.band.failed),
-        }
-        yield from aligned(tabulate("runs", "", result.runs, columns))
+    kept=thinned,
+    headline=_trust,
+    tables=_tables,
+    page=partial(_page, _tables),
+    files=_files,
+    print=_print,
+    warnings=_warnings,
+    details=lambda result: aligned(
+        tabulate("runs", "", result.runs, _DETAILS | {"tolerated": lambda run: f"{result.tolerance:g}"})
+    ),
+)
 
 
-class RefinementView(VerificationView, folder="refinement"):
-    """A model refined on a campaign: its numbers before and after, and what a verification shows."""
+def _with_numbers(result: Verification) -> tuple[TextTable, ...]:
+    """Return the numbers before and after in addition to runs and terms."""
+    if not isinstance(result, RefinedModel) or result.before is None:
+        return _tables(result)
+    columns: dict[str, Callable[[Any], str]] = {
+        "Number": lambda each: spelled(each.number),
+        "Before": lambda each: rounded(*each.before),
+        "After": lambda each: rounded(*each.after),
+        "Unit": lambda each: pretty_unit(each.unit),
+    }
+    title = "Numbers of the model before and after the refinement, with one standard error."
+    return *_tables(result), tabulate("numbers", title, result.numbers, columns)
 
-    def tables(self, result: Verification) -> tuple[TextTable, ...]:
-        """Return the numbers before and after in addition to runs and terms."""
-        tables = super().tables(result)
-        if not isinstance(result, RefinedModel) or result.before is None:
-            return tables
-        old, new = result.before, result.model
-        numbers = zip(
-            number_labels(new), old.numbers, old.number_errors, new.numbers, new.number_errors, strict=True
-        )
-        rows = tuple(
-            (spelled(name), rounded(a, b), rounded(c, d), pretty_unit(unit))
-            for (name, unit), a, b, c, d in numbers
-        )
-        return *tables, TextTable("numbers", NUMBERS, ("Number", "Before", "After", "Unit"), rows)
 
-    def show_result(self, result: Verification, console: Console) -> None:
-        """Print the numbers before and after, then what a verification prints."""
-        print_table(self.tables(result)[-1].headed(), console, "lrrl")
-        console.print("")
-        super().show_result(result, console)
+def _print_refinement(result: Verification, console: Console) -> None:
+    """Print the numbers before and after, then what a verification prints."""
+    print_table(_with_numbers(result)[-1].headed(), console, "lrrl")
+    console.print("")
+    _print(result, console)
+
+
+#: A model refined on a campaign: its numbers before and after, and what a verification shows.
+REFINEMENT = replace(
+    VERIFICATION,
+    folder="refinement",
+    tables=_with_numbers,
+    page=partial(_page, _with_numbers),
+    print=_print_refinement,
+)

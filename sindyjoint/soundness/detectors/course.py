@@ -99,7 +99,7 @@ def drift_of(
     scatter = float(np.std(series - slope * place - start))
     total = abs(slope) * (place[-1] - place[0] + 1)
     early, late = (np.polyfit(place[part], series[part], 1)[0] for part in (slice(half), slice(-half, None)))
-    alike = early * late > 0 and POLICY.even < early / late < 1 / POLICY.even
+    alike = early * late > 0 and 1 / POLICY.contrast < early / late < POLICY.contrast
     stands = total > max(least, POLICY.outstanding * scatter) and (alike or not even)
     return float(slope) if stands else None
 

@@ -292,7 +292,7 @@ def find_mains(record: Record, words: Words) -> Iterator[Finding]:
         for mains in MAINS if channel.name != "rate" else ():
             amplitude = mains_line(channel.values, record, mains)
             share = amplitude / np.sqrt(2) / channel.std
-            if share < POLICY.visible:
+            if share < POLICY.bears:
                 continue
             yield words.finding(
                 "mains_hum",

@@ -156,7 +156,7 @@ def held_spans(channel: Channel, moves: bool = False) -> Spans:
     # What is at a limit of the channel is saturation.
     low, high = channel.levels[0][[0, -1]] + AT_LIMIT * channel.range * np.array([1, -1])
     spans = [(a, b + 1) for a, b in spans_of(equal) if x[a] == 0.0 or low < x[a] < high]
-    if not channel.quantised or (moves and channel.step < POLICY.nearly * POLICY.visible * channel.std):
+    if not channel.quantised or (moves and channel.step < POLICY.nearly * POLICY.bears * channel.std):
         least = _least_length(equal)
         return tuple(s for s in spans if s[1] - s[0] >= least)
     step = np.abs(np.diff(x, prepend=x[0], append=x[-1]))
@@ -224,9 +224,9 @@ def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
     for channel in record.alive:
         share = channel.step / channel.std if channel.std else 0.0
         many = channel.levels[0].size > channel.values.size / 4
-        if not channel.quantised or share < POLICY.visible or many:
+        if not channel.quantised or share < POLICY.bears or many:
             continue
-        coarse = share > POLICY.coarse
+        coarse = share > POLICY.nearly
         yield Finding(
             "coarse_quantisation",
             record.name,
@@ -270,7 +270,7 @@ def spike_samples(channel: Channel) -> Mask:
     )
     away = np.abs(channel.values - np.partition(windows, REACH, axis=1)[:, REACH])
     usual = POLICY.outstanding * max(float(np.quantile(away, USUAL)), channel.step)
-    marked: Mask = away > max(usual, (2.0 if channel.jumps else POLICY.spike) * channel.amplitude)
+    marked: Mask = away > max(usual, (2.0 if channel.jumps else POLICY.unit) * channel.amplitude)
     # What happens all the time (impacts, stick-slip) belongs to the joint.
     return marked if np.mean(marked) <= POLICY.bears else np.zeros_like(marked)
 

@@ -42,7 +42,7 @@ def find_signs(
     stiff = np.array(
         [_likeness(moment - moment.mean(), angle - angle.mean()) for _, moment, _, angle in rows]
     )
-    backwards, load_name = loss < -POLICY.given_off, words.of("moment")
+    backwards, load_name = loss < -POLICY.gain, words.of("moment")
     if backwards.all():
         flipped = bool(np.all(stiff < 0) or np.all(loss < -POLICY.explains))
         falls = f", and the {load_name} falls with the {words.of('angle')}" if flipped else ""
