@@ -155,7 +155,7 @@ def test_without_a_restoring_moment_every_segment_starts_from_an_estimated_state
     jacobian, place = problem.jacobian(x), names.index("initial rate of fast, segment 3")
     step = np.zeros(x.size)
     step[place] = 1e-2 * problem.parameters[place].scale
-    separate = (problem.residual(x + step) - problem.residual(x)) / step[place]
+    separate = (problem.residual(x + step) - problem.residual(x - step)) / (2 * step[place])
     np.testing.assert_allclose(jacobian[:, place], separate, atol=1e-6 * np.abs(separate).max())
     found = refine(free_model(2.2, 0.7), made)
     errors = found.model.standard_errors
