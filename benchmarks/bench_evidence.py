@@ -71,7 +71,7 @@ def sparse_campaign(seed, noise, drive, samples):
 
 
 def analyse(campaign, library="paper", states="auto"):
-    """Return what is discovered without and with the correction of bias."""
+    """Return what is discovered on states as measured and on completed ones."""
     from sindyjoint.workflows.discover import discover
 
     plain = discover(campaign, library=library, states=states, correct=False)
@@ -113,7 +113,7 @@ def one_coverage(seed: int, noise: float, drive: str | None, states: str, sample
     if found.model.ids != TRUE_IDS:
         return dict(seed=seed, drive=plan.drive, ids=found.model.ids)
     low, high = row_bootstrap(found)
-    tests = frequency_tests(fixed, fixed.bias)
+    tests = frequency_tests(fixed)
 
     def inside(model):
         return [t.interval95[0] <= v <= t.interval95[1] for t, v in zip(model.terms, plan.truth, strict=True)]
@@ -147,21 +147,21 @@ def coverage(given) -> None:
         part = [r for r in good if drive in ("all", r["drive"])]
         print(f"\n{drive} ({len(part)})" + " " * 24 + "".join(f"{name:>8}" for name in (*NAMES, "pooled")))
         lines = {
-            "coverage, no correction": ("plain", 100),
-            "coverage, bias corrected": ("corrected", 100),
+            "coverage, as measured": ("plain", 100),
+            "coverage, completed": ("corrected", 100),
             "coverage, bootstrap of rows": ("rows", 100),
         }
         for label, (key, factor) in lines.items():
             values = factor * np.mean([r[key] for r in part], axis=0)
             _row(label, [*values, np.mean(values)])
         for label, key in (
-            ("RMS error %, no correction", "error"),
-            ("RMS error %, corrected", "corrected_error"),
+            ("RMS error %, as measured", "error"),
+            ("RMS error %, completed", "corrected_error"),
         ):
             _row(label, 100 * np.sqrt(np.mean(np.square([r[key] for r in part]), axis=0)), 3)
         if not any(r["p"] for r in part):
             continue  # runs without a frequency
-        for label, key in (("false alarms %, no correction", "p_plain"), ("false alarms %, corrected", "p")):
+        for label, key in (("false alarms %, as measured", "p_plain"), ("false alarms %, completed", "p")):
             _row(label, 100 * np.mean(np.array([r[key] for r in part]) < 0.05, axis=0))
         for answer in ("independent within margin", "cannot tell"):
             _row(f"% {answer}", 100 * np.mean(np.array([r["answers"] for r in part]) == answer, axis=0))
@@ -181,7 +181,7 @@ def one_power(seed: int, noise: float, effect: str, drive: str | None) -> dict:
         else maxwell_campaign(plan, noise, 600.0, 0.03)
     )
     _, found = analyse(campaign)
-    tests = {test.name: test for test in frequency_tests(found, found.bias)}
+    tests = {test.name: test for test in frequency_tests(found)}
     return {name: (test.p_value < 0.05, test.change, test.answer) for name, test in tests.items()}
 
 

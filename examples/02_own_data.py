@@ -14,8 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import sindyjoint
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.states import force_states
+from sindyjoint import force_states, virtual_campaign
 
 CAMPAIGN = """
 [joint]

@@ -14,8 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import sindyjoint
-from sindyjoint.mechanics.laws import FunctionLaw
-from sindyjoint.mechanics.virtual import virtual_campaign
+from sindyjoint import FunctionLaw, virtual_campaign
 
 CATALOGUE = """
 name = "detents"

@@ -12,9 +12,7 @@ from sklearn.model_selection import GridSearchCV, LeaveOneGroupOut, cross_val_sc
 from sklearn.pipeline import Pipeline
 from sklearn.preprocessing import FunctionTransformer
 
-from sindyjoint import JointRegressor
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.states import campaign_states, regression_rows
+from sindyjoint import JointRegressor, campaign_states, regression_rows, virtual_campaign
 
 campaign = virtual_campaign(noise=0.02, rng=4)
 rows = regression_rows(campaign_states(campaign), campaign.joint.inertia)

@@ -9,10 +9,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 import sindyjoint
-from sindyjoint.mechanics.rigs import load_rig
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.mechanics.virtual_rig import hinges, with_laws
-from sindyjoint.response.laws import model_law
+from sindyjoint import hinges, load_rig, model_law, virtual_campaign, with_laws
 
 # Two joints are tested one by one; the models found take their places in the wing.
 laws = {

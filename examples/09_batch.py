@@ -8,10 +8,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from sindyjoint.files import write_campaign
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.mechanics.virtual import virtual_campaign
-from sindyjoint.workflows.batch import batch
+from sindyjoint import INTER_PANEL, batch, virtual_campaign, write_campaign
 
 
 def make_campaigns(folder: Path) -> None:

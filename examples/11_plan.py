@@ -11,10 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import sindyjoint
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.planning.plan_file import play
-from sindyjoint.reporting.registry import draw
-from sindyjoint.reporting.style import figure_bytes
+from sindyjoint import INTER_PANEL, draw, figure_bytes, play
 
 # In a terminal: sindyjoint plan --drive angle --range "linear_stiffness=5..8 kN*m/rad" ... --out plan
 plan = sindyjoint.plan(

@@ -11,10 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import sindyjoint
-from sindyjoint.mechanics.rig_test_file import load_rig_plan
-from sindyjoint.mechanics.virtual_rig import virtual_rig_test
-from sindyjoint.reporting.registry import draw
-from sindyjoint.reporting.style import figure_bytes
+from sindyjoint import draw, figure_bytes, load_rig_plan, virtual_rig_test
 
 # In a terminal: sindyjoint simulate pulse-rig --out test; sindyjoint discover test/rig.toml
 plan = load_rig_plan("pulse-rig")

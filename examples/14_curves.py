@@ -12,9 +12,7 @@ from pathlib import Path
 import numpy as np
 
 import sindyjoint
-from sindyjoint.mechanics.laws import INTER_PANEL
-from sindyjoint.reporting.registry import draw
-from sindyjoint.reporting.style import figure_bytes
+from sindyjoint import INTER_PANEL, draw, figure_bytes
 
 model = sindyjoint.discover().model
 

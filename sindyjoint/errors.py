@@ -23,6 +23,15 @@ class SindyJointError(Exception):
     ----------
     status : int
         The exit status of a command that ends with it.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> try:
+    ...     sindyjoint.load_campaign("nowhere.toml")
+    ... except sindyjoint.SindyJointError as error:
+    ...     print(error)
+    'nowhere.toml' does not exist; expected a campaign.toml, or a folder with one
     """
 
     status: ClassVar[int] = 2

@@ -74,6 +74,12 @@ class Joint:
         Serial number.
     labels : mapping of str to str
         Anything else the person wrote down about the joint.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> sindyjoint.Joint("latch", inertia=0.02, temperature=293.15).motion
+    'rotation'
     """
 
     name: str = "joint"
@@ -142,6 +148,14 @@ class Run:
     InputError
         For signals of different length, too few samples, values that are not finite, or a sampling rate that
         cannot resolve the frequency.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> t = np.arange(1000) / 500
+    >>> run = sindyjoint.Run("4 Hz", np.sin(25 * t), 1e-3 * np.sin(25 * t), sample_rate=500.0, frequency=4.0)
+    >>> run.duration
+    2.0
     """
 
     name: str
@@ -275,6 +289,19 @@ class Campaign(Shown):
     gain_uncertainty : mapping of str to float
         Relative standard uncertainty of the gain of ``"moment"``, ``"angle"``, ``"rate"``, where declared: an error
         that all runs share.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> len(test.runs), test.joint.inertia
+    (4, 0.02)
+    >>> t = np.arange(1000) / 500
+    >>> made = sindyjoint.Campaign.from_arrays(
+    ...     moment=np.sin(25 * t), angle=0.1 * np.sin(25 * t), rate="500 Hz", units={"angle": "mrad"}
+    ... )
+    >>> bool(made.runs[0].angle.max() < 1.1e-4)
+    True
     """
 
     joint: Joint

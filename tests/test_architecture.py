@@ -17,6 +17,7 @@ BASE = {
     "policy",
     "numeric",
     "documents",
+    "tables",
     "hooks",
     "described",
     "trust",
@@ -27,7 +28,7 @@ DOOR = BASE | {"files"}
 DATA = BASE | {"parallel", "clock", "states", "equation"}
 EXPLAINS = DATA | {"discovery", "files"}
 RESPONDS = DATA | DOOR | {"mechanics", "discovery", "response"}
-DIAGNOSES = RESPONDS | {"bias", "soundness", "evidence", "diagnosis"}
+DIAGNOSES = RESPONDS | {"soundness", "evidence", "diagnosis"}
 ALLOWED = {
     "errors": set(),
     "text": set(),
@@ -48,6 +49,7 @@ ALLOWED = {
         "record",
     },  # runs are made of what sensors measured
     "documents": {"errors", "text"},
+    "tables": {"errors", "text"},
     "clock": set(),
     "parallel": {"errors", "clock"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
@@ -57,9 +59,8 @@ ALLOWED = {
     "trust": {"described"},
     "equation": BASE,
     "mechanics": DOOR | {"equation", "clock"},  # rigs are read from files; a formula is a list of operations
-    "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
+    "discovery": DATA | {"files", "evidence"},  # rows that do not fit in memory are read in segments
     "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
-    "bias": RESPONDS,
     "substructure": RESPONDS,
     "soundness": RESPONDS | {"substructure"},  # sensors of a structure are held against each other through it
     "diagnosis": (DIAGNOSES | {"paper", "substructure"}) - {"diagnosis"},

@@ -3,7 +3,6 @@
 import subprocess
 import sys
 from dataclasses import replace
-from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,7 @@ from sindyjoint.errors import (
     UnitError,
     UnknownNameError,
 )
+from tests.doors.inventory import parameters
 
 VERBS = ("check", "compare", "diagnose", "discover", "init", "simulate", "verify")
 
@@ -69,11 +69,18 @@ def test_random_numbers_are_asked_for_as_spec_7_has_it():
     assert all(np.array_equal(first, each) for each in (*same, older)) and not np.array_equal(first, other)
     with pytest.raises(OptionError, match=r"simulate\(\) got rng and random_state, which are one; give rng"):
         sindyjoint.simulate(rng=3, random_state=3)
-    drawn = [name for name in sindyjoint.__all__ if "rng" in signature(getattr(sindyjoint, name)).parameters]
-    assert set(VERBS) - {"init", "curves"} <= {*drawn} and {"discover_rig", "diagnose_rig"} <= {*drawn}
-    estimators = {"JointRegressor", "UniqueShareSTLSQ"}
-    older = {n for n in sindyjoint.__all__ if "random_state" in signature(getattr(sindyjoint, n)).parameters}
-    assert older == estimators
+    asked = {name: parameters(getattr(sindyjoint, name)) for name in sindyjoint.__all__}
+    drawn = {name for name, own in asked.items() if "rng" in own}
+    assert set(VERBS) - {"init"} | {"discover_rig", "diagnose_rig", "plan", "virtual_campaign"} <= drawn
+    older = {name for name, own in asked.items() if "random_state" in own}
+    assert older == {"JointRegressor", "UniqueShareSTLSQ"}
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 31])
+def test_arrays_of_a_few_samples_are_refused(count):
+    t = np.arange(count) / 500
+    with pytest.raises(InputError, match=f"{count} samples; expected at least 32"):
+        Campaign.from_arrays(moment=np.sin(25 * t + 1), angle=np.sin(25 * t), rate="500 Hz")
 
 
 def test_options_that_are_passed_on_are_known():

@@ -6,22 +6,56 @@ from pathlib import Path
 
 import pytest
 
+import sindyjoint
 from tests.conftest import unit_of
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = [
-    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
     for path in sorted((ROOT / "sindyjoint").rglob("*.py"))
     if ">>> " in path.read_text(encoding="utf-8")
 ]
 
 
+# One that searches the whole structure.
+SLOW = "sindyjoint.workflows.diagnose.diagnose_structure"
+
+
+def run_examples(module, chosen):
+    """Run the examples of a module's docstrings that are chosen by name; return how many lines were run."""
+    # What pytest's own --doctest-modules allows; that would load all modules, and each worker would.
+    runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS)
+    for each in doctest.DocTestFinder().find(import_module(module)):
+        if chosen(each.name):
+            runner.run(each)
+    assert not runner.failures
+    return runner.tries
+
+
 @pytest.mark.parametrize("module", EXAMPLES)
-def test_examples_of_docstrings_give_what_they_show(module):
-    # What pytest's own --doctest-modules allows; that would load all 500 modules, and each worker would.
-    tried = doctest.testmod(import_module(module), optionflags=doctest.ELLIPSIS)
-    assert not tried.failed
-    assert tried.attempted or "doctest: +SKIP" in Path(import_module(module).__file__).read_text("utf-8")
+def test_examples_of_docstrings_give_what_they_show(module, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run_examples(module, lambda name: name != SLOW)
+
+
+@pytest.mark.slow
+def test_an_example_that_takes_long_gives_what_it_shows(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run_examples(SLOW.rpartition(".")[0], lambda name: name == SLOW)
+
+
+@pytest.mark.parametrize("name", [each for each in sindyjoint.__all__ if not each.isupper()])
+def test_a_public_name_has_an_example_that_is_run(name):
+    each = getattr(sindyjoint, name)
+    (own,) = doctest.DocTestFinder(recurse=False).find(each, name)
+    assert "\n    Examples\n    --------\n" in each.__doc__ and own.examples, name
+    assert each.__module__ in EXAMPLES and not any(doctest.SKIP in line.options for line in own.examples)
+
+
+def test_there_is_one_list_of_public_names_and_not_a_long_one():
+    assert 40 <= len(sindyjoint.__all__) <= 60
+    with pytest.raises(AttributeError):
+        sindyjoint.workflow  # noqa: B018
 
 
 def test_tests_that_share_a_fixture_share_a_worker():

@@ -144,7 +144,7 @@ def discover(
         bool,
         typer.Option(
             "--correct/--no-correct",
-            help="Take out of the coefficients what noise and processing do to them, as synthetic replicates show.",
+            help="Complete the motion by a simulation of the model with what its processing cuts off.",
         ),
     ] = default_of(DISCOVER, "correct"),
     refine: Annotated[

@@ -118,9 +118,10 @@ class Progress:
                 print(f"           {line}".rstrip(), file=sys.stderr)
 
     def end(self) -> None:
-        """Show nothing more: what is printed from now on stands alone."""
+        """Show nothing more: what is printed from now on stands alone, and an error is the last line."""
         if self._timer is not None:
             self._timer.cancel()
+            self._timer.join()  # it may be about to print
         if self._status is not None:
             self._status.stop()
             self._status = None

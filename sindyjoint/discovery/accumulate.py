@@ -2,7 +2,7 @@
 
 A Gram matrix squares the condition number: at 1e6 it leaves four digits. The Gram matrix of *preconditioned* columns
 X·P⁻¹, P a triangular factor of the rows so far, does not: it is near the identity, and with H = P⁻ᵀXᵀX P⁻¹ = R̃ᵀR̃ the
-factor of X is R̃·P. Solving with P and multiplying is done in one sweep over rows that stay in the cache. Rows that P
+factor of X is R̃·P. Rows are solved with P and multiplied a tile at a time, which stays in the cache. Rows that P
 does not suit (they excite what the rows so far did not) are decomposed by themselves, and P is renewed.
 
 Reference: the Cholesky QR with preconditioning of Fukaya, Kannan, Nakatsukasa, Yamamoto and Yanagisawa, SIAM J. Sci.
@@ -75,30 +75,27 @@ class Base:
         root = _divided(triangle, self.triangle)
         return np.asarray(root.T @ root)
 
-    def products(self, block: Array, scratch: Array) -> Array:
-        """Return the upper half of H of a block, shape (p + 1, n), whose rows are the columns."""
-        # numba is imported where it is first needed.
-        from sindyjoint.discovery import products
+    def products(self, block: Array) -> Array:
+        """Return H of a block, shape (p + 1, n), whose rows are the columns."""
+        from scipy.linalg.blas import dtrsm
 
-        gram = np.zeros_like(self.triangle)
         if not self.diagonal:
-            products.solved(block, self.triangle, scratch, gram)
-            return gram
-        products.plain(block, gram)
+            solved = dtrsm(1.0, self.triangle, block.T, side=1)
+            return np.asarray(solved.T @ solved)
         scale = np.diag(self.triangle)
-        return np.asarray(gram / np.outer(scale, scale))
+        return np.asarray(block @ block.T / np.outer(scale, scale))
 
     def weakest(self, gram: Array, rows: float) -> float:
         """Return the least of H of so many rows, counted as :func:`_find_weakest` does."""
-        return _find_weakest(_symmetric(gram) + rows * np.diag(self.free))
+        return _find_weakest(gram + rows * np.diag(self.free))
 
     def factor_of(self, gram: Array) -> Array:
-        """Return the triangular factor of rows of which the upper half of H is known."""
+        """Return the triangular factor of rows of which H is known."""
         from scipy.linalg.lapack import dpotrf
 
         # A column of zeros stays one: of what rounding makes of it it would no longer be seen to be nothing.
         nothing = np.diag(gram) == 0
-        full = _symmetric(gram) + np.diag(nothing.astype(float))
+        full = gram + np.diag(nothing.astype(float))
         root, failed = dpotrf(full, lower=0, clean=1)
         if failed:
             values, vectors = np.linalg.eigh(full)
@@ -123,11 +120,10 @@ class GramSum:
     def __init__(self, base: Base):
         self.base = base
         self.gram = np.zeros_like(base.triangle)
-        self._scratch = np.empty((base.triangle.shape[0], TILE))
 
     def add(self, block: Array) -> None:
         """Add rows, as :meth:`FactorSum.add` does."""
-        gram = self.base.products(block, self._scratch)
+        gram = self.base.products(block)
         if not np.isfinite(gram.trace()):
             raise _not_finite(block)
         self.gram += gram
@@ -147,10 +143,9 @@ class FactorSum:
         self.rows = 0
         self._triangle = np.zeros((self.size, self.size))  # of all rows up to the last renewal
         self._base: Base | None = None
-        self._gram = np.zeros((self.size, self.size))  # upper half of H of all rows
+        self._gram = np.zeros((self.size, self.size))  # H of all rows
         self._weakest, self._weight = 0.0, 0.0
         self._standing = 0.0  # rows of the last renewal
-        self._scratch = np.empty((self.size, TILE))
 
     def add(self, block: Array) -> None:
         """Add rows.
@@ -169,7 +164,7 @@ class FactorSum:
         if self._base is None or n < self.size:
             self._renew(block)
             return
-        gram = self._base.products(block, self._scratch)
+        gram = self._base.products(block)
         weight = self._weight + float(gram.trace())
         if not np.isfinite(weight):
             raise _not_finite(block)
@@ -269,11 +264,6 @@ def _find_weakest(gram: Array) -> float:
         return 0.0
     residual = float(gram[-1, -1] - np.sum((vectors.T @ gram[:-1, -1]) ** 2 / least))
     return min(float(least[0]), RESIDUAL * residual)
-
-
-def _symmetric(matrix: Array) -> Array:
-    """Return the symmetric matrix that has the upper half of another."""
-    return np.triu(matrix) + np.triu(matrix, 1).T
 
 
 def _not_finite(block: Array) -> InputError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,10 +10,12 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from sindyjoint.discovery.frame_order import ordered_frame
-from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.inputs import input_names
 from sindyjoint.numeric import Array
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.library import TermLibrary
 
 
 class JointRegressor(RegressorMixin, BaseEstimator, TermRegression):
@@ -135,6 +137,8 @@ class JointRegressor(RegressorMixin, BaseEstimator, TermRegression):
     @property
     def library_(self) -> TermLibrary:
         """The candidates, fitted, in physical units: what ``found.sindy`` has as its feature library."""
+        from sindyjoint.discovery.library import TermLibrary
+
         return TermLibrary.of_regression(self)
 
     def predict(self, X: Any) -> Array:

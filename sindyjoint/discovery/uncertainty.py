@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.best_subset import replicate_subsets
 from sindyjoint.discovery.evidence import Evidence, Fit, block_scores, fit_columns, small_sample
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.numeric import Array
@@ -142,6 +141,8 @@ def inclusion(
     gram[:, :p, p] += pulls / norms / target
     scores, _ = block_scores(evidence, range(p), fit.coefficients)
     meat = scores.T @ scores / np.outer(norms, norms) / target**2
+    from sindyjoint.discovery.best_subset import replicate_subsets
+
     subsets = replicate_subsets(triangles, min(POLICY.largest_set, p))
     chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, (significance, least_share))
     sets: dict[tuple[str, ...], int] = {}

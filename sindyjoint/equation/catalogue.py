@@ -178,7 +178,12 @@ def list_catalogues() -> tuple[CatalogueSummary, ...]:
 
 
 def load_catalogue(name_or_path: str | Path) -> Catalogue:
-    """Load a catalogue by the name of a shipped one or by the path of a TOML file.
+    """Load a catalogue.
+
+    Parameters
+    ----------
+    name_or_path : str or Path
+        Name of a shipped one, or a TOML file.
 
     Raises
     ------
@@ -186,6 +191,12 @@ def load_catalogue(name_or_path: str | Path) -> Catalogue:
         If there is no such library or file.
     InputError, FormulaError, UnitError
         For a fault in the file; the message names file, term and field.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> sindyjoint.load_catalogue("paper").ids
+    ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
     """
     path = find_catalogue(name_or_path)
     return _read_shipped(path) if path.parent == library_folder() else _load(path)

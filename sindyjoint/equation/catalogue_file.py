@@ -12,23 +12,17 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
-from sindyjoint.text import expectation
+from sindyjoint.tables import StrictTable, first_complaint
 
 Line = Annotated[str, Field(min_length=1, pattern=r"^[^\n\r]+$")]
 Identifier = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
-class StrictEntry(BaseModel):
-    """An entry of a TOML file: unknown keys, wrong types and infinities are refused."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
-
-
-class ParameterEntry(StrictEntry):
+class ParameterEntry(StrictTable):
     """A nonlinear parameter: a positive number, or a multiple of the data's largest angle, rate or moment."""
 
     name: Line
@@ -49,7 +43,7 @@ class ParameterEntry(StrictEntry):
         return self
 
 
-class InputEntry(StrictEntry):
+class InputEntry(StrictTable):
     """An input that a formula uses, and what it calls the input's reference value."""
 
     name: Line
@@ -59,7 +53,7 @@ class InputEntry(StrictEntry):
     offered_for: list[Line] = []
 
 
-class TermEntry(StrictEntry):
+class TermEntry(StrictTable):
     """A candidate term as the file gives it."""
 
     id: Identifier
@@ -76,7 +70,7 @@ class TermEntry(StrictEntry):
     within: list[Identifier] = []
 
 
-class IncludeEntry(StrictEntry):
+class IncludeEntry(StrictTable):
     """Another catalogue, whole or some of its terms."""
 
     catalogue: Line
@@ -87,7 +81,7 @@ def _as_table(value: Any) -> Any:
     return {"catalogue": value} if isinstance(value, str) else value
 
 
-class CatalogueEntry(StrictEntry):
+class CatalogueEntry(StrictTable):
     """A catalogue file."""
 
     name: Line
@@ -248,48 +242,4 @@ def _read_entries(path: Path) -> CatalogueEntry:
     try:
         return CatalogueEntry.model_validate(data)
     except ValidationError as error:
-        raise InputError(f"{path.name}: {_describe_fault(error, data)}") from None
-
-
-_MODELS: dict[str, type[BaseModel]] = {
-    "include": IncludeEntry,
-    "term": TermEntry,
-    "parameters": ParameterEntry,
-}
-
-
-def _describe_fault(error: ValidationError, data: dict[str, Any]) -> str:
-    """Put the first fault that pydantic found into one sentence that names the entry and the field."""
-    # A misspelt key shows up as one that is missing and one that is unknown; the second says more.
-    faults = sorted(error.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
-    fault = faults[0]
-    model: type[BaseModel] = CatalogueEntry
-    location: list[str] = []
-    here: Any = data
-    *owners, field = fault["loc"] or ("",)
-    if isinstance(field, int):
-        # The entry itself is at fault, not a field of it.
-        owners, field = [*owners, field], ""
-    for step in owners:
-        here = here[step]
-        if isinstance(step, int):
-            label = (
-                next((here[key] for key in ("id", "name") if key in here), None)
-                if isinstance(here, dict)
-                else None
-            )
-            location[-1] += f" {step + 1}" + (f" ({label})" if isinstance(label, str) else "")
-        else:
-            model = _MODELS.get(str(step), model)
-            location.append(str(step))
-    where = "".join(f"{part}: " for part in location)
-    if fault["type"] == "extra_forbidden":
-        close = get_close_matches(str(field), model.model_fields, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(model.model_fields)}"
-        return f"{where}key {field!r} is unknown; {hint}"
-    if fault["type"] == "missing":
-        return f"{where}{field!r} is missing"
-    message = expectation(fault)
-    shown = repr(fault["input"])
-    shown = shown if len(shown) <= 60 else shown[:57] + "..."
-    return f"{where}{field}{' = ' if field else ''}{shown}: {message}" if field else f"{where}{message}"
+        raise InputError(f"{path.name}: {first_complaint(error, data)}") from None

@@ -44,6 +44,18 @@ class JointModel:
         On which the terms depend beside angle and rate, with the range that was tested.
     test : TestNuisances, optional
         Errors of the test that it was found in: those of the rig hold in every campaign of that.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> model = sindyjoint.discover(test, "paper", correct=False).model
+    >>> model.ids
+    ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
+    >>> f"{model['M_F'].coefficient:.2f} {model['M_F'].unit}"
+    '1.86 N*m'
+    >>> sindyjoint.JointModel.from_json(model.to_json()) == model
+    True
     """
 
     joint: Joint

@@ -63,6 +63,13 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
         For anything else that cannot be used; the message names file and field or row.
     MissingExtraError
         When a file's format needs a library that is not installed.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[4], levels=[0.5], duration=1.0, out="tests", rng=0)
+    >>> sindyjoint.load_campaign("tests").runs[0].frequency
+    4.0
     """
     file, manifest = read_manifest(Path(path))
     joint = _make_joint(manifest.joint, str(file))

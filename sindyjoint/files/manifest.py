@@ -10,34 +10,14 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
-from pydantic_core import ErrorDetails
+from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from sindyjoint.documents import check_finished, read_toml
-from sindyjoint.errors import InputError, MissingInputError, nearest, refuse
-from sindyjoint.text import expectation
+from sindyjoint.errors import InputError, MissingInputError, refuse
+from sindyjoint.tables import StrictTable, first_complaint
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"
-# What pydantic calls the two things that [channels] time may be.
-WITHOUT_TIME, TIME_CHANNEL = "literal['none']", "TimeChannel"
-
-
-class StrictTable(BaseModel):
-    """A TOML table that refuses unknown keys and names the nearest known one."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _refuse_unknown_keys(cls, given: Any) -> Any:
-        if not isinstance(given, dict):
-            return given
-        known = sorted(field.alias or name for name, field in cls.model_fields.items())
-        for key in given:
-            if key not in known:
-                raise ValueError(f"unknown key {key!r}; {nearest(key, known, 'known keys:')}")
-        return given
 
 
 class Channel(StrictTable):
@@ -372,28 +352,3 @@ def natural_order(name: str) -> list[tuple[float, str]]:
     """
     parts = re.split(r"(\d+(?:\.\d+)?)", name)
     return [(float(part), "") if number % 2 else (-1.0, part) for number, part in enumerate(parts)]
-
-
-def first_complaint(error: ValidationError) -> str:
-    """Turn pydantic's list into one sentence: the field, what was expected, what was given."""
-    # Of a key that may be a number or text, pydantic complains once per type: one per key is enough.
-    complaints: dict[tuple[int | str, ...], ErrorDetails] = {}
-    for complaint in error.errors(include_url=False):
-        place = tuple(part for part in complaint["loc"] if part != TIME_CHANNEL)
-        if WITHOUT_TIME not in place:  # what is said of the column that it is not says more
-            typed = place and place[-1] in ("float", "str", "int", "bool")
-            complaints.setdefault(place[:-1] if typed else place, complaint)
-    # A misspelt key also makes the right one missing: say the cause first.
-    place, first = min(complaints.items(), key=lambda item: "unknown key" not in item[1]["msg"])
-    if first["type"] == "missing":
-        place, message = place[:-1], f"key {place[-1]!r} is missing"
-    else:
-        told = first["type"] in ("value_error", "too_short", "too_long")
-        message = expectation(first) + ("" if told else f", not {first['input']!r:.60}")
-    # As a user writes it: [channels] angle.unit.
-    table, rest = (f"[{place[0]}]" if place else ""), place[1:]
-    if place[:1] == ("run",) and rest and isinstance(rest[0], int):
-        table, rest = f"[[run]] {rest[0] + 1}", rest[1:]
-    field = f"{table} {'.'.join(map(str, rest))}".strip()
-    more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
-    return f"{field}: {message}{more}" if field else f"{message}{more}"

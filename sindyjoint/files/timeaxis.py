@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array, line_spectrum
-from sindyjoint.record import Motion
+from sindyjoint.record import MINIMUM_SAMPLES, Motion
 
 IRREGULARITY = 0.01
 # Across a longer gap, in sampling steps, interpolation would invent data.
@@ -202,6 +202,8 @@ def margin(samples: float) -> int:
 
 def decays(values: Array) -> bool:
     """Return whether a motion swings and dies out: its range falls from part to part, to half at least."""
+    if values.size < MINIMUM_SAMPLES:
+        return False
     ranges = np.array([np.ptp(part) for part in np.array_split(values, PARTS)])
     middle, early = values[-values.size // PARTS :].mean(), values[: values.size // 2]
     # What moves to a stop falls likewise, and does not swing about it.

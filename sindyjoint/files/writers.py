@@ -70,6 +70,14 @@ def write_campaign(
         When the folder cannot be written, or holds other files of these names.
     MissingExtraError
         When the format needs a library that is not installed.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[4], levels=[0.5], duration=1.0, rng=0)
+    >>> path = sindyjoint.write_campaign(test, "tests", "npz")
+    >>> sindyjoint.load_campaign("tests").simulated
+    True
     """
     constant = any(np.ptp(run.moment) == 0 for run in campaign.runs)
     sets = 0 if raw is None else len(raw)

@@ -184,10 +184,8 @@ class Comparison(Shown):
         By "frequency", "level" or "run", and by the levels of each input; by "time" the parts of a single run.
     tests : tuple of FrequencyTest
         Of the model's coefficients.
-    bias : dict of float
-        Id to the bias of the coefficient as measured on synthetic replicates; already removed from ``model``.
     model : Choice
-        Terms of the main method with bias-corrected coefficients and intervals.
+        Terms of the main method with their intervals.
     undetermined : tuple of str
         Sentences on terms that these runs do not tell apart.
     warnings : tuple of str
@@ -219,9 +217,7 @@ class Comparison(Shown):
             "frequencies",
             "levels",
         ),
-        **same(
-            "libraries", "inclusion", "sets", "left_out", "tests", "bias", "model", "undetermined", "warnings"
-        ),
+        **same("libraries", "inclusion", "sets", "left_out", "tests", "model", "undetermined", "warnings"),
         **same("seconds", "noise_floor", "given", "parts", "soundness"),
     }
     joint: str
@@ -236,7 +232,6 @@ class Comparison(Shown):
     sets: tuple[tuple[tuple[str, ...], float], ...]
     left_out: dict[str, CrossValidation]
     tests: tuple[FrequencyTest, ...]
-    bias: dict[str, Maybe]
     model: Choice
     undetermined: tuple[str, ...]
     warnings: tuple[str, ...]

@@ -28,7 +28,6 @@ from sindyjoint.text import in_words_of
 from sindyjoint.trust import Light, Trust
 
 if TYPE_CHECKING:
-    from sindyjoint.bias.correction import Bias
     from sindyjoint.discovery.regression import TermRegression
     from sindyjoint.discovery.selection import Selection
     from sindyjoint.discovery.sindy import JointSINDy
@@ -45,14 +44,12 @@ class DiscoveredTerm:
     unit : str
     standard_error : float
     interval95 : (float, float)
-    bias : float or None
-        What was removed from the coefficient.
     calibration : dict of str to float
         By how much one standard uncertainty of a channel's gain moves it, where some are declared.
     """
 
     WRITTEN: ClassVar = {
-        **same("id", "symbol", "coefficient", "unit", "standard_error", "interval95", "bias"),
+        **same("id", "symbol", "coefficient", "unit", "standard_error", "interval95"),
         "calibration?": "calibration",
     }
     id: str
@@ -61,7 +58,6 @@ class DiscoveredTerm:
     unit: str
     standard_error: float
     interval95: tuple[float, float]
-    bias: float | None
     calibration: dict[str, float]
 
 
@@ -72,7 +68,7 @@ class Discovery(Shown):
     Parameters
     ----------
     model : JointModel
-        Bias of the processing taken out, where it could be measured; the model of the regressor still contains it.
+        Of the regressor, with the errors that it does not know of.
     verdict : Verdict
     found : bool
         Whether a model passed; if not, ``model`` has no terms and ``reason`` says why.
@@ -82,12 +78,11 @@ class Discovery(Shown):
         Time by which the moment lags the angle, as searched for before anything else.
     warnings : tuple of str
     states : tuple of ForceStates
+        Completed by the model where the simulation follows a run.
     regressor : TermRegression
         Fitted; holds candidates, path and factors.
     campaign : Campaign
         As it was used: without the samples that the check of the data leaves out.
-    bias : Bias or None
-        What was taken out of the coefficients; ``None`` where it was not asked for or could not be measured.
     soundness : Soundness
         What the check of the data found.
     stopped : Check or None
@@ -123,7 +118,6 @@ class Discovery(Shown):
     states: tuple[ForceStates, ...] = field(repr=False)
     regressor: TermRegression = field(repr=False)
     campaign: Campaign = field(repr=False)
-    bias: Bias | None = field(repr=False, default=None)
     soundness: Soundness = Soundness()
     stopped: Check | None = field(repr=False, default=None)
     measured: Campaign | None = field(repr=False, default=None)
@@ -174,12 +168,11 @@ class Discovery(Shown):
     @property
     def terms(self) -> tuple[DiscoveredTerm, ...]:
         """The terms of the equation."""
-        bias = {} if self.bias is None else dict(zip(self.bias.ids, self.bias.pooled.tolist(), strict=True))
         moves = gain_moves(self.model, dict(self.model.fitted.gains))
         return tuple(
             DiscoveredTerm(
                 term.id, term.symbol, term.coefficient, term.unit, term.standard_error, term.interval95,
-                bias.get(term.id), {name: float(moved[i]) for name, moved in moves.items()},
+                {name: float(moved[i]) for name, moved in moves.items()},
             )
             for i, term in enumerate(self.model.terms)
         )  # fmt: skip

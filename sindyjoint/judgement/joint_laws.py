@@ -9,8 +9,6 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from sindyjoint.bias.correction import corrected_model
-from sindyjoint.bias.replicates import Replicate
 from sindyjoint.described import same
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frequency import heterogeneity
@@ -27,17 +25,16 @@ from sindyjoint.judgement.rig_verdict import (
     of_slight_terms,
     within_the_states,
 )
-from sindyjoint.judgement.second_search import campaign_model
+from sindyjoint.judgement.term_search import campaign_model
 from sindyjoint.judgement.verdict import judge
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
-from sindyjoint.response.laws import model_law
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.states.campaigns import signals_hash
-from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors, recovered_replicate
+from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, Update, recover, with_numbers
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
@@ -289,7 +286,7 @@ def _judged(
     rows: LawRows | None,
     errors: LawErrors | None,
 ) -> Discovery:
-    """Return what was found as a discovery, the bias of the recovery's noise taken out."""
+    """Return what was found as a discovery."""
     states = tuple(each.states for each in recovered)
     campaign = recovered_campaign(test, kind, states)
     counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
@@ -305,26 +302,16 @@ def _judged(
         verdict = within_the_states(verdict, errors.angle_share, float(errors.hidden.max(initial=0.0)))
         model = model.with_numbers(rows.coefficients, errors.covariance)
 
-    def replicated(known: JointModel) -> list[Replicate]:
-        law = model_law(known)
-        return [
-            recovered_replicate(each.recovery, each.joint, each.states, law, each.weight)
-            for each in recovered
-        ]
-
-    terms = _terms_of(regressor)
-    fixed = corrected_model(model, terms, campaign, states, replicated=replicated)
     return Discovery(
-        model=_recorded(fitted_to(fixed.model, campaign), recovered),
+        model=_recorded(fitted_to(model, campaign), recovered),
         verdict=verdict,
         found=bool(model.terms),
         reason=regressor.selection_result_.reason,
         skew=None,
-        warnings=tuple(list_warnings(campaign, states, fixed.model, None, False, regressor.indistinct_)),
+        warnings=tuple(list_warnings(campaign, states, model, None, False, regressor.indistinct_)),
         states=states,
         regressor=regressor,
         campaign=campaign,
-        bias=fixed.bias,
     )
 
 

@@ -22,11 +22,6 @@ class VerdictPolicy:
         "a misfit below this share of the noise floor may be the floor's error",
         source="the floor is known to a few per cent, the misfit is a root of a difference of squares",
     )
-    lower_residual: float = limit(
-        0.998,
-        "ratio of residuals below which the end of the second search for terms is used",
-        source="chosen by judgement",
-    )
     refined_apart: float = limit(
         3.0,
         "combined standard errors by which coefficients by regression and on the simulated response may differ without "

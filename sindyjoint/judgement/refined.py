@@ -58,8 +58,6 @@ def refined(result: Discovery, nuisance: Sequence[Kind] = (), **options: object)
         result,
         model=refined_model,
         warnings=(*result.warnings, *refinement.notes, *lost, *apart),
-        # What was taken out of the coefficients of the regression says nothing of these.
-        bias=None if refinement.refined else result.bias,
     )
 
 

@@ -158,8 +158,7 @@ def described(found: RigDiscovery) -> RigTest:
 def _with_model(law: JointLaw, model: JointModel, notes: Sequence[str]) -> JointLaw:
     assert law.discovery is not None
     warnings = (*law.discovery.warnings, *notes)
-    # What was taken out of the coefficients of the regression says nothing of these.
-    return replace(law, discovery=replace(law.discovery, model=model, warnings=warnings, bias=None))
+    return replace(law, discovery=replace(law.discovery, model=model, warnings=warnings))
 
 
 def of_data(found: RigDiscovery, checked: RigCheck) -> RigDiscovery:

@@ -99,7 +99,6 @@ def undecided_without_time(verdict: Verdict) -> Verdict:
 def judge(
     regressor: TermRegression,
     model: JointModel,
-    completed: bool = False,
     unresolved: ChannelDelay | None = None,
 ) -> Verdict:
     """Say whether the campaign confirms the paper's five terms.
@@ -113,9 +112,6 @@ def judge(
         Fitted; holds the candidates and their evidence.
     model : JointModel
         What it found, with the noise floor of the campaign.
-    completed : bool
-        Whether weak harmonics of the motion are a model's: the scatter of blocks then lacks their noise, and terms look
-        surer than they are.
     unresolved : ChannelDelay, optional
         Delay between the channels that was found and not removed.
     """
@@ -125,13 +121,6 @@ def judge(
     verdict, reason = _reach_verdict(regressor, model, missing, extra)
     if law.dependences:
         verdict, reason = _at_each_level(verdict, reason, model, law)
-    if completed and extra and verdict == "refuted" and _paper_terms_suffice(regressor, model):
-        verdict, reason = (
-            "undecided",
-            (
-                f"{_spell_terms(extra)} fits best, yet the paper's five terms do as well within the noise's uncertainty"
-            ),
-        )
     if verdict != "undecided" and unresolved is not None:
         verdict, reason = "undecided", _spell_delay(unresolved)
     return Verdict(verdict, missing, extra, in_words_of(model.joint.motion, reason), law.dependences)
@@ -245,16 +234,6 @@ def _is_needed(regressor: TermRegression, extra: Sequence[str]) -> bool:
     return bool(np.any(fit.t_ratios[others] >= regressor.significance))
 
 
-def _paper_terms_suffice(regressor: TermRegression, model: JointModel) -> bool:
-    """Return whether the residual of the five terms is that of the noise or the found ones, within its uncertainty."""
-    ids = regressor.evidence_.ids
-    columns = [*PAPER_TERMS, *([INERTIA] if INERTIA in ids else [])]
-    if not set(columns) <= set(ids):
-        return False
-    fit = fit_columns(regressor.evidence_, [ids.index(term) for term in columns])
-    return noise_alike(fit.residual_rms, model)
-
-
 def noise_alike(residual: float, model: JointModel) -> bool:
     """Return whether a residual is that of the noise, or of a model, within the uncertainty of the noise."""
     least = max(float(np.nan_to_num(model.fitted.noise_floor)), model.fitted.residual_rms)
@@ -286,13 +265,12 @@ def unresolved_delay(
     """Return the delay that is left in the channels, or that explains the moment as well as terms beyond the paper's.
 
     A law that lacks a term takes a delay for it, and a delay is taken for terms: the one that leaves less is believed.
-    States that lack weak harmonics show one too, that is not there once they are completed.
+    States as measured, which lack weak harmonics, show one too, that is not there once they are completed.
     """
     if delay is None or not model.terms:
         return None
     extra = [term for term in model.ids if term not in (*PAPER_TERMS, INERTIA)]
-    completed = any(s.completed for s in states)
-    if not extra and not completed:
+    if not extra and not any(state.completed for state in states):
         return delay if delay.significant else None
     if extra and delay.significant and not delay.at_limit and noise_alike(delay.residual_rms, model):
         return delay

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -50,7 +51,12 @@ class SignalEnd:
     flat: bool
 
 
-def signal_end(signal: Array, sample_rate: float, noise: float | None = None) -> SignalEnd:
+def signal_end(
+    signal: Array,
+    sample_rate: float,
+    noise: float | None = None,
+    rising: Callable[[Array], Array] | None = None,
+) -> SignalEnd:
     """Return the frequency at which a signal first falls to its noise floor, and that noise.
 
     The floor is the median spectral density over the top third of the band. Going up from the strongest line, the
@@ -64,6 +70,8 @@ def signal_end(signal: Array, sample_rate: float, noise: float | None = None) ->
         Hz.
     noise : float, optional
         RMS of white noise, where the floor is known otherwise.
+    rising : callable, optional
+        Density of further noise over the frequency, as of what was differentiated.
     """
     from scipy.ndimage import median_filter
     from scipy.signal import welch
@@ -76,7 +84,8 @@ def signal_end(signal: Array, sample_rate: float, noise: float | None = None) ->
     floor = float(np.median(top)) if noise is None else 2 * noise**2 / sample_rate
     smooth = median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
     peak = int(np.argmax(density))
-    sunk = np.flatnonzero(smooth[peak:] <= POLICY.signal_to_noise * floor)
+    further = np.zeros_like(density) if rising is None else rising(frequency)
+    sunk = np.flatnonzero((smooth <= POLICY.signal_to_noise * (floor + further))[peak:])
     edge = float(frequency[peak + sunk[0]]) if sunk.size else float(frequency[-1])
     lowest = 8 * sample_rate / signal.size
     just_below = float(np.interp(JUST_BELOW * edge, frequency, smooth))

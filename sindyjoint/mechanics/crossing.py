@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 import sindyjoint.mechanics.transient_kernel as kernel
 from sindyjoint.errors import SimulationError
@@ -225,6 +224,8 @@ class Crossing:
                 return ends[share]
             last = share, self.trial(share * x)
             return float(min(last[1][3][wrong]))
+
+        from scipy.optimize import brentq
 
         share = float(brentq(room, 0.0, 1.0, xtol=1e-12, rtol=1e-10))
         return share, last[1] if last[0] == share else self.trial(share * x)

@@ -84,6 +84,15 @@ class PaperLaw:
     ------
     InputError
         For numbers that are not finite, negative friction or negative inertia.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> sindyjoint.INTER_PANEL.k1, sindyjoint.INTER_PANEL.M_F
+    (6066.0, 1.867)
+    >>> softer = sindyjoint.PaperLaw(k1=3000.0, M_F=1.0, inertia=0.02)
+    >>> len(sindyjoint.simulate(softer, angle_limit=8e-4, frequencies=[4], duration=1.0).runs)
+    3
     """
 
     k1: float
@@ -197,6 +206,15 @@ class FunctionLaw(_CallbackLaw):
     inertia : float
         kg·m² (kg).
     softening_limit : (float, float)
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> def detent(theta, omega, direction, state, parameters, out):
+    ...     out[0] = parameters[0] * np.sin(theta / parameters[1])
+    >>> law = sindyjoint.FunctionLaw(detent, (0.15, 6e-5))
+    >>> len(sindyjoint.simulate(hidden=law, frequencies=[4], duration=1.0, rng=0).runs)
+    3
     """
 
     function: ScalarLaw

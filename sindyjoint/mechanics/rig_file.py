@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError
-from sindyjoint.files.manifest import StrictTable
+from sindyjoint.tables import StrictTable
 
 RIG_FOLDER = Path(__file__).parent / "rig_files"
 

@@ -112,7 +112,15 @@ def has_pulse(rig: str | Path) -> bool:
 
 
 def load_rig_plan(rig: str | Path, laws: Mapping[str, Law] | None = None) -> RigPlan:
-    """Read a rig whose joints have laws, shipped or given, with the runs that a virtual test shall make."""
+    """Read a rig whose joints have laws, shipped or given, with the runs that a virtual test shall make.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> plan = sindyjoint.load_rig_plan("pulse-rig")
+    >>> [drive.frequency for drive in plan.drives][:2]
+    [3.0, 3.0]
+    """
     path, given = read_rig_file(rig)
 
     with naming_file(path):

@@ -16,7 +16,6 @@ from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
-from sindyjoint.files.manifest import first_complaint
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import ColumnUnit, Source
@@ -40,6 +39,7 @@ from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, a
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.record import MINIMUM_SAMPLES
+from sindyjoint.tables import first_complaint
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -96,6 +96,15 @@ class Rig:
         Further records of the same pulse, at other points.
     pulse_uncertainty : float
         Relative standard error of the force.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> rig = sindyjoint.load_rig("pulse-rig")
+    >>> rig.name
+    'pulse rig'
+    >>> len(rig.points)
+    1
     """
 
     name: str

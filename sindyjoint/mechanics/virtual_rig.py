@@ -251,6 +251,16 @@ def virtual_rig_test(
         Source of noise and phases.
     seen : callable
         Called with the name of each run and what really happened in it.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import sindyjoint
+    >>> plan = sindyjoint.load_rig_plan("pulse-rig")
+    >>> recorder = replace(plan.recorder, duration=4.0, settling=4.0)
+    >>> test = sindyjoint.virtual_rig_test(plan.test, plan.drives[:2], recorder)
+    >>> len(test.runs)
+    2
     """
     generator, runs = np.random.default_rng(rng), []
     for drive in drives:
@@ -287,12 +297,28 @@ class PulseTest(MeasuredResponse):
 
 
 def hinges(rig: Rig) -> tuple[Hinge, ...]:
-    """Return the joints of a rig, from the base on."""
+    """Return the joints of a rig, from the base on.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> [hinge.name for hinge in sindyjoint.hinges(sindyjoint.load_rig("pulse-rig"))]
+    ['joint']
+    """
     return tuple(item for item in rig.items if isinstance(item, Hinge))
 
 
 def with_laws(rig: Rig, choose: Callable[[Hinge], Law]) -> Rig:
-    """Return the same rig with the law that `choose` gives for each joint."""
+    """Return the same rig with the law that `choose` gives for each joint.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> rig = sindyjoint.load_rig("pulse-rig")
+    >>> other = sindyjoint.with_laws(rig, lambda hinge: sindyjoint.PANEL_ROOT)
+    >>> sindyjoint.hinges(other)[0].law.name
+    'panel root joint'
+    """
     return replace(
         rig,
         items=tuple(

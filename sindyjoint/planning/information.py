@@ -15,13 +15,11 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.equation.formula import compile_terms
-from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array, partials
-from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.runs import POINTS, PlannedRun, motion
 from sindyjoint.response.laws import model_law
 from sindyjoint.states import Harmonics
@@ -76,6 +74,9 @@ class Sensors:
         )
 
 
+PARTS = ("bread", "meat", "blocks")
+
+
 @dataclass(frozen=True, eq=False)
 class Information:
     """Information of runs on the coefficients of joints; shapes have a leading axis for each run and joint.
@@ -86,15 +87,12 @@ class Information:
         XᵀX of the moving samples.
     meat : ndarray, shape (..., p, p)
         Covariance of the scores Xᵀe.
-    pull : ndarray, shape (..., p)
-        Xᵀe of what the processing cuts off: it becomes bias, of which a part stays uncertain.
     blocks : ndarray, shape (...)
         Replicate blocks.
     """
 
     bread: Array
     meat: Array
-    pull: Array
     blocks: Array
 
     @classmethod
@@ -167,25 +165,19 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     if not moving.any():
         return _nothing(len(model.terms))
     columns, slopes = _columns(model, [state[moving] for state in states])
-    # An identified inertia is one of the columns.
-    declared = 0.0 if INERTIA in model else model.inertia
-    true = [signal[period][moving] for signal in (moved.angle, moved.rate, moved.acceleration)]
-    cut = _columns(model, true)[0] - columns
-    misfit = cut @ model.coefficients + declared * (true[2] - states[2][moving])
     noisy = _noise_columns(waves[moving], (w * kept.orders).astype(float), slopes, model.inertia)
     errors = np.append(angle_noise / np.sqrt(samples), np.tile(kept.standard_error, 2))
     weight = samples / points
     gram = weight * columns.T @ columns
     pulled = weight * columns.T @ noisy * errors
     return Information(
-        gram, moment_noise**2 * gram + pulled @ pulled.T, weight * columns.T @ misfit,
-        np.array(float(min(REPLICATES, periods))),
-    )  # fmt: skip
+        gram, moment_noise**2 * gram + pulled @ pulled.T, np.array(float(min(REPLICATES, periods)))
+    )
 
 
 def _nothing(size: int) -> Information:
     """Return the information of a run in which the joint sticks all the time: none."""
-    return Information(np.zeros((size, size)), np.zeros((size, size)), np.zeros(size), np.array(1.0))
+    return Information(np.zeros((size, size)), np.zeros((size, size)), np.array(1.0))
 
 
 def _kept_harmonics(
@@ -221,8 +213,8 @@ def _noise_columns(
 def half_widths(information: Information, noise: np.random.Generator | None = None, draws: int = 1) -> Array:
     """Return the half-widths of the 95 % intervals that a discovery of the runs would report.
 
-    With Student's t on the degrees of freedom that the scatter of blocks leaves (Satterthwaite's rule), n/(n − p) of a
-    small sample, and the part of the bias of processing that stays uncertain.
+    With Student's t on the degrees of freedom that the scatter of blocks leaves (Satterthwaite's rule), and
+    n/(n − p) of a small sample.
 
     Parameters
     ----------
@@ -249,8 +241,7 @@ def half_widths(information: Information, noise: np.random.Generator | None = No
     squares = np.sum(parts**2 / spare, axis=-3)
     degrees = np.where(squares > 0, total**2 / np.where(squares > 0, squares, 1.0), 1.0)
     blocks = (information.blocks - 1).sum(axis=0)[:, None]
-    bias = np.einsum("jkl,rjl->jk", inverse, information.pull)
-    widened = total * blocks / np.maximum(blocks - inverse.shape[1], 1) + (BIAS.uncertain_share * bias) ** 2
+    widened = total * blocks / np.maximum(blocks - inverse.shape[1], 1)
     widths = stdtrit(np.maximum(degrees, 1), 0.975) * np.sqrt(widened)
     return np.asarray(np.where(singular[:, None], np.inf, widths))
 
@@ -260,7 +251,8 @@ def _inverse(bread: Array) -> tuple[Array, NDArray[np.bool_]]:
     scale = np.sqrt(np.einsum("...kk->...k", bread))
     scale = np.where(scale > 0, scale, 1.0)
     scaled = bread / scale[..., :, None] / scale[..., None, :]
-    singular = ~(np.linalg.cond(scaled) <= POLICY.singular)
+    # Of a matrix with a larger condition rounding leaves less than three digits.
+    singular = ~(np.linalg.cond(scaled) * np.finfo(float).eps <= 1e-3)
     scaled[singular] = np.eye(scale.shape[-1])
     return np.linalg.inv(scaled) / scale[..., :, None] / scale[..., None, :], singular
 
@@ -284,8 +276,7 @@ def expected_errors(total: Information, coefficients: Array) -> tuple[Array, Arr
     """
     inverse, singular = _inverse(total.bread)
     spread = inverse @ total.meat @ inverse
-    bias = BIAS.uncertain_share * np.einsum("...kl,...l->...k", inverse, total.pull)
-    errors = np.sqrt(np.einsum("...kk->...k", spread) + bias**2)
+    errors = np.sqrt(np.einsum("...kk->...k", spread))
     moment = np.sqrt(
         np.maximum(np.einsum("...k,...kl,...l->...", coefficients, total.bread, coefficients), 1e-300)
     )
@@ -322,7 +313,7 @@ def changes_over_band(information: Information, frequencies: Sequence[float]) ->
     """
     groups = np.unique(frequencies)
     if groups.size < 3:
-        return np.full(information.pull.shape[1:], np.inf)
+        return np.full(information.meat.shape[1:-1], np.inf)
     variance = []
     for frequency in groups:
         runs = np.flatnonzero(np.isclose(frequencies, frequency))

@@ -42,7 +42,9 @@ class Separation:
 
 
 BAND90 = (0.05, 0.5, 0.95)
-DRAWS = 40  # of what the scatter of a test makes of an interval, for each joint
+# Joints on which the chosen runs, and the grid, are predicted, and what the scatter of a test makes of an interval on
+# each, so many times; the 90 % band of 40 held 88.7 % of those of others.
+DRAWS = 40
 
 
 @dataclass(frozen=True)

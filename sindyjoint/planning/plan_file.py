@@ -14,7 +14,6 @@ from pydantic import Field, ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, UnitError, checks_options
-from sindyjoint.files.manifest import StrictTable, first_complaint
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.excitation import tones
 from sindyjoint.mechanics.laws import Law
@@ -24,6 +23,7 @@ from sindyjoint.numeric import RNG
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Run
+from sindyjoint.tables import StrictTable, first_complaint
 
 PLAN_NAME = "plan.toml"
 # Of a joint that turns, and of one that slides.
@@ -168,6 +168,14 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, rng: RNG = 0) -
     ------
     SimulationError
         When the joint passes its softening limit.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> made = sindyjoint.plan("inter-panel", time=6.0, band=(2.0, 4.0))
+    >>> test = sindyjoint.play(sindyjoint.INTER_PANEL, made.runs, made.sensors, rng=0)
+    >>> len(test.runs) == len(made.runs)
+    True
     """
     generator = np.random.default_rng(rng)
     steps = (sensors.moment_resolution, sensors.angle_resolution)

@@ -35,8 +35,6 @@ WORDS = {
     FREQUENCY: "widest relative change over the band",
     PAPER: "requirement of the weakest term",
 }
-# Joints on which the chosen runs, and the grid, are predicted; the 90 % band of 40 held 88.7 % of those of others.
-PREDICTED = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,8 +129,8 @@ class Planner:
         now: Now | None,
     ) -> Plan:
         """Return the plan of these runs, ended where they are enough, with the precision expected of both."""
-        joint, known = self.known.joint, self.known.expanded(PREDICTED)
-        joints = joint.draws(PREDICTED, self.random_state + 1)
+        joint, known = self.known.joint, self.known.expanded(DRAWS)
+        joints = joint.draws(DRAWS, self.random_state + 1)
         coefficients = np.array([one.coefficients for one in joints])
         information = known
         if runs:

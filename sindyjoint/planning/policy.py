@@ -18,20 +18,10 @@ class PlanningPolicy:
     model_errors: float = limit(
         3.0, "standard errors by which a coefficient of a model may differ where no range is given for it"
     )
-    softening_share: float = limit(
-        0.92,
-        "share of its softening limit that no joint of the range passes",
-        source="the highest level of the virtual tests",
-    )
     limit_share: float = limit(
         0.98,
         "share of a limit of the actuator that is used",
         source="the corners of the range are simulated, joints between them are not",
-    )
-    setups: int = limit(
-        9,
-        "most runs of a plan where the duration of each is not given",
-        source="as many as the plain grid has",
     )
     most_runs: int = limit(40, "most runs of a plan that is given the duration of a run")
     complete: float = limit(
@@ -50,13 +40,6 @@ class PlanningPolicy:
         2,
         "different levels at each of these",
         source="terms of angle and rate are nearly collinear along one sine",
-    )
-    left_out: float = limit(
-        1.0,
-        "how much narrower, as a logarithm, intervals must be for a discovery to leave out a term of every joint",
-    )
-    singular: float = limit(
-        1e12, "condition of the matrix of the terms' columns, scaled, above which runs do not determine them"
     )
     settled: float = limit(3e-3, "RMS change from period to period, relative, below which a motion is steady")
 

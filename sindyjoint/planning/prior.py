@@ -295,11 +295,7 @@ def prior_of_runs(
     for run in evidence.take(columns).runs:
         scores, _ = block_scores(Evidence(model.ids, (run,)), range(size), model.coefficients)
         triangle = run.pooled.triangle[:, :-1]
-        parts.append(
-            Information(
-                triangle.T @ triangle, scores.T @ scores, np.zeros(size), np.array(float(len(run.blocks)))
-            )
-        )
+        parts.append(Information(triangle.T @ triangle, scores.T @ scores, np.array(float(len(run.blocks)))))
     notes: tuple[str, ...] = ()
     if before is not None:
         joint, notes = _both(joint, before)

@@ -13,7 +13,7 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law, softening_limit
 from sindyjoint.mechanics.stickslip import Motion, prescribed_motion, simulate
-from sindyjoint.mechanics.virtual import PHASE
+from sindyjoint.mechanics.virtual import LEVELS, PHASE
 from sindyjoint.numeric import Array
 from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.states.periodic import REPLICATES
@@ -24,7 +24,6 @@ STEPS = 16  # of the bisection for the highest level
 GROWTH = 1.5
 SMALLEST = 1e-9
 CURVE = 12  # levels at which the middle joint is simulated
-RTOL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def motion(
         return moved
     periods = PERIODS
     while periods <= MOST_PERIODS:
-        moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=RTOL)
+        moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=1e-6)
         last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
         if np.linalg.norm(last - before) <= POLICY.settled * np.linalg.norm(last):
             return moved
@@ -91,7 +90,7 @@ def within_limits(law: Law, actuator: Actuator, frequency: float, level: float, 
         moved = motion(law, actuator.drive, frequency, level, waveform=waveform)
     except SimulationError:
         return False
-    low, high = (POLICY.softening_share * end for end in softening_limit(law))
+    low, high = (LEVELS[0] * end for end in softening_limit(law))
     return bool(
         low <= moved.angle.min()
         and moved.angle.max() <= high

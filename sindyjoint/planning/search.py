@@ -135,7 +135,8 @@ class Choice:
         small = {WIDTHS: lambda: widths.max(axis=-1), PAPER: lambda: -_logarithm(needed)}
         small[FREQUENCY] = lambda: self._changes(single)
         cost = sum(weight * small[goal]().mean(axis=-1) for goal, weight in self.goals)
-        cost = cost + self.policy.left_out * np.mean(needed < 1, axis=-1)
+        # A term that a discovery would leave out of every joint counts as intervals that are e times as wide.
+        cost = cost + np.mean(needed < 1, axis=-1)
         if self.grid is not None and WIDTHS in dict(self.goals):
             wider = (widths - self._grid_widths(count)).mean(axis=-2) + NARROWER
             cost = cost + BROKEN * np.maximum(wider, 0).sum(axis=-1)

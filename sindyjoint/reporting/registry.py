@@ -131,6 +131,15 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
     ------
     UnknownNameError
         For an unknown kind, or one that the result cannot show.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.discover(test, "paper", correct=False)
+    >>> figure = sindyjoint.draw("loops", found)
+    >>> len(figure.axes) > 0
+    True
     """
     view = view_of(result)
     data = view.gather(result)
@@ -223,6 +232,15 @@ def load_results(path: str | os.PathLike[str]) -> Any:
         If the folder holds a model without data for figures.
     InputError
         If the data cannot be read, or belong to another model than the one in the same folder.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> motion = sindyjoint.rig_motion("pulse-rig")
+    >>> folder = motion.report("results")
+    >>> figure = sindyjoint.draw(motion.figures[0], sindyjoint.load_results(folder))
+    >>> len(figure.axes) > 0
+    True
     """
     given = Path(path)
     if not given.exists():

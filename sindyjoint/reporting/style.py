@@ -196,7 +196,24 @@ NAME = "sindyjoint"
 
 
 def figure_bytes(figure: Figure, kind: str, dpi: int = 300) -> bytes:
-    """Return a drawn figure as ``"svg"``, ``"pdf"`` or ``"png"``; the same figure gives the same bytes."""
+    """Return a drawn figure as bytes; the same figure gives the same bytes.
+
+    Parameters
+    ----------
+    figure : Figure
+    kind : {"svg", "pdf", "png"}
+    dpi : int
+        Of a PNG.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.discover(test, "paper", correct=False)
+    >>> svg = sindyjoint.figure_bytes(sindyjoint.draw("loops", found), "svg")
+    >>> svg[:5]
+    b'<?xml'
+    """
     buffer = io.BytesIO()
     with drawing_style():
         if kind == "svg":

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 TRUST, NEXT = "Can I trust it?", "What next?"
 MARKS = {"good": ("green", "ok"), "fair": ("yellow", "mind"), "poor": ("red", "no")}
 # The policies by which terms are found.
-FINDING = ("states", "equation", "discovery", "bias", "soundness", "workflows")
+FINDING = ("states", "equation", "discovery", "soundness", "workflows")
 
 
 def _said_simulated(result: Any) -> bool:

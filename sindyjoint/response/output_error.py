@@ -112,11 +112,15 @@ class OutputError:
         """Residuals of all runs in units of their noise, shape (n,); FAR_OFF where a simulation fails."""
         return np.concatenate([self._weigh_residual(record, x[None])[0] for record in self.runs])
 
-    def jacobian(self, x: Array) -> Array:
-        """Return the derivative of the residuals by differences, shape (n, p)."""
-        rough = any(record.drive == "windows" for record in self.runs)
-        wide = [rough or parameter.kind == "element" for parameter in self.parameters]
-        steps = np.where(wide, ROUGH_STEP, STEP) * [parameter.scale for parameter in self.parameters]
+    @property
+    def rough(self) -> bool:
+        """Whether slips that come and go make the residual rough: what it falls along depends on the step."""
+        return any(record.drive == "windows" for record in self.runs)
+
+    def jacobian(self, x: Array, step: float = ROUGH_STEP) -> Array:
+        """Return the derivative of the residuals by differences, shape (n, p); where it is rough over ``step``."""
+        wide = [self.rough or parameter.kind == "element" for parameter in self.parameters]
+        steps = np.where(wide, step, STEP) * [parameter.scale for parameter in self.parameters]
         # Away from a bound on the upper side.
         steps = np.where(x + steps > [parameter.high for parameter in self.parameters], -steps, steps)
         columns = []

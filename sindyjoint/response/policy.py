@@ -35,6 +35,29 @@ class ResponsePolicy:
         0.01,
         "largest change of the moment within a run, in its RMS, that an input may make where it is held at its mean",
     )
+    completion_follows: float = limit(
+        0.15,
+        "RMS difference of simulated and measured angle, relative to the angle's, up to which a simulation completes "
+        "the states of a run",
+    )
+    completion_chance: float = limit(
+        3.0,
+        "standard deviations of the noise's mean square by which a completed angle may miss the measured one by more",
+        source="one run in a thousand",
+    )
+    harmonic_as_measured: float = limit(
+        10.0, "standard errors from which a harmonic is the measured one", source="known to a tenth"
+    )
+    drive_band: float = limit(0.8, "share of the angle's band below which the band of the drive must end")
+    inertia_band: float = limit(0.5, "share of the angle's band above which an exciter inertia is looked for")
+    inertia_correlation: float = limit(
+        0.5, "least correlation of acceleration and moment with which an exciter inertia is seen"
+    )
+    inertia_significance: float = limit(
+        3.0,
+        "the same in standard errors of a correlation of as many harmonics",
+        source="two or three harmonics agree by chance",
+    )
     same_inertia: float = limit(
         1e-3, "relative difference up to which model and campaign have the same inertia"
     )

@@ -14,13 +14,14 @@ from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import law_of_test, predicts_worse
-from sindyjoint.response.output_error import OutputError, without_negative_friction
+from sindyjoint.response.output_error import ROUGH_STEP, OutputError, without_negative_friction
 from sindyjoint.response.output_error_runs import NUISANCE, Nuisance, Parameter, range_of, term_columns
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
 
 MOST_EVALUATIONS = 40
+FINE_STEP = 0.3 * ROUGH_STEP
 # Of another start, before it is followed or left.
 FIRST_EVALUATIONS = 8
 # Two ends whose numbers differ by less than this share of their scales are one.
@@ -177,7 +178,16 @@ def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Ar
 
 
 def _fit(problem: OutputError, start: Array, most: int) -> tuple[Array, float]:
-    """Fit from one start, with at most so many evaluations; return the parameters and half the sum of squares."""
+    """Fit from one start, with at most so many evaluations; return the parameters and half the sum of squares.
+
+    A rough sum of squares is fitted over a coarse step, and from where that ends over a finer one.
+    """
+    end = _descend(problem, start, most, ROUGH_STEP)
+    ends = [end, _descend(problem, end[0], most, FINE_STEP)] if problem.rough else [end]
+    return min(ends, key=lambda each: each[1])
+
+
+def _descend(problem: OutputError, start: Array, most: int, step: float) -> tuple[Array, float]:
     from scipy.optimize import least_squares
 
     scale = np.array([parameter.scale for parameter in problem.parameters])
@@ -185,7 +195,7 @@ def _fit(problem: OutputError, start: Array, most: int) -> tuple[Array, float]:
     solution = least_squares(
         lambda x: problem.residual(x * scale),
         np.clip(start, low, high) / scale,
-        lambda x: problem.jacobian(x * scale) * scale,
+        lambda x: problem.jacobian(x * scale, step) * scale,
         bounds=(low / scale, high / scale),
         method="trf",
         x_scale=1.0,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -249,7 +250,7 @@ def simulate_run(
         else:
             moment, inner = along_motion(law, states, run.sample_rate, substeps)
         if drive != "motion":
-            motion = _simulate_motion(law, run, states, drive, window, kept.start, inner, options)
+            motion = simulate_motion(law, run, states, drive, window, kept.start, inner, options)
             angle, rate = (signal[-(kept.stop - kept.start) :] for signal in (motion.angle, motion.rate))
     except SimulationError as error:
         failure = str(error)
@@ -378,6 +379,7 @@ def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     return (least - reach, most + reach)
 
 
+@lru_cache(maxsize=1)
 def measured_drive(run: Run, states: ForceStates) -> Excitation:
     """Return the measured moment over the span of the states as an excitation.
 
@@ -387,16 +389,14 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
     moment = run.moment[span_of(run, states)]
     if states.method != "periodic" or states.frequency is None:
         return sampled(moment, run.sample_rate)
-    from scipy.interpolate import CubicSpline
-
     per = run.sample_rate / states.frequency
     nodes, periods = round(per), int((moment.size - 1) / per + 1e-9)
     positions = (np.arange(periods)[:, None] + np.arange(nodes) / nodes) * per
-    mean = CubicSpline(np.arange(moment.size), moment)(positions).mean(axis=0)
+    mean = sampled(moment, 1.0)(positions).mean(axis=0)
     return repeated(mean, 1 / states.frequency)
 
 
-def _simulate_motion(
+def simulate_motion(
     law: Law,
     run: Run,
     states: ForceStates,

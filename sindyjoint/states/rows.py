@@ -79,6 +79,14 @@ def regression_rows(
         kg·m²; ``None``: θ̈ becomes a column.
     with_inputs : bool
         Whether inputs of the states are columns, too.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> rows = sindyjoint.regression_rows(sindyjoint.campaign_states(test), test.joint.inertia)
+    >>> sindyjoint.JointRegressor("paper").fit(**rows.fit_arguments()).selected_
+    ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
     """
     X, y, X_other, y_other, groups, runs, blocks = [], [], [], [], [], [], []
     for state, label in zip(states, group_labels(states), strict=True):

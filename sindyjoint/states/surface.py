@@ -95,6 +95,12 @@ def force_state_map(angle: ArrayLike, rate: ArrayLike, moment: ArrayLike, n: int
     ------
     InputError
         For signals of different length, without samples, or a number of cells below two.
+
+    Examples
+    --------
+    >>> angle, rate = np.random.default_rng(0).uniform(-1, 1, (2, 9000))
+    >>> force_state_map(angle, rate, 3 * angle + 0.5 * np.sign(rate)).moment.shape
+    (24, 24)
     """
     theta, omega, torque = (np.asarray(signal, dtype=np.float64) for signal in (angle, rate, moment))
     if not theta.shape == omega.shape == torque.shape or theta.ndim != 1 or theta.size == 0:

@@ -22,6 +22,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.mask import moving_mask
 from sindyjoint.states.record import ForceStates
+from sindyjoint.substructure.harmonic_balance import SAMPLES_PER_HARMONIC
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.states import kept_of, record_motion, record_series, slow_orders
 from sindyjoint.substructure.unseen import LawRows, Slow
@@ -220,8 +221,7 @@ def _expected(source: Source, errors: Complex) -> float:
     return float(np.sum(moments * covariance).real)
 
 
-POINTS = 512  # of a period with few harmonics; with more, so many for each
-POINTS_PER_HARMONIC = 8
+POINTS = 512  # of a period with few harmonics; with more, some for each
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,7 +345,7 @@ def recovered_replicate(
     spectra = recovery.spectra
     if not spectra.repeats:
         return RecordReplicate(state, spectra.angular, root, kept, weight, law)
-    n = max(POINTS, POINTS_PER_HARMONIC * int(np.flatnonzero(used)[-1] + 1))
+    n = max(POINTS, SAMPLES_PER_HARMONIC * int(np.flatnonzero(used)[-1] + 1))
     per = state.sample_rate / spectra.frequency
     orders = np.arange(1, spectra.angular.size + 1)
     mean, a, b = HarmonicBasis.build(state.time - state.time[0], spectra.frequency, orders).fit(state.angle)

@@ -103,6 +103,14 @@ def batch(
     InputError, UnknownNameError, OutputError
         For options that no campaign can be discovered with, or a folder that cannot be written, or that another batch
         is writing into.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> for joint in ("inter-panel", "panel-root"):
+    ...     test = sindyjoint.simulate(joint, frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, out=f"tests/{joint}")
+    >>> sindyjoint.batch("tests", "results", "paper", correct=False)
+    <Batch: 2 campaigns: 2 with a model, all of them simulated>
     """
     check_output(out)
     if "rng" in options:

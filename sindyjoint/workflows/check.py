@@ -52,6 +52,13 @@ def check(
         For data that cannot be read.
     UnknownNameError
         For an id that no finding has.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> sindyjoint.check(test).soundness.verdict
+    'sound'
     """
     say = progress or (lambda stage: None)
     check_accepted(accept)

@@ -109,6 +109,14 @@ def compare(
         For data or options that cannot be used.
     UnsoundError
         Where the check of the data finds what stops the work.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.compare(test, "paper", methods=["stlsq", "frols"], libraries=["paper"], replicates=20)
+    >>> [choice.name for choice in found.methods]
+    ['stlsq', 'frols']
     """
     options["accept"] = accept
     names = _checked(tuple(methods or METHODS))
@@ -170,9 +178,9 @@ def _compared(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=question.random_state,
         **question.rule,
     )  # fmt: skip
-    model, bias = _model(found)
+    model = _model(found)
     against = partial(against_paper, found)
-    tests = clock.run("frequency dependence", frequency_tests, found, found.bias, margin)
+    tests = clock.run("frequency dependence", frequency_tests, found, margin)
     compared = Comparison(
         joint=found.campaign.joint.name,
         motion=found.campaign.joint.motion,
@@ -187,7 +195,6 @@ def _compared(
         sets=included.sets,
         left_out=left_out,
         tests=tests,
-        bias=bias,
         model=against(model),
         undetermined=undetermined(found),
         warnings=found.warnings
@@ -217,16 +224,12 @@ class _Clock:
         return result
 
 
-def _model(found: Discovery) -> tuple[Choice, dict[str, float]]:
-    """Return the main model, and the bias that was taken out of its coefficients."""
-    measured = {} if found.bias is None else dict(zip(found.bias.ids, found.bias.pooled, strict=True))
+def _model(found: Discovery) -> Choice:
+    """Return the main model."""
     terms = tuple(ChosenTerm(t.id, t.coefficient, t.standard_error, t.interval95) for t in found.model.terms)
     fitted = found.model.fitted
     left = fitted.residual_rms / (fitted.moment_rms or 1.0)
-    return (
-        Choice("model", terms, found.reason, len(found.regressor.terms_), residual=left),
-        {name: float(value) for name, value in measured.items()},
-    )
+    return Choice("model", terms, found.reason, len(found.regressor.terms_), residual=left)
 
 
 def _units(found: Discovery, by_library: Sequence[tuple[Choice, dict[str, str]]]) -> dict[str, str]:
@@ -277,6 +280,14 @@ def changed(
     ------
     InputError, MissingInputError
         For what is no test, or tests of different joints.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> runs = {"frequencies": [3, 5], "levels": [0.9, 0.5], "duration": 3.0}
+    >>> before, after = (sindyjoint.simulate(rng=seed, **runs) for seed in (0, 1))
+    >>> sindyjoint.changed(before, after)
+    <Change: inter-panel joint: before and after>
     """
     say = progress or (lambda stage: None)
     given = ((before, "before"), (after, "after"))

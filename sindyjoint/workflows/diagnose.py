@@ -113,6 +113,13 @@ def diagnose(
     Raises
     ------
     InputError, UnknownNameError
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> sindyjoint.diagnose(test, advise=False, max_effects=1).settled
+    True
     """
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.diagnosis.campaign.start import kept_out
@@ -214,6 +221,13 @@ def diagnose_structure(
     ------
     InputError, UnitError, UnknownNameError, MissingInputError
         In one line.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> found = sindyjoint.diagnose_structure("pulse-rig", advise=False, max_effects=1, rng=5)
+    >>> [step.effect for step in found.steps]
+    ['lumped_mass']
     """
     from sindyjoint.diagnosis.structure.problem import StructureProblem
 
@@ -301,6 +315,17 @@ def diagnose_rig(
         For runs that cannot be used, or joints in which no law is found.
     UnsoundError
         Where findings of the check stop the work.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import sindyjoint
+    >>> plan = sindyjoint.load_rig_plan("pulse-rig")
+    >>> recorder = replace(plan.recorder, duration=4.0, settling=4.0)
+    >>> test = sindyjoint.virtual_rig_test(plan.test, plan.drives[:2], recorder)
+    >>> found = sindyjoint.diagnose_rig(test, advise=False, max_effects=1)
+    >>> found.settled
+    True
     """
     from sindyjoint.diagnosis.structure.in_place import RunsDiagnosis, divide_runs
     from sindyjoint.diagnosis.structure.records import runs_problem

@@ -23,14 +23,7 @@ from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
-from sindyjoint.judgement.second_search import (
-    TermSearch,
-    campaign_model,
-    search_again,
-    softened,
-    unmeasured_bias,
-    without_bias,
-)
+from sindyjoint.judgement.term_search import TermSearch, campaign_model, search_completed
 from sindyjoint.judgement.verdict import (
     Verdict,
     judge,
@@ -101,8 +94,8 @@ def discover(
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     correct : bool
-        Simulate the model under the drive of the campaign and take out of the coefficients what noise and processing
-        do to them.
+        Choose the terms again on force states that are completed, by a simulation of the model, with the part of the
+        motion that their processing cuts off.
     paper : bool
         Put the question of the paper's five terms first, as for the paper's joints.
     rng : int, Generator or None
@@ -122,6 +115,16 @@ def discover(
     ------
     InputError, UnknownNameError
         For data or options that cannot be used.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.discover(test, "paper", correct=False)
+    >>> found.model.ids
+    ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
+    >>> print(found.model.equation())
+    M = I·θ̈ + k1·θ + k2·θ² + k3·θ³ + c1·θ̇ + M_F·sgn(θ̇)
     """
     say = progress or (lambda stage: None)
     catalogue = catalogue_of(library)
@@ -148,16 +151,12 @@ def discover(
     with executor(jobs, workers, cluster) if long else nullcontext() as here:
         first, counts = _select_terms(regressor, prepared, here, bandwidth, say)
     say("judging")
-    best = search_again(first, prepared.campaign, counts, say) if correct and not long else first
-    verdict, left_in = _judge_terms(best, first.regressor, prepared, correct)
+    best = search_completed(first, prepared.campaign, counts, say) if correct and not long else first
+    verdict, left_in = _judge_terms(best, prepared)
     verdict = undecided_by_data(verdict, checked.undecided_by(aligned=prepared.lag != 0.0))
-    say("measuring the bias of the processing")
-    fixed = without_bias(best, first.regressor, prepared.campaign) if correct else None
-    model = with_gain_uncertainty(
-        best.model if fixed is None else fixed.model, prepared.campaign.gain_uncertainty
-    )
+    model = with_gain_uncertainty(best.model, prepared.campaign.gain_uncertainty)
     delay = prepared.delay if align else left_in
-    left = (best.note, *lag_notes(prepared.lags), unused, unmeasured_bias(fixed))
+    left = (*lag_notes(prepared.lags), unused)
     warnings = list_warnings(prepared.campaign, best.states, model, delay, align, best.regressor.indistinct_)
     if prepared.lag and prepared.delay is not None:
         removed = channel_delay(prepared.lag, prepared.delay.standard_error)
@@ -172,7 +171,6 @@ def discover(
         states=best.states,
         regressor=best.regressor,
         campaign=prepared.campaign,
-        bias=fixed.bias if fixed is not None else None,
         soundness=checked.soundness,
         measured=campaign,
         paper=paper,
@@ -238,17 +236,13 @@ def _select_terms(
     return TermSearch(regressor, campaign_model(regressor, campaign, states, counts), states), counts
 
 
-def _judge_terms(
-    found: TermSearch, measured: TermRegression, prepared: _Prepared, correct: bool
-) -> tuple[Verdict, ChannelDelay | None]:
+def _judge_terms(found: TermSearch, prepared: _Prepared) -> tuple[Verdict, ChannelDelay | None]:
     """Return the verdict on the paper's terms, and the delay that is left in the channels."""
     regressor, model, states = found.regressor, found.model, found.states
     left = unresolved_delay(prepared.delay, regressor, model, states) if prepared.lag == 0.0 else None
     slowest = min(s.sample_rate for s in states)
     unresolved = left if left is not None and left.unresolved(slowest) else None
-    verdict = judge(regressor, model, measured is not regressor, unresolved)
-    if correct and verdict.verdict == "refuted":
-        verdict = softened(verdict, regressor, model, prepared.campaign, states)
+    verdict = judge(regressor, model, unresolved)
     return (undecided_without_time(verdict) if prepared.campaign.quasi_static else verdict), left
 
 
@@ -292,6 +286,17 @@ def discover_rig(
         For a file that cannot be used, too few sensors, or runs that are too short.
     UnsoundError
         Where findings of the check stop the work.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> import sindyjoint
+    >>> plan = sindyjoint.load_rig_plan("pulse-rig")
+    >>> recorder = replace(plan.recorder, duration=4.0, settling=4.0)
+    >>> test = sindyjoint.virtual_rig_test(plan.test, plan.drives[:2], recorder)
+    >>> found = sindyjoint.discover_rig(test, "paper", refine=False)
+    >>> found.laws[0].discovery.model.ids
+    ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
     """
     from sindyjoint.judgement.rig_discovery import of_data
 

@@ -156,8 +156,10 @@ def plan(
 
     Examples
     --------
-    >>> found = plan(ranges={"linear_stiffness": (5000.0, 8000.0)}, time=60.0)  # doctest: +SKIP
-    >>> found.report("plan")  # doctest: +SKIP
+    >>> import sindyjoint
+    >>> made = sindyjoint.plan("inter-panel", time=6.0, band=(2.0, 4.0))
+    >>> made.seconds <= 6.0, len(made.runs)
+    (True, 1)
     """
     say = progress or (lambda stage: None)
     both, bounded = model is not None and like is not None, until is None or 0 < until < inf
@@ -297,7 +299,8 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
         )
     count = 0
     if 0 < time < inf:
-        count = min(POLICY.setups, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
+        most = POLICY.fewest_frequencies * len(POLICY.levels[::2])  # as many as the plain grid has
+        count = min(most, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
     if not count:
         raise InputError(
             f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {REPLICATES} steady periods "

@@ -109,6 +109,13 @@ def simulate(
         For a plan that cannot be simulated.
     OutputError
         When the folder cannot be written, or holds other files of these names.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> [run.name for run in test.runs]
+    ['3Hz-0.9', '3Hz-0.5', '5Hz-0.9', '5Hz-0.5']
     """
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.virtual import named_joint, virtual_campaign

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -25,8 +25,6 @@ from sindyjoint.judgement.refined import estimated_errors
 from sindyjoint.judgement.trust import assess
 from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import load_rig_test
-from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
 from sindyjoint.response.compared import corrected, put_right
@@ -36,15 +34,17 @@ from sindyjoint.response.refinement import refine as refine_response
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
-from sindyjoint.response.verify_rig import PLACEHOLDERS, verify_rig
+from sindyjoint.response.verify_rig import verify_rig
 from sindyjoint.soundness.check import check_campaign, check_rig_test, require_sound
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.campaigns import content_hash
-from sindyjoint.substructure.simulated.verified import verify_runs
 from sindyjoint.text import percent
 from sindyjoint.trust import Trust
 from sindyjoint.workflows.check import the_campaign
+
+if TYPE_CHECKING:
+    from sindyjoint.mechanics.rigs import Rig
 
 DRAWS = 20
 
@@ -124,6 +124,14 @@ def verify(
         For an accepted id that no finding has.
     UnsoundError
         Where the check of the data finds what stops the work.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.discover(test, "paper", correct=False)
+    >>> sindyjoint.verify(found.model, test, draws=2).passed
+    True
     """
     say = progress or (lambda stage: None)
     positive = np.isfinite(tolerance) and tolerance > 0
@@ -170,12 +178,15 @@ def verify(
         ]
     )
     if isinstance(against, RigTest):
+        from sindyjoint.substructure.simulated.verified import verify_runs
+
         say("checking the data")
         found = require_sound(check_rig_test(against, accept))
         result: Verification = _with_check(
             verify_runs(models, found.usable, settings, say), found.soundness, found.warnings
         )
         return replace(result, trust=judge_verification(result, against.simulated, found.soundness))
+
     result = verify_rig(models[0], against, settings, truth, say)
     return replace(result, trust=judge_verification(result, False, None))
 
@@ -225,22 +236,29 @@ def _with_check(result: Verification, soundness: Soundness, before: Sequence[str
 
 def _open_input(against: Rig | RigTest | Campaign | str | Path) -> Rig | RigTest | Campaign:
     """Return the rig, with recorded runs or without, or the campaign that a path means."""
-    if isinstance(against, Rig | RigTest):
+    if isinstance(against, Campaign | RigTest):
         return against
+    # What simulates a structure is loaded where one is given.
     if not isinstance(against, str | Path):
-        return the_campaign(against)
+        from sindyjoint.mechanics.rigs import Rig
+
+        return against if isinstance(against, Rig) else the_campaign(against)
     path = Path(against)
     if has_measured_runs(path) and str(against) not in shipped_rigs():
+        from sindyjoint.mechanics.rig_test_file import load_rig_test
+
         return load_rig_test(path)
-    if str(against) in shipped_rigs() and not path.is_dir():
-        return load_rig(str(against))
-    if not path.exists():
+    ships = str(against) in shipped_rigs() and not path.is_dir()
+    if not ships and not path.exists():
         raise MissingInputError(
             f"{str(against)!r}: no such file or folder; expected a campaign.toml, its folder, a rig's TOML file or one "
             f"of the shipped rigs ({', '.join(shipped_rigs())})"
         )
-    if is_rig_test(path):
-        return load_rig(rig_path(path), PLACEHOLDERS)
+    if ships or is_rig_test(path):
+        from sindyjoint.mechanics.rigs import load_rig
+        from sindyjoint.response.verify_rig import PLACEHOLDERS
+
+        return load_rig(str(against)) if ships else load_rig(rig_path(path), PLACEHOLDERS)
     return load_campaign(path)
 
 
@@ -348,6 +366,15 @@ def refine(
     Raises
     ------
     InputError, UnknownNameError, UnsoundError
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, rng=0)
+    >>> found = sindyjoint.discover(test, "paper", correct=False)
+    >>> refined = sindyjoint.refine(found.model, test)
+    >>> refined.refined
+    True
     """
     say = progress or (lambda stage: None)
     if not isinstance(model, JointModel):

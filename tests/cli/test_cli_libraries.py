@@ -132,8 +132,8 @@ def test_every_command_has_help():
         ),
         ('formula = "theta +"', "term 'constant_moment': formula 'theta +': it is not an expression"),
         ('formula = "theta"', "term 'constant_moment': unit 'N*m' times theta is not N*m; expected N*m/rad"),
-        ('formla = "1"', "term 1 (constant_moment): key 'formla' is unknown; did you mean 'formula'?"),
-        ('include = "mine.toml"', "term 1 (constant_moment): key 'include' is unknown"),
+        ('formla = "1"', "[[term]] 1 (constant_moment): unknown key 'formla'; did you mean 'formula'?"),
+        ('include = "mine.toml"', "[[term]] 1 (constant_moment): unknown key 'include'"),
     ],
 )
 def test_a_faulty_file_ends_the_program_with_status_2_and_one_line(tmp_path, capsys, text, message):

@@ -34,4 +34,4 @@ def test_check_names_the_fault_of_an_effect(capsys, tmp_path):
     path.write_text('name = "m"\ndescription = "m"\n[[effect]]\nid = "m"\n')
     assert run("check", str(path)) == 2
     error = capsys.readouterr().err
-    assert error.count("\n") == 1 and "mine.toml: effect.1" in error
+    assert error.count("\n") == 1 and "mine.toml: [[effect]] 1 (m): key 'name' is missing" in error

@@ -1,10 +1,13 @@
 """What a command says while it works: on a terminal how long a stage will take, elsewhere nothing unless asked."""
 
 import sys
+import threading
+import time
 
 import pytest
 
-from sindyjoint.cli import Progress, progress
+from sindyjoint import simulate
+from sindyjoint.cli import Progress, main, progress
 
 
 class Spinner:
@@ -48,3 +51,26 @@ def test_off_a_terminal_only_verbose_has_a_line_for_each_stage(clock, capsys, op
         clock[0] = seconds
         shown.say(stage)
     assert capsys.readouterr().err == expected
+
+
+def test_an_error_is_the_last_line(monkeypatch, capsys, tmp_path):
+    """Also where the line of a stage is about to be printed as the command fails."""
+    print_stage, speaking = Progress._speak, set()
+
+    def speak(shown):
+        speaking.add(threading.current_thread())
+        time.sleep(2.0)
+        print_stage(shown)
+
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(Progress, "_speak", speak)
+    simulate(frequencies=[3, 5], levels=[0.9], duration=20.0, out=tmp_path)
+    with (tmp_path / "5Hz-0.9.csv").open("a") as file:
+        file.write("nowhere")
+    with pytest.raises(SystemExit):
+        main(["discover", str(tmp_path)])
+    for each in speaking - {threading.main_thread()}:
+        each.join()
+    *stages, error = capsys.readouterr().err.splitlines()
+    assert error.startswith("sindyjoint: ") and "5Hz-0.9.csv: line" in error
+    assert stages and not any(each.startswith("sindyjoint: ") for each in stages)

@@ -39,7 +39,8 @@ def test_verbose_changes_stderr_only(sindyjoint, folder):
     assert "selecting terms" in loud.stderr
     # The numbers behind it: the noise of each run, the models near the chosen one, the unique share of each term.
     assert re.search(
-        r"3Hz-0.9 +\d+ +1000 Hz +periodic +\S+ Hz +[\d.]+ % +[\d.e-]+ rad +[\d.e-]+ N·m", loud.stderr
+        r"3Hz-0.9 +\d+ +1000 Hz +periodic, completed +\S+ Hz +[\d.]+ % +[\d.e-]+ rad +[\d.e-]+ N·m",
+        loud.stderr,
     )
     assert re.search(r"chosen +5 +0\.0\d+ +0\.0\d+", loud.stderr)
     assert re.search(r"coulomb_friction +\d+\.\d+ % +\d+\.\d+ %", loud.stderr)

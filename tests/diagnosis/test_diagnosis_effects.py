@@ -1,11 +1,14 @@
 """The catalogue of effects: read, refused in one line, and right along a motion that has a closed form."""
 
+import shutil
+
 import numpy as np
 import pytest
 
 from sindyjoint.diagnosis import MeasuredMotion, load_effects, read_effects, select_effects
 from sindyjoint.equation import Reference
 from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
+from tests.conftest import LIBRARIES
 
 WANTED = """quintic_stiffness bilinear_stiffness dead_zone constant_moment direction_dependent_damping quadratic_damping
 cubic_damping amplitude_dependent_damping position_dependent_friction stribeck_friction dahl_friction
@@ -57,6 +60,13 @@ def test_every_effect_is_finite_within_its_bounds_and_names_known_look_alikes(na
             assert np.all(np.isfinite(variant.along(motion, values)))
 
 
+@pytest.mark.parametrize("path", sorted(LIBRARIES.glob("*/*.toml")), ids=lambda path: path.stem)
+def test_what_ships_passes_the_checks_of_a_file_of_ones_own(path, tmp_path):
+    # A process takes the shipped file as it is; a copy of it is checked.
+    shutil.copy(path, tmp_path / "mine.toml")
+    assert read_effects(tmp_path / "mine.toml") == read_effects(path)
+
+
 def test_jenkins_loop_has_its_closed_area():
     """Energy per cycle 4·k·θ_y·(A − θ_y) of a spring and slider in series (A > θ_y)."""
     motion, yields = sinusoid(), 2e-4
@@ -94,7 +104,7 @@ def test_play_carries_nothing_within_its_gap():
 HEAD = 'name = "mine"\ndescription = "mine"\n[[effect]]\nid = "mine"\nname = "mine"\nfamily = "x"\nmeaning = "x"\n'
 BAD = {
     "unknown key": (HEAD + 'colour = "red"\n[[effect.variant]]\ncolumns = []\n', "colour", InputError),
-    "no variant": (HEAD, "variant: is missing", InputError),
+    "no variant": (HEAD, "[[effect]] 1 (mine): key 'variant' is missing", InputError),
     "wrong unit": (
         HEAD + '[[effect.variant]]\ncolumns = [{ symbol = "k", formula = "theta**5", unit = "N*m" }]\n',
         "expected N*m/rad^5",

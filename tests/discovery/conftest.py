@@ -5,7 +5,7 @@ import pytest
 
 from sindyjoint import discover, simulate
 from sindyjoint.discovery.factors import Factor
-from sindyjoint.states import campaign_states, regression_rows
+from sindyjoint.states import regression_rows
 
 TRUTH = np.array([6.066e3, -1.927e5, -2.684e9, 48.13, 1.867])
 PLAN = dict(frequencies=[3, 4, 5, 6], levels=[0.9, 0.6, 0.35], duration=4.0, noise=0.01, random_state=0)
@@ -30,9 +30,9 @@ def evidence(found):
 
 
 @pytest.fixture(scope="session")
-def rows(inter_panel):
+def rows(inter_panel, found):
     """Return its regression rows as arguments of fit."""
-    return regression_rows(campaign_states(inter_panel), inter_panel.joint.inertia).fit_arguments()
+    return regression_rows(found.states, inter_panel.joint.inertia).fit_arguments()
 
 
 def random_factor(seed, n=200, p=9, noise=5.0):

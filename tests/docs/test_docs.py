@@ -40,7 +40,7 @@ def test_it_builds_without_a_warning(tmp_path):
     assert 'id="sindyjoint.discover"' in page and "Find which terms the equation of a joint has." in page
 
 
-@pytest.mark.parametrize("module", ["sindyjoint", "sindyjoint.reporting", "sindyjoint.errors"])
+@pytest.mark.parametrize("module", ["sindyjoint", "sindyjoint.errors"])
 def test_no_public_name_is_undocumented(module):
     home = import_module(module)
     if f".. automodule:: {module}\n   :members:" in API:
@@ -78,7 +78,8 @@ def test_the_api_page_has_every_name_that_a_program_imports(name):
         for node in ast.walk(PROGRAMS[name])
         if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "sindyjoint"
     }
-    assert sorted(each for each in imported if f":: {each}\n" not in API) == []
+    # From nowhere but the front door: what stands behind it may move.
+    assert sorted(each for each in imported if f":: {each}\n" not in API or each.count(".") > 1) == []
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

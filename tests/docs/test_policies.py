@@ -43,7 +43,6 @@ def test_the_page_of_keys_is_what_reads_the_files():
 
 def test_every_folder_that_decides_has_a_policy():
     needed = {
-        "bias",
         "diagnosis",
         "discovery",
         "equation",

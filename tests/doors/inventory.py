@@ -54,9 +54,7 @@ def inventory(run: Callable) -> dict[str, dict[str, object]]:
             if " " not in each
         ]
 
-    names = {
-        each: list(inspect.signature(getattr(sindyjoint, each)).parameters) for each in sindyjoint.__all__
-    }
+    names = {name: parameters(getattr(sindyjoint, name)) for name in sindyjoint.__all__}
     effects = json.loads(run("libraries", "effects", "--json").stdout)
     libraries = [each["name"] for each in json.loads(run("libraries", "list", "--json").stdout)]
     shown = {each: json.loads(run("libraries", "show", each, "--json").stdout)["terms"] for each in libraries}
@@ -80,6 +78,14 @@ def inventory(run: Callable) -> dict[str, dict[str, object]]:
         "names": names,
         "errors": {name: "" for name in sorted(vars(errors)) if name.endswith("Error")},
     }  # fmt: skip
+
+
+def parameters(public: object) -> list[str]:
+    """Return the names of the parameters of a public name; of data and of an exception there are none."""
+    try:
+        return list(inspect.signature(public).parameters)
+    except (TypeError, ValueError):
+        return []
 
 
 def commands(run: Callable, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], list[str]]]:

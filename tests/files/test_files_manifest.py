@@ -226,7 +226,7 @@ file = "run.csv"
             "factor = 0",
             "[rig] strain_position_factor is 0.0; expected a finite number above zero",
         ),
-        ("factor = 1.02", "factor = inf", "[rig] strain_position_factor is inf"),
+        ("factor = 1.02", "factor = inf", "[rig] strain_position_factor: expected a finite number"),
         ('"60 mm"', '"0 mm"', "[rig] joint_length is 0.0"),
         ('"20 mm"', '"-20 mm"', "[rig] section_height is -0.02"),
         ('"2333 N*m^2"', '"0 N*m^2"', "[rig] bending_stiffness is 0.0"),

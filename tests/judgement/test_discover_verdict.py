@@ -10,7 +10,7 @@ from sindyjoint import JointRegressor, discover, simulate
 from sindyjoint.mechanics import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign, Joint, Run
-from sindyjoint.states import campaign_states, regression_rows
+from sindyjoint.states import regression_rows
 
 PLAN = {"frequencies": [3, 4, 5], "levels": [0.9, 0.6, 0.35], "noise": 0.01, "random_state": 0}
 
@@ -57,7 +57,7 @@ def test_the_built_in_test_says_that_it_is_simulated():
 def test_one_engine():
     found = plain()
     made = found.campaign
-    rows = regression_rows(campaign_states(made), made.joint.inertia)
+    rows = regression_rows(found.states, made.joint.inertia)
     regressor = JointRegressor().fit(**rows.fit_arguments())
     assert regressor.selected_ == found.model.ids
     np.testing.assert_array_equal(regressor.coef_, found.regressor.coef_)

@@ -90,7 +90,7 @@ def test_a_run_of_too_few_periods_is_refused():
 def alike(runs):
     """Information of equal runs on one joint with two coefficients."""
     eye = np.tile(np.eye(2), (runs, 1, 1, 1))
-    return Information(100 * eye, 100 * eye, np.zeros((runs, 1, 2)), np.full((runs, 1), 8.0))
+    return Information(100 * eye, 100 * eye, np.full((runs, 1), 8.0))
 
 
 def test_four_times_the_runs_halve_the_interval():

@@ -42,7 +42,7 @@ def small():
     """Few joints: what is averaged over is not what is tested here."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(planner, "POLICY", FEW)
-        patch.setattr(planner, "PREDICTED", 6)
+        patch.setattr(planner, "DRAWS", 6)
         yield
 
 

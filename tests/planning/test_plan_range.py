@@ -44,7 +44,7 @@ def reached(law, made):
 @pytest.mark.parametrize("drive, seed", [("moment", 11), ("moment", 12), ("angle", 13), ("angle", 14)])
 def test_no_planned_run_leaves_what_the_campaign_tested(drive, seed, monkeypatch):
     monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
-    monkeypatch.setattr(planner, "PREDICTED", 3)
+    monkeypatch.setattr(planner, "DRAWS", 3)
     law, made = joint_and_runs(seed, drive)
     campaign = play(law, made, Sensors(500.0, 0.01), seed)
     found = plan(campaign=campaign, drive=drive, time=60.0)
@@ -59,7 +59,7 @@ def test_no_planned_run_leaves_what_the_campaign_tested(drive, seed, monkeypatch
 
 def test_a_limit_lets_a_plan_leave_it_and_the_command_says_by_how_much(sindyjoint, tmp_path, monkeypatch):
     monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
-    monkeypatch.setattr(planner, "PREDICTED", 3)
+    monkeypatch.setattr(planner, "DRAWS", 3)
     made = simulate(
         frequencies=(3, 4, 6), levels=(0.6, 0.5, 0.4), duration=4.0, sample_rate=500.0, out=tmp_path
     )

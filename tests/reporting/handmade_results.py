@@ -164,7 +164,6 @@ def comparison(name="bench joint", method="stlsq"):
             frequency_test(i, frequencies, np.array([0.99, 1.0, 1.015]) * v, np.full(3, abs(v) / 200), np.full(3, 12.0))
             for i, v in zip(found, values, strict=True)
         ),
-        bias={"linear_stiffness": 1.2},
         model=choice("stlsq, corrected"),
         undetermined=("quadratic stiffness and preload are one answer",),
         warnings=("the campaign is simulated (a virtual test), not measured",),

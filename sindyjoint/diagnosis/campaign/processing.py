@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.bias.policy import POLICY as BIAS
 from sindyjoint.diagnosis.campaign.repair import modelled
 from sindyjoint.diagnosis.campaign.rows.build import along_replicate
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
@@ -23,6 +22,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array, convolve, delayed
 from sindyjoint.record import Run
+from sindyjoint.response.policy import POLICY as RESPONSE
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.broadband import smoothing_kernels
 
@@ -108,7 +108,7 @@ def _replicate(
         return None
     with np.errstate(over="ignore"):  # a simulation that runs away is far from the measurement
         apart = float(np.std(result.simulated_angle - result.angle))
-    if not apart < BIAS.largest_difference * np.std(result.angle):
+    if not apart < RESPONSE.completion_follows * np.std(result.angle):
         return None
     shift = Corrections.of(effects).shift
     angle = delayed(run.angle, shift * run.sample_rate) if shift else run.angle.copy()

@@ -41,10 +41,8 @@ from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import SIMULATED
 from sindyjoint.response.verify_campaign import GIVEN
+from sindyjoint.substructure.harmonic_balance import SAMPLES_PER_HARMONIC
 from sindyjoint.substructure.simulated.runs import SteadyRun
-
-# Samples of the highest harmonic over a period.
-PHASES = 8
 
 
 def joint_motions(problem: RunsProblem, x: Array) -> Iterator[tuple[str, Array, Array]]:
@@ -55,7 +53,7 @@ def joint_motions(problem: RunsProblem, x: Array) -> Iterator[tuple[str, Array, 
             continue
         amplitudes = run.angles(found[0])
         orders = np.arange(amplitudes.shape[1])
-        wave = np.exp(1j * np.outer(orders, np.linspace(0, 2 * np.pi, PHASES * orders.size)))
+        wave = np.exp(1j * np.outer(orders, np.linspace(0, 2 * np.pi, SAMPLES_PER_HARMONIC * orders.size)))
         yield run.name, (amplitudes @ wave).real, (1j * run.omega * orders * amplitudes @ wave).real
     if not isinstance(problem, RecordsProblem):
         return

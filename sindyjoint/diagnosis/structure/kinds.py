@@ -17,10 +17,8 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array, root_of
-from sindyjoint.response.laws import model_law
+from sindyjoint.response.laws import LEAST_DRAWN, model_law
 
-# No positive number of an element falls below this share of it.
-LEAST = 0.02
 # Step of the differences, in the scaled numbers of a fit.
 STEP = 1e-4
 
@@ -68,7 +66,7 @@ class JointKind:
             if name == place_of(FRICTION) and value >= 0:
                 moved = max(moved, 0.0)
             elif name in self.laws.fixed and value > 0:
-                moved = max(moved, LEAST * value)
+                moved = max(moved, LEAST_DRAWN * value)
             numbers[name] = moved
         return Setup((), 0.0, numbers)
 

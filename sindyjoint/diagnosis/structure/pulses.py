@@ -20,15 +20,21 @@ from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice
 from sindyjoint.diagnosis.structure.kinds import JointKind
-from sindyjoint.diagnosis.structure.output_error import FittedChange, OutputError, differences, parted
+from sindyjoint.diagnosis.structure.output_error import (
+    STEP_PRIOR,
+    FittedChange,
+    OutputError,
+    differences,
+    parted,
+)
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.virtual_rig import with_laws
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.response.oscillations import white_noise
 
-# Step of the differences: in standard errors of a coefficient, and in the scaled numbers of an effect.
-STEP_PRIOR, STEP_EFFECT = 0.05, 2e-4
+# Step of the differences in the scaled numbers of an effect.
+STEP_EFFECT = 2e-4
 # Modes are added to the search only as far as records can show them.
 MODES = 6
 # Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.

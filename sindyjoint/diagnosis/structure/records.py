@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.structure.output_error import differences, parted
+from sindyjoint.diagnosis.structure.output_error import STEP_PRIOR, differences, parted
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
@@ -27,9 +27,7 @@ from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segments import DRAWS, Channels, SegmentedRun
 from sindyjoint.substructure.states import joint_states, kept_of
 
-# Step of the differences, in the scaled numbers of the fit: a simulation has events, and a smaller one would see them.
-STEP = 0.05
-# The same for the numbers of an effect, of the largest that is sought.
+# Step of the differences for the numbers of an effect, of the largest that is sought.
 STEP_EFFECT = 1e-3
 
 
@@ -102,7 +100,7 @@ class RecordsProblem(RunsProblem):
         columns = np.zeros((residual.size, len(places)))
         columns[:first] = super().derivatives(x, residual[:first], duration, places, extra)
         steps = STEP_EFFECT * (high - low)
-        steps[: self.priors] = STEP
+        steps[: self.priors] = STEP_PRIOR
 
         def segments(at: Array) -> Array | None:
             parts = self._segments(at, extra)

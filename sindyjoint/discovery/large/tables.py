@@ -119,6 +119,16 @@ def discover_rows(
     ------
     InputError
         For files that cannot be read in segments, columns that are missing, or values that are not finite.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> rng = np.random.default_rng(0)
+    >>> angle, rate = rng.normal(0, 4e-4, 4000), rng.normal(0, 0.01, 4000)
+    >>> moment = 6000 * angle + 1.9 * np.sign(rate) + 0.01 * rng.normal(size=4000)
+    >>> np.save("rows.npy", np.column_stack([angle, rate, moment]))
+    >>> sindyjoint.discover_rows("rows.npy", "paper", columns={"angle": 1, "rate": 2, "moment": 3}).selected_
+    ('linear_stiffness', 'coulomb_friction')
     """
     from sindyjoint.discovery.estimator import JointRegressor
 

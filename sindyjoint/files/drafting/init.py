@@ -125,6 +125,15 @@ def init(
         When no file holds a run, or a question stays open.
     OutputError
         When there is a ``campaign.toml`` already.
+
+    Examples
+    --------
+    >>> import sindyjoint
+    >>> test = sindyjoint.simulate(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0, out="tests", rng=0)
+    >>> from pathlib import Path
+    >>> Path("tests/campaign.toml").unlink()
+    >>> sindyjoint.init("tests").manifest
+    PosixPath('tests/campaign.toml')
     """
     place = Path(folder)
     target = place / MANIFEST_NAME

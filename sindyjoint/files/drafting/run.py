@@ -22,6 +22,7 @@ from sindyjoint.files.timeaxis import (
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.files.writers import toml_string
 from sindyjoint.numeric import Array, main_frequency
+from sindyjoint.record import MINIMUM_SAMPLES
 from sindyjoint.text import printable
 
 # The sampling rate, or interval, as instruments write it above their tables.
@@ -125,6 +126,8 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     A frequency in the file's name counts where the spectrum agrees; a frequency of the spectrum is rounded to what its
     resolution can show.
     """
+    if angle.size < MINIMUM_SAMPLES:
+        return None
     abscissa = np.linspace(-1, 1, angle.size)
     # Slow drift is no excitation.
     signals = [x - np.polyval(np.polyfit(abscissa, x, 3), abscissa) for x in (angle, moment)]

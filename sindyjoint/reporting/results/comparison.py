@@ -65,19 +65,14 @@ def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) 
 
 
 def coefficients_table(result: Comparison) -> TextTable:
-    """List each term of the model: inclusion, value and interval after correction, and the bias that was corrected."""
+    """List each term of the model: inclusion, value and interval."""
     share = dict(zip(result.ids, result.inclusion, strict=True))
-
-    def bias(term: ChosenTerm) -> str:
-        taken = 100 * result.bias[term.id] / abs(term.coefficient) if term.id in result.bias else None
-        return DASH if taken is None else f"{taken:+.2f} %".replace("-", "−")
 
     columns: dict[str, Callable[[ChosenTerm], str]] = {
         "term": lambda term: _named(result, term.id),
         "in resampled campaigns": lambda term: _percent(share.get(term.id, float("nan"))),
         "value": lambda term: _value(term.coefficient, term.standard_error),
         "95 % interval": lambda term: interval_text(*term.interval95, term.standard_error),
-        "bias taken out": bias,
     }
     return tabulate("coefficients", "Coefficients", result.model.terms, columns)
 
@@ -267,13 +262,6 @@ KINDS = by_name(
 )
 
 
-CORRECTED = (
-    "These are the values of the model: the bias that processing leaves in a coefficient is taken out of them, and of "
-    "the test for frequency dependence below. The tables above hold each value as it was fitted, so that methods "
-    "compare: that is why two values of a coefficient stand on this page."
-)
-
-
 def _tables(result: Comparison) -> tuple[TextTable, ...]:
     """Return the tables of a comparison, that of all choices first."""
     return (
@@ -297,7 +285,6 @@ def _page(result: Comparison, data: Comparison, show: Blocks, folder: Path | Non
     answers = [f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests]
     above = {
         "choices": show.paragraph(about, "reason"),
-        "coefficients": show.paragraph(CORRECTED if result.bias else ""),
     }
     below = {
         "choices": (show.pictures("inclusion"),),

@@ -325,7 +325,7 @@ def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iter
         "run": lambda state: state.run,
         "samples": lambda state: str(state.n_samples),
         "rate": lambda state: f"{state.sample_rate:.4g} Hz",
-        "states": lambda state: state.method,
+        "states": lambda state: f"{state.method}, completed" if state.completed else state.method,
         "band": lambda state: f"{state.bandwidth:.3g} Hz",
         "moving": lambda state: f"{100 * state.moving.mean():.1f} %",
         "noise of the motion": lambda state: f"{state.noise.angle:.2e} {q.angle_unit}",
@@ -337,16 +337,13 @@ def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iter
 
 
 def _shares(result: Discovery) -> Iterator[str]:
-    bias = {} if result.bias is None else dict(zip(result.bias.ids, result.bias.pooled, strict=True))
-
-    def relative(term: ModelTerm, value: float, sign: str = "") -> str:
-        return f"{100 * (value / (abs(term.coefficient) or 1.0)):{sign}.3f} %"
+    def relative(term: ModelTerm, value: float) -> str:
+        return f"{100 * (value / (abs(term.coefficient) or 1.0)):.3f} %"
 
     columns: dict[str, Callable[[ModelTerm], str]] = {
         "term": lambda term: term.id,
         "unique share": lambda term: f"{100 * term.unique_share:.2f} %",
         "relative error": lambda term: relative(term, term.standard_error),
-        "bias taken out": lambda term: relative(term, bias[term.id], "+") if term.id in bias else DASH,
     }
     return aligned(tabulate("shares", "", result.model.terms, columns))
 

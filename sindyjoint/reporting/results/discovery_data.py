@@ -290,10 +290,11 @@ def _fit_groups(result: Discovery) -> tuple[GroupFit, ...]:
     if len(result.regressor.evidence_.groups) < 2 or not result.model.terms:
         return ()
     try:
-        found, values, errors = estimates_by_group(result, result.bias)
+        found = estimates_by_group(result)
     except np.linalg.LinAlgError:
         return ()
-    return tuple(map(GroupFit, found.groups, values, errors)) if found.ids == result.model.ids else ()
+    fits = map(GroupFit, found.groups, found.coefficients, found.standard_errors)
+    return tuple(fits) if found.ids == result.model.ids else ()
 
 
 def run_labels(loops: Sequence[Loop]) -> list[str]:

@@ -329,8 +329,8 @@ _WHOLE = (
     Kind(
         "coefficients",
         "Coefficients by frequency, or by part of the record",
-        "The chosen terms fitted to each single frequency (or part), with 95 % intervals, the bias of the "
-        "processing taken out where it is known. Line: all together.{crosses} Grey: ±10 %.",
+        "The chosen terms fitted to each single frequency (or part), with 95 % intervals. Line: all "
+        "together.{crosses} Grey: ±10 %.",
         lambda data: [partial(coefficient, term=term) for term in data.model.ids if data.groups],
     ),
     Kind(

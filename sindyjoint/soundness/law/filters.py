@@ -16,6 +16,7 @@ from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, mi
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Record
 from sindyjoint.states.build import force_states
+from sindyjoint.states.floor import moment_floor
 
 # Of the inertia's moment over the measured one, from which it stops.
 ABSURD = 3.0
@@ -217,16 +218,16 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.
     except (SindyJointError, np.linalg.LinAlgError, ValueError):
         return
-    if delay is None or delay.at_limit:
+    if delay is None or delay.at_limit or not delay.significant:
         return
     usual = float(np.median([np.std(s.rate) / max(float(np.std(s.angle)), 1e-300) for s in states]))
-    size, moments = abs(delay.time), np.concatenate([s.moment[s.moving] for s in states])
-    # Where the law does not fit, the best delay compensates for what it lacks.
-    if (
-        delay.residual_rms > POLICY.changed * rms(moments)
-        or size < POLICY.outstanding * delay.standard_error
-        or size * usual < POLICY.bears
-    ):
+    size = abs(delay.time)
+    # What the law leaves must be little beyond noise, or beside what the delay moves: it may be taken for a delay.
+    floor = moment_floor(states, campaign.joint.inertia or 0.0).moment
+    moved = size * usual * rms(np.concatenate([s.moment[s.moving] for s in states]))
+    more = delay.residual_rms**2 - floor**2  # unknown where the floor is
+    unexplained = more > (POLICY.nearly * moved) ** 2 and delay.residual_rms > (1 + POLICY.nearly) * floor
+    if size * usual < POLICY.bears or unexplained:
         return
     yield Finding(
         "channel_delay",

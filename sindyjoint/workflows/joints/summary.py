@@ -251,8 +251,8 @@ def _get_coefficients(
 ) -> dict[str, tuple[float, float]]:
     """Return value and error of the common terms: the model's where it has just these, else of a fit of them.
 
-    What was done to the model's coefficients after its fit (the bias of the processing taken out, the error of that
-    added) is done to those of the other fit as well, for the terms that are in both.
+    What was done to the model's coefficients after its fit (the errors that it does not know of are added) is done to
+    those of the other fit as well, for the terms that are in both.
     """
     found = record.terms
     if set(found) == set(common):

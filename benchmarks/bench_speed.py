@@ -1,0 +1,176 @@
+"""How long a person waits at each door: whole processes, their processor time, medians of five, ratios in one run.
+
+    python -m benchmarks.bench_speed                     # imports, verbs, the estimator
+    python -m benchmarks.bench_speed --only verbs
+    python -m benchmarks.bench_speed --profile discover  # what the time of one verb goes to
+
+The campaign is the virtual test of the paper's joint: twelve runs of 10 s as CSV files. Verbs are counted beyond a
+process that imports numpy and scipy.linalg. Processor time is user and system time of the process and its children.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from statistics import median
+from typing import NamedTuple
+
+COUNT = 5
+BASE = ("-c", "import numpy, scipy.linalg")
+PEER = ("-c", "import pysindy, sklearn")
+#: Arguments of each verb and the seconds that it may take beyond the base; a page may take one more.
+VERBS = {
+    "check": ("check CAMPAIGN", 1.0),
+    "discover": ("discover CAMPAIGN", 1.5),
+    "verify": ("verify MODEL CAMPAIGN", 2.0),
+    "diagnose": ("diagnose CAMPAIGN", 3.0),
+    "plan": ("plan --campaign CAMPAIGN", 6.0),
+    "compare": ("compare CAMPAIGN", 6.0),
+}
+#: The first fit of a process and later ones, by its processor clock; what stands before is not counted.
+FIT = """
+import sys, time
+import numpy as np
+from sindyjoint import JointRegressor, TermLibrary
+import pysindy
+rng = np.random.default_rng(0)
+X = rng.uniform(-1, 1, (ROWS, 2)) * [8e-4, 0.02]
+y = 6066 * X[:, 0] - 2.684e9 * X[:, 0] ** 3 + 1.867 * np.sign(X[:, 1]) + 0.01 * rng.normal(size=ROWS)
+status = lambda key: next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(key)) / 1024
+before = status("VmRSS")
+for _ in range(4):
+    start = time.process_time()
+    WORK
+    print(time.process_time() - start)
+print((status("VmHWM") - before) / ((X.nbytes + y.nbytes) / 2**20))
+"""
+OURS = 'JointRegressor("extended").fit(X, y)'
+THEIRS = (
+    'pysindy.SINDy(pysindy.STLSQ(threshold=0.02, alpha=0.0), feature_library=TermLibrary("extended"))'
+    ".fit(X, 1e-3, x_dot=y[:, None])"
+)
+
+
+class Spent(NamedTuple):
+    """Medians of some processes: processor time, s, and peak memory, MB."""
+
+    seconds: float
+    peak: float
+
+
+def spent(arguments: Sequence[str], count: int = COUNT) -> Spent:
+    """Return what a whole Python process takes with some arguments."""
+    seconds, peaks = [], []
+    for _ in range(count):
+        process = subprocess.Popen(
+            [sys.executable, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        _, status, used = os.wait4(process.pid, 0)
+        assert status == 0, f"{' '.join(arguments)}: exit status {os.waitstatus_to_exitcode(status)}"
+        seconds.append(used.ru_utime + used.ru_stime)
+        peaks.append(used.ru_maxrss / 1024)
+    return Spent(median(seconds), median(peaks))
+
+
+def line(name: str, value: float, limit: str, of: str) -> None:
+    print(f"{name:<44}{value:>9.2f}  {of:<32} {limit}", flush=True)
+
+
+def imports() -> None:
+    """Print what the package and its help take beside Python and numpy."""
+    bare, numpy = spent(("-c", "pass")), spent(("-c", "import numpy"))
+    package, shown = spent(("-c", "import sindyjoint")), spent(("-m", "sindyjoint", "--help"))
+    typer, peer = spent(("-c", "import typer")), spent(PEER)
+    line("import sindyjoint", package.seconds / numpy.seconds, "≤ 1.3", "of import numpy")
+    line("sindyjoint --help", shown.seconds / bare.seconds, "≤ 4", "of python -c pass")
+    line("sindyjoint --help", shown.seconds / typer.seconds, "", "of import typer")
+    line("import pysindy, sklearn", peer.seconds, "", "s")
+
+
+def verbs(folder: Path, names: Sequence[str]) -> None:
+    """Print what each verb takes beyond the base, and its page beyond the verb."""
+    files = make_campaign(folder)
+    base = spent(BASE).seconds
+    line("import numpy, scipy.linalg", base, "", "s")
+    for name in names:
+        words, limit = VERBS[name]
+        command = ["-m", "sindyjoint", *(files.get(word, word) for word in words.split()), "--quiet"]
+        plain, paged = spent(command), spent([*command, "--out", str(folder / f"out-{name}"), "--force"])
+        line(name, plain.seconds - base, f"≤ {limit:g}", f"s beyond it; {plain.peak:.0f} MB")
+        line("  its page", paged.seconds - plain.seconds, "≤ 1", "s more")
+
+
+def make_campaign(folder: Path) -> dict[str, str]:
+    """Write the campaign, and the model that discover finds; return them by the words of a command."""
+    from sindyjoint.files import write_campaign
+    from sindyjoint.mechanics import virtual_campaign
+
+    write_campaign(virtual_campaign(random_state=0), folder / "campaign")
+    command = [sys.executable, "-m", "sindyjoint", "discover", folder / "campaign", "--out", folder / "found"]
+    subprocess.run(command, check=True, capture_output=True)
+    return {"CAMPAIGN": str(folder / "campaign"), "MODEL": str(folder / "found" / "model.json")}
+
+
+def estimator(rows: int) -> None:
+    """Print first and later fits of the estimator beside pysindy's with the same library, and the memory of both."""
+    found = {}
+    for name, work in (("ours", OURS), ("pysindy", THEIRS)):
+        program = FIT.replace("ROWS", str(rows)).replace("WORK", work)
+        done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+        *times, memory = map(float, done.stdout.split())
+        found[name] = times[0], median(times[1:]), memory
+    for place, (what, limit) in enumerate((("first fit", "≥ 15"), ("later fits", "≥ 40"))):
+        ours, theirs = found["ours"][place], found["pysindy"][place]
+        line(
+            f"{what}, {rows:.0e} rows x 24",
+            theirs / ours,
+            limit,
+            f"pysindy {theirs:.2f} s, ours {ours:.2f} s",
+        )
+    line(
+        "memory beyond the rows, of the rows", found["ours"][2], "≤ 0.2", f"pysindy {found['pysindy'][2]:.1f}"
+    )
+
+
+def profile(name: str, folder: Path) -> None:
+    """Print where the time of a verb goes."""
+    files = make_campaign(folder)
+    words = [files.get(word, word) for word in VERBS[name][0].split()]
+    program = (
+        "import cProfile, pstats, sys\nfrom sindyjoint.cli import main\nprofile = cProfile.Profile()\n"
+        "try:\n    profile.runcall(main, sys.argv[1:])\nexcept SystemExit:\n    pass\n"
+        "pstats.Stats(profile).sort_stats('cumulative').print_stats('sindyjoint/|__init__', 60)"
+    )
+    subprocess.run([sys.executable, "-c", program, *words, "--quiet"], check=True)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", nargs="+", choices=["imports", "verbs", "estimator"])
+    parser.add_argument("--verbs", nargs="+", choices=[*VERBS], default=[*VERBS])
+    parser.add_argument("--rows", type=int, default=2_000_000, help="of the estimator's fit [2e6]")
+    parser.add_argument("--profile", choices=[*VERBS], help="print where the time of one verb goes")
+    given = parser.parse_args(arguments)
+    wanted = given.only or ["imports", "verbs", "estimator"]
+    with tempfile.TemporaryDirectory() as folder:
+        if given.profile:
+            profile(given.profile, Path(folder))
+            return
+        if "imports" in wanted:
+            imports()
+        if "verbs" in wanted:
+            verbs(Path(folder), given.verbs)
+        if "estimator" in wanted:
+            estimator(given.rows)
+
+
+if __name__ == "__main__":
+    main()

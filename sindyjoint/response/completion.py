@@ -1,0 +1,304 @@
+"""Force states completed by what their processing cuts off the motion, from a simulation of the model.
+
+A series ends where its harmonics sink into the noise or where the sampling ends, a kernel takes what is fast. What they
+cut matters: to the rate at reversals, to the acceleration where a joint begins to stick, and so to the coefficients.
+The model's motion x under the measured drive has it. With P the processing of the measurement, its states are completed
+to P·measured + (x − P·x); harmonics that are known to less than a tenth are the model's, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import SimulationError
+from sindyjoint.measurement.noise import signal_end
+from sindyjoint.measurement.policy import POLICY as MEASUREMENT
+from sindyjoint.mechanics.excitation import repeated
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.stickslip import simulate
+from sindyjoint.numeric import Array, rms
+from sindyjoint.record import Run
+from sindyjoint.response.drive import steady_start
+from sindyjoint.response.laws import held_laws
+from sindyjoint.response.policy import POLICY
+from sindyjoint.response.run import RTOL, angle_limits, simulate_motion, span_of
+from sindyjoint.states import ForceStates, Harmonics
+from sindyjoint.states.broadband import smoothing_kernels
+from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
+from sindyjoint.states.periodic import BAND_SHARE
+
+Complex = NDArray[np.complex128]
+# Points of a simulated period, and of the moment that drives it.
+POINTS, DRIVE_POINTS = 2048, 512
+
+
+def completed_states(
+    model: JointModel, runs: Sequence[Run], states: Sequence[ForceStates]
+) -> tuple[ForceStates, ...]:
+    """Return states with the part of a model's motion that their processing cuts off.
+
+    Parameters
+    ----------
+    model : JointModel
+    runs : sequence of Run
+    states : sequence of ForceStates
+        Of the same runs, as measured. A run whose motion was prescribed, or which the simulation does not follow, stays
+        as it is.
+
+    Raises
+    ------
+    InputError
+        If an input moves the law within a run.
+    """
+    between = inertia_between(runs, states)
+    laws = held_laws(model, states)
+    return tuple(
+        _completed(law, run, state, between) for law, run, state in zip(laws, runs, states, strict=True)
+    )
+
+
+def _completed(law: Law, run: Run, state: ForceStates, between: float) -> ForceStates:
+    if not law.inertia > 0:
+        return state
+    try:
+        better = (_of_period if state.series else _of_record)(law, run, state, between)
+    except SimulationError:
+        return state
+    return state if better is None or not _agrees(better, run, state) else better
+
+
+def _agrees(better: ForceStates, run: Run, state: ForceStates) -> bool:
+    """Return whether completed states leave of the measured angle no more than its noise, within chance."""
+    if state.repeated or state.fusion is not None:
+        return True
+    measured = run.angle[span_of(run, state)]
+    floor = max(state.noise.angle, rms(measured - state.angle))
+    return rms(measured - better.angle) <= floor * (1 + POLICY.completion_chance / np.sqrt(2 * measured.size))
+
+
+def _follows(angle: Array, state: ForceStates) -> bool:
+    return bool(np.std(angle - state.angle) < POLICY.completion_follows * np.std(state.angle))
+
+
+def _of_period(law: Law, run: Run, state: ForceStates, between: float) -> ForceStates | None:
+    """Return the states of a periodic run, completed; None where its drive is not known or not followed."""
+    assert state.frequency is not None
+    excitation = _drive(run, state, between)
+    if excitation is None:
+        return None
+    start, reach = np.array([state.angle[0], state.rate[0]]), angle_limits(law, state, "windows")
+    options = {"rtol": RTOL, "beam_inertia": between, "limits": reach}
+    start, inner = steady_start(law, repeated(excitation, 1 / state.frequency), start, **options)
+    motion = simulate(
+        law, repeated(excitation, 1 / state.frequency), 1 / state.frequency, POINTS * state.frequency, initial=start,
+        initial_state=inner, **options,
+    )  # fmt: skip
+    place = state.frequency * (state.time - state.time[0]) * POINTS
+    whole = [
+        np.interp(place, np.arange(POINTS), signal, period=POINTS)
+        for signal in (motion.angle, motion.rate, motion.acceleration)
+    ]
+    if not _follows(whole[0], state):
+        return None
+    bases, series = _strong(state)
+    cut = np.array(whole) - _seen(bases, whole[0], whole[1])
+    replicate = state.replicate
+    if replicate is not None:
+        edges = np.flatnonzero(np.diff(state.block, prepend=-1, append=-1))
+        blocks = [slice(*ends) for ends in zip(edges[:-1], edges[1:], strict=True)]
+        parts = [_seen(bases, replicate[0], replicate[1], rows) for rows in blocks]
+        first, second, third = np.concatenate(parts, axis=1) + cut
+        replicate = (first, second, third)
+    angle, rate, acceleration = _seen(bases, state.angle, state.rate) + cut
+    order = 1 if len(series) == 1 else 0
+    noise = replace(
+        state.noise,
+        rate=series[-1].derivative_noise(state.frequency, order),
+        acceleration=series[-1].derivative_noise(state.frequency, order + 1),
+    )
+    return replace(
+        state, angle=angle, rate=rate, acceleration=acceleration, replicate=replicate, noise=noise, series=series,
+        completed=True,
+    )  # fmt: skip
+
+
+def _strong(state: ForceStates) -> tuple[list[HarmonicBasis], tuple[Harmonics, ...]]:
+    """Return the harmonics of angle, and of a measured rate, that are known to a tenth, and the first."""
+    assert state.frequency is not None
+    bases, series = [], []
+    for kept, signal in zip(state.series, (state.angle, state.rate), strict=False):
+        basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, kept.orders)
+        _, a, b = basis.fit(signal)
+        strong = np.hypot(a, b) > POLICY.harmonic_as_measured * kept.standard_error
+        strong[0] = True
+        bases.append(basis.take(strong))
+        series.append(Harmonics(kept.orders[strong], kept.standard_error[strong]))
+    return bases, tuple(series)
+
+
+def _seen(bases: Sequence[HarmonicBasis], angle: Array, rate: Array, rows: slice = slice(None)) -> Array:
+    """Return angle, rate and acceleration of the harmonics of an angle, or of an angle and a rate, shape (3, n)."""
+    of_angle, of_last = bases[0].rows(rows), bases[-1].rows(rows)
+    mean, a, b = of_angle.fit(angle[rows])
+    series = of_angle.series(mean, a, b)
+    if len(bases) == 1:
+        return np.array([series, of_angle.derivative(a, b), of_angle.second_derivative(a, b)])
+    mean, a, b = of_last.fit(rate[rows])
+    return np.array([series, of_last.series(mean, a, b), of_last.derivative(a, b)])
+
+
+def _spectrum(run: Run, state: ForceStates) -> tuple[Array, Complex, Complex, Array, float]:
+    """Return all orders that the sampling shows, the moment's and the angle's harmonics, the angle's errors, the mean.
+
+    The angle's are zero where they were not kept.
+    """
+    assert state.frequency is not None
+    top = int(BAND_SHARE * state.sample_rate / state.frequency)
+    orders = np.arange(1, min(top, (state.n_samples - 8) // 4, DRIVE_POINTS // 4) + 1)
+    basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, orders)
+    signals = np.array([run.moment[span_of(run, state)], state.angle])
+    mean, a, b = basis.fit_all(signals)
+    kept = state.series[0]
+    moment, angle = a - 1j * b
+    angle = np.where(np.isin(orders, kept.orders), angle, 0.0)
+    error = np.interp(orders, kept.orders, kept.standard_error)
+    return orders.astype(float), np.asarray(moment), angle, error, float(mean[0])
+
+
+def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float:
+    """Return the inertia between a smooth exciter and the sensor, kg·m² (kg); zero where none is detected.
+
+    An exciter whose moment is smooth drives inertia J and joint: M + J·θ̈ at the sensor has few harmonics, though M has
+    the friction's steps. J = −Σ|M|² / Re Σ θ̈*·M over kept harmonics beyond the first, or over the upper half of the
+    band of what was smoothed, where no more than noise may be left of M + J·θ̈.
+    """
+    accelerations, moments, values = [np.empty(0)], [np.empty(0)], 0.0
+    noise = np.zeros(2)
+    for run, state in zip(runs, states, strict=True):
+        if state.series and state.frequency is not None:
+            orders, harmonics, angle, _, _ = _spectrum(run, state)
+            later = (angle != 0) & (orders > 1)
+            acceleration = -((2 * np.pi * state.frequency * orders) ** 2) * angle
+            accelerations.append(acceleration[later].view(float))
+            moments.append(harmonics[later].view(float))
+            values += later.sum()
+        elif state.method == "broadband":
+            moment = state.moment if state.repeated else run.moment[span_of(run, state)]
+            lower, band = POLICY.inertia_band, 2 * state.bandwidth / state.sample_rate
+            accelerations.append(_upper(state.acceleration, state))
+            # The acceleration went through the kernel once already.
+            moments.append(_upper(_low_passed(moment, state, state.bandwidth), state))
+            part = np.array([(1 - lower) * band, 1 - lower**5])
+            levels = np.array([state.noise.moment, state.noise.acceleration])
+            noise += moment.size * part * np.nan_to_num(levels) ** 2
+            values += moment.size * part[0] / 2
+    x, y = np.concatenate(accelerations), np.concatenate(moments)
+    both, square = -float(x @ y), float(y @ y) - noise[0]
+    size = float(np.linalg.norm(x) * np.linalg.norm(y))
+    if not (size > 0 and square > 0):
+        return 0.0
+    least = max(POLICY.inertia_correlation, POLICY.inertia_significance / np.sqrt(2 * max(values, 1)))
+    if not both > least * size:
+        return 0.0
+    inertia = square / both
+    left, noise_left = float(np.sum((y + inertia * x) ** 2)), noise[0] + inertia**2 * noise[1]
+    return inertia if not noise_left > 0 or left <= MEASUREMENT.signal_to_noise * noise_left else 0.0
+
+
+def _upper(signal: Array, state: ForceStates) -> Array:
+    """Return what of a signal lies in the upper part of the band of a run's motion."""
+    band = state.bandwidth
+    return _low_passed(signal, state, band) - _low_passed(signal, state, POLICY.inertia_band * band)
+
+
+def _drive(run: Run, state: ForceStates, between: float) -> Array | None:
+    """Return one period of the moment that drove a run, M + J·θ̈, of what stands out of its noise; None without one.
+
+    It must have fewer harmonics than the angle: where the motion was prescribed it has more, and the friction's steps
+    cannot be distinguished from it. Where sampling cuts the angle, and not the noise, their number means nothing.
+    """
+    assert state.frequency is not None
+    orders, moment, angle, angle_error, mean = _spectrum(run, state)
+    inertia = between * (2 * np.pi * state.frequency * orders) ** 2
+    error = np.hypot(state.noise.moment * np.sqrt(2 / state.n_samples), inertia * angle_error)
+    highest = int(state.series[0].orders[-1])
+    known = (angle != 0) | (between == 0)
+    driven = significant_harmonics(np.abs(moment - inertia * angle), error) & known & (orders <= highest)
+    if not driven.any() or (orders[driven][-1] >= highest and highest + 1 < orders[-1]):
+        return None
+    spectrum = np.zeros(DRIVE_POINTS // 2 + 1, dtype=complex)
+    spectrum[0] = mean * DRIVE_POINTS
+    spectrum[orders[driven].astype(int)] = (moment - inertia * angle)[driven] * DRIVE_POINTS / 2
+    return np.fft.irfft(spectrum, DRIVE_POINTS)
+
+
+def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceStates | None:
+    """Return the states of a run that was smoothed, completed; None where a simulation does not follow it.
+
+    Of a simulated motion x they are x + K·(measured − x), K a kernel that ends where the angle is known to a tenth.
+    Where the moment was no drive that ends well below the band of the angle, the motion was prescribed: its band is
+    that of an actuator, and the kernel takes little of it.
+    """
+    if state.method != "broadband" or state.fusion is not None:
+        return None
+    drive = _drive_of_record(run, state, between)
+    if drive is None:
+        return None
+    moment = run.moment.copy()
+    if not state.repeated:
+        moment[span_of(run, state)] = drive
+    driven, options = replace(state, moment=drive), {"rtol": RTOL, "beam_inertia": between}
+    motion = simulate_motion(
+        law, replace(run, moment=moment), driven, "moment", None, 0, np.zeros((law.n_states, 1)), options
+    )
+    if not _follows(motion.angle, state):
+        return None
+    moved = np.array([motion.angle, motion.rate, motion.acceleration])
+    known = signal_end(state.angle, state.sample_rate, POLICY.harmonic_as_measured * state.noise.angle / 2)
+    measured = np.array([state.angle, state.rate, state.acceleration])
+    moved += _smoothed(state, min(known.bandwidth, state.bandwidth), measured - moved)
+    return replace(state, angle=moved[0], rate=moved[1], acceleration=moved[2], completed=True)
+
+
+def _smoothed(state: ForceStates, band: float, motion: Array) -> Array:
+    """Return angle, rate and acceleration, shape (3, n), as a kernel gives them of an angle, or of angle and rate."""
+    low, first, second = smoothing_kernels(band, state.sample_rate)
+    angle, rate, _ = motion
+    own = [(rate, low), (rate, first)] if state.rate_measured else [(angle, first), (angle, second)]
+    return np.array([_convolved(signal, kernel, state) for signal, kernel in [(angle, low), *own]])
+
+
+def _convolved(signal: Array, kernel: Array, state: ForceStates) -> Array:
+    """Return a signal convolved with a kernel; its ends are continued."""
+    from scipy.signal import fftconvolve
+
+    half = kernel.size // 2
+    if half >= signal.size:
+        raise SimulationError("the kernel is longer than the record")
+    mode: dict[str, Any] = {"mode": "wrap"} if state.repeated else {"mode": "reflect", "reflect_type": "odd"}
+    return np.asarray(fftconvolve(np.pad(signal, half, **mode), kernel, mode="valid"))
+
+
+def _drive_of_record(run: Run, state: ForceStates, between: float) -> Array | None:
+    """Return the moment that drove a run over the span of its states, M + J·θ̈, free of its noise."""
+    moment = state.moment if state.repeated else run.moment[span_of(run, state)]
+    drive = moment + between * state.acceleration
+    band, noise = state.bandwidth, between * state.noise.acceleration
+
+    def of_acceleration(frequency: Array) -> Array:
+        """Return the noise of an angle that was differentiated twice, within the band."""
+        return np.where(frequency < band, 5 * noise**2 * frequency**4 / band**5, 0.0)
+
+    end = signal_end(drive, state.sample_rate, rising=of_acceleration).bandwidth
+    drives = between > 0 or end < POLICY.drive_band * band
+    return _low_passed(drive, state, min(end, band)) if drives else None
+
+
+def _low_passed(signal: Array, state: ForceStates, band: float) -> Array:
+    return _convolved(signal, smoothing_kernels(band, state.sample_rate)[0], state)

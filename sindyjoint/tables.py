@@ -1,0 +1,67 @@
+"""Tables of TOML files as pydantic models: unknown keys are refused, and what is wrong is one sentence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from sindyjoint.errors import nearest
+from sindyjoint.text import expectation
+
+# What pydantic calls the two things that [channels] time may be.
+WITHOUT_TIME, TIME_CHANNEL = "literal['none']", "TimeChannel"
+
+
+class StrictTable(BaseModel):
+    """A TOML table that refuses unknown keys and names the nearest known one."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _refuse_unknown_keys(cls, given: Any) -> Any:
+        if not isinstance(given, dict):
+            return given
+        known = sorted(field.alias or name for name, field in cls.model_fields.items())
+        for key in given:
+            if key not in known:
+                raise ValueError(f"unknown key {key!r}; {nearest(key, known, 'known keys:')}")
+        return given
+
+
+def first_complaint(error: ValidationError, data: Any = None) -> str:
+    """Turn pydantic's list into one sentence: the field, what was expected, what was given.
+
+    Parameters
+    ----------
+    error : ValidationError
+    data : mapping, optional
+        The document, whose entries are then called by their ids or names.
+    """
+    # Of a key that may be a number or text, pydantic complains once per type: one per key is enough.
+    complaints: dict[tuple[int | str, ...], ErrorDetails] = {}
+    for complaint in error.errors(include_url=False):
+        place = tuple(part for part in complaint["loc"] if part != TIME_CHANNEL)
+        if WITHOUT_TIME not in place:  # what is said of the column that it is not says more
+            typed = place and place[-1] in ("float", "str", "int", "bool")
+            complaints.setdefault(place[:-1] if typed else place, complaint)
+    # A misspelt key also makes the right one missing: say the cause first.
+    place, first = min(complaints.items(), key=lambda item: "unknown key" not in item[1]["msg"])
+    if first["type"] == "missing":
+        place, message = place[:-1], f"key {place[-1]!r} is missing"
+    else:
+        told = first["type"] in ("value_error", "too_short", "too_long")
+        message = expectation(first) + ("" if told else f", not {first['input']!r:.60}")
+    # As a user writes it: [channels] angle.unit, [[run]] 2 frequency.
+    table, rest = (f"[{place[0]}]" if place else ""), list(place[1:])
+    if rest and isinstance(rest[0], int):
+        number = int(rest.pop(0))
+        entry = data[place[0]][number] if data else None
+        name = entry.get("id", entry.get("name")) if isinstance(entry, dict) else None
+        table = f"[[{place[0]}]] {number + 1}" + (f" ({name})" if isinstance(name, str) else "")
+    parts = (str(part + 1) if isinstance(part, int) else part for part in rest)
+    field = f"{table} {'.'.join(parts)}".strip()
+    more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
+    return f"{field}: {message}{more}" if field else f"{message}{more}"
