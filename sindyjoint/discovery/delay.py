@@ -63,7 +63,7 @@ class ChannelDelay:
 
     @property
     def significant(self) -> bool:
-        """Whether it stands five standard errors out, and by more than 0.02 ms, the error of the method."""
+        """Whether it stands three standard errors out, and by more than 0.02 ms, the error of the method."""
         return abs(self.time) > max(POLICY.delay_significance * self.standard_error, POLICY.least_delay)
 
     @property

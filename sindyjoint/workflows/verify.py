@@ -34,7 +34,6 @@ from sindyjoint.response.refinement import refine as refine_response
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
-from sindyjoint.response.verify_rig import verify_rig
 from sindyjoint.soundness.check import check_campaign, check_rig_test, require_sound
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
@@ -186,6 +185,7 @@ def verify(
             verify_runs(models, found.usable, settings, say), found.soundness, found.warnings
         )
         return replace(result, trust=judge_verification(result, against.simulated, found.soundness))
+    from sindyjoint.response.verify_rig import verify_rig
 
     result = verify_rig(models[0], against, settings, truth, say)
     return replace(result, trust=judge_verification(result, False, None))

@@ -283,9 +283,7 @@ def _page(result: Comparison, data: Comparison, show: Blocks, folder: Path | Non
         f"{result.methods[0].name}: {result.model.reason}."
     )
     answers = [f"{spelled(test.name, result.motion)}: {test.answer}; {test.reason}." for test in result.tests]
-    above = {
-        "choices": show.paragraph(about, "reason"),
-    }
+    above = {"choices": show.paragraph(about, "reason")}
     below = {
         "choices": (show.pictures("inclusion"),),
         "frequency-dependence": (show.items(answers), show.pictures("dependence")),
