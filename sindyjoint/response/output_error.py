@@ -120,7 +120,7 @@ class OutputError:
     def jacobian(self, x: Array, step: float = ROUGH_STEP) -> Array:
         """Return the derivative of the residuals by differences, shape (n, p); where it is rough over ``step``.
 
-        And there to both sides: by one side EMPS ends between 3.6 and 4.3 mm, by both between 3.6 and 3.8.
+        And there to both sides: by one side EMPS ends between 3.6 and 4.3 mm, by both between 3.6 and 3.9.
         """
         wide = [self.rough or parameter.kind == "element" for parameter in self.parameters]
         steps = np.where(wide, step, STEP) * [parameter.scale for parameter in self.parameters]
