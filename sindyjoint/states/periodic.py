@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -118,23 +118,6 @@ def kept_harmonics(states: ForceStates, highest: int | None = None) -> HarmonicB
     orders = states.series[0].orders
     kept = orders if highest is None else orders[orders <= highest]
     return HarmonicBasis.build(states.time - states.time[0], states.frequency, kept)
-
-
-def replicate_states(states: ForceStates, basis: HarmonicBasis, angle: Array, moment: Array) -> ForceStates:
-    """Return the states of a synthetic replicate of a periodic run over the samples of its states.
-
-    Its angle is reduced to the same harmonics, of :func:`kept_harmonics`; span, frequency, mask and noise are those of
-    the run.
-    """
-    mean, a, b = basis.fit(angle)
-    return replace(
-        states,
-        angle=basis.series(mean, a, b),
-        rate=basis.derivative(a, b),
-        acceleration=basis.second_derivative(a, b),
-        moment=moment,
-        replicate=None,
-    )
 
 
 def reversal_guard(sample_rate: float, frequency: float, highest: float) -> int:
