@@ -2,14 +2,11 @@
 
 python benchmarks/bench_elements.py run --out elements.jsonl --seeds 0 1 2 3
 python benchmarks/bench_elements.py run --out refined.jsonl --seeds 0 1 2 3 --refine
-python benchmarks/bench_elements.py run --out quick.jsonl --seeds 0 1 2 3 --quick
 python benchmarks/bench_elements.py show elements.jsonl
 
 Random joints with one element hidden, moved by a moment (even seeds) or by a motion (odd seeds). The element is the
 only candidate, unless ``--all``: its numbers are asked for here, not its name. ``run`` appends one line per campaign
-and resumes. ``--quick`` adds the element and finishes its numbers, without the check, the verdict and the gaps of a
-diagnosis: the same numbers wherever that adds this element alone and starts once. A number counts where the form that
-was hidden is found.
+and resumes. A number counts where the form that was hidden is found.
 """
 
 from __future__ import annotations
@@ -51,11 +48,11 @@ SAMPLE_RATE = 500.0
 FINER = {"moment": 8, "displacement": 32}
 
 
-def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bool, quick: bool) -> dict:
+def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bool) -> dict:
     from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
     from tests.diagnosis.hidden_effects import hide
 
-    record = dict(name=name, seed=seed, size=size, noise=noise, refine=refine, every=every, quick=quick)
+    record = dict(name=name, seed=seed, size=size, noise=noise, refine=refine, every=every)
     try:
         finer = FINER["displacement" if seed % 2 else "moment"]
         hidden = hide(HIDDEN.get(name, name), seed, size, noise, sample_rate=finer * SAMPLE_RATE, **TEST)
@@ -64,7 +61,7 @@ def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bo
         known = load_effects()
         candidates = known if every else select_effects(known, [name])
         start = time.process_time()
-        found = (_quickly if quick else _diagnosed)(_thinned(hidden.campaign, finer), candidates, refine)
+        found = _diagnosed(_thinned(hidden.campaign, finer), candidates, refine)
     except Exception as error:  # a benchmark goes on, and says what failed
         return {**record, "error": f"{type(error).__name__}: {error}"}
     elements = [element for element in found.pop("whole").elements if element.effect == name]
@@ -92,18 +89,6 @@ def _diagnosed(campaign: Campaign, candidates: tuple, refine: bool) -> dict:
     )
 
 
-def _quickly(campaign: Campaign, candidates: tuple, refine: bool) -> dict:
-    from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-    from sindyjoint.diagnosis.policy import CAMPAIGN
-
-    problem = CampaignProblem.build(campaign, None, None, candidates, CAMPAIGN)
-    proposal = problem.propose((), False, lambda stage: None)
-    if proposal is None or not proposal.ranking.fitted:
-        return dict(whole=problem.whole)
-    last = problem.add(proposal.ranking.fitted[0]).problem.finished()
-    return dict(whole=last.whole, notes=list(last.notes))
-
-
 def _thinned(campaign: Campaign, finer: int) -> Campaign:
     """Return a campaign with every so-manieth sample; its noise is white, with and without."""
     runs = [
@@ -128,13 +113,13 @@ def as_hidden(record: dict) -> bool:
 def run(args: argparse.Namespace) -> None:
     from joblib import Parallel, delayed
 
-    keys = ("name", "seed", "size", "noise", "refine", "every", "quick")
+    keys = ("name", "seed", "size", "noise", "refine", "every")
     done = done_in(args.out, keys)
     tasks = [
         task
         for seed in args.seeds
         for name in args.names or TRUTH
-        if (task := (name, seed, args.size, args.noise, args.refine, args.all, args.quick)) not in done
+        if (task := (name, seed, args.size, args.noise, args.refine, args.all)) not in done
     ]
     for record in Parallel(n_jobs=args.jobs, return_as="generator_unordered")(
         delayed(one)(*t) for t in tasks
@@ -186,7 +171,6 @@ if __name__ == "__main__":
         noise=dict(type=float, default=0.01),
         refine=dict(action="store_true", help="refine the whole model on the simulated response"),
         all=dict(action="store_true", help="all effects of the catalogue as candidates"),
-        quick=dict(action="store_true", help="the numbers alone, not a whole diagnosis"),
         jobs=dict(type=int, default=1),
     )
     arguments.do(arguments)

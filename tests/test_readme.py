@@ -82,6 +82,18 @@ def test_links_and_files_exist():
         assert (ROOT / folder).is_dir()
 
 
+def test_package_citation_and_changelog_state_one_version():
+    from sindyjoint import __version__
+
+    citation = dict(
+        re.findall(r"(?m)^(version|date-released): (.+)$", (ROOT / "CITATION.cff").read_text("utf-8"))
+    )
+    heads = re.findall(r"(?m)^## (\S+)(?: \((.+)\))?$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"))
+    newest = next(head for head in heads if head[0] != "Unreleased")
+    assert newest == (citation["version"], citation["date-released"])
+    assert __version__ == citation["version"]
+
+
 def test_words_that_belong_to_nobody_elses_machine():
     for path in (
         ROOT / "README.md",

@@ -20,7 +20,7 @@ from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.regression import TermRegression
-from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, row_weights
+from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, rows_that_count
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.errors import InputError, UnknownNameError
 
@@ -164,15 +164,16 @@ class UniqueShareSTLSQ(BaseOptimizer):
         targets = check_array(np.asarray(y), dtype=np.float64, ensure_2d=False)
         check_consistent_length(columns, targets)
         targets = targets.reshape(len(columns), -1)
-        given = {
-            "groups": self.groups if groups is None else groups,
-            "runs": self.runs if runs is None else runs,
-            "blocks": self.blocks if blocks is None else blocks,
-        }
-        labels = RowLabels.of(len(columns), **given)
-        weight = row_weights(sample_weight, len(columns))
+        given = [
+            of_fit if of_fit is not None else of_self
+            for of_fit, of_self in ((groups, self.groups), (runs, self.runs), (blocks, self.blocks))
+        ]
+        weight, columns, targets, *given, of_columns, of_target = rows_that_count(
+            sample_weight, len(columns), columns, targets, *given, *(self.replicate or (None, None))
+        )
+        labels = RowLabels.of(len(columns), *given)
         names = self._names(columns.shape[1])
-        replicate = self._replicate(Rows(columns, targets[:, 0], weight))
+        replicate = self._replicate(Rows(columns, targets[:, 0], weight), of_columns, of_target)
         shared = replicate is not None and np.array_equal(replicate.X, columns)
         found = [
             self._choice(gather_columns(names, Rows(columns, target, weight), labels, replicate), shared)
@@ -241,11 +242,11 @@ class UniqueShareSTLSQ(BaseOptimizer):
             raise InputError(f"{option} names column {column}; there are {len(names)} columns")
         return names[column]
 
-    def _replicate(self, rows: Rows) -> Rows | None:
+    def _replicate(self, rows: Rows, columns: ArrayLike | None, target: ArrayLike | None) -> Rows | None:
         """Return the rows as each block alone gives them, if they were given."""
         if self.replicate is None:
             return None
-        other, other_target = (np.asarray(part, dtype=np.float64) for part in self.replicate)
+        other, other_target = (np.asarray(part, dtype=np.float64) for part in (columns, target))
         if other.shape != rows.X.shape or other_target.shape != rows.y.shape:
             raise InputError(f"replicate has shapes {other.shape} and {other_target.shape}; "
                              f"{rows.X.shape} and {rows.y.shape} are expected")  # fmt: skip

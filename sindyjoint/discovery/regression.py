@@ -19,7 +19,7 @@ from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.discovery.rows import RowLabels, Rows, gather, row_weights, state_columns
+from sindyjoint.discovery.rows import RowLabels, Rows, gather, rows_that_count, state_columns
 from sindyjoint.equation.candidates import with_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
@@ -93,7 +93,9 @@ class TermRegression:
             raise InputError(
                 f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected{behind}"
             )
-        weight = row_weights(sample_weight, X.shape[0])
+        weight, X, y, groups, runs, blocks, X_replicate, y_replicate = rows_that_count(
+            sample_weight, X.shape[0], X, y, groups, runs, blocks, X_replicate, y_replicate
+        )
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
         parts = [X[rows, motion:] for run in labels.runs for rows in run.blocks]
         self.inputs_ = tested_inputs(self.inputs, parts)

@@ -64,7 +64,7 @@ class RowLabels:
         of_runs, of_groups = (groups if runs is None else runs), (runs if groups is None else groups)
         if of_runs is None or of_groups is None:
             # One record: segments to hold out, each with blocks.
-            segments = zip(PARTS, _cut_segments(slice(0, n), len(PARTS)), strict=True)
+            segments = zip(PARTS, _cut_segments(slice(0, n), len(PARTS)), strict=False)
             of_blocks = None if blocks is None else np.asarray(blocks)
             found = cls(
                 tuple(LabelledRun(part, part, _blocks_of(rows, of_blocks)) for part, rows in segments)
@@ -184,6 +184,20 @@ def gather_columns(
         pooled = merge(blocks if replicate is None else [factor(rows[block]) for block in run.blocks])
         runs.append(RunEvidence(run.name, run.group, pooled, blocks))
     return Evidence(tuple(ids), tuple(runs))
+
+
+def rows_that_count(sample_weight: ArrayLike | None, count: int, *parts: ArrayLike | None) -> tuple[Any, ...]:
+    """Return the weights of the rows that count, and of each part its entries for them.
+
+    A weight of zero says that the row is not there: it is in no segment, block or group.
+    """
+    weight = row_weights(sample_weight, count)
+    if weight is None or weight.all():
+        return weight, *parts
+    counts = weight > 0
+    return weight[counts], *(
+        part if part is None or len(np.asarray(part)) != count else np.asarray(part)[counts] for part in parts
+    )
 
 
 def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float64] | None:

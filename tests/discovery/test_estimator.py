@@ -201,6 +201,18 @@ def test_a_weight_of_two_counts_a_row_twice(rows):
     np.testing.assert_allclose(weighted.coef_, repeated.coef_, rtol=1e-9)
 
 
+@pytest.mark.parametrize("labelled", [True, False])
+def test_a_weight_of_zero_is_a_row_that_is_not_there(rows, labelled):
+    """A whole frequency, or a part of one record that is held out, may have no weight."""
+    given = rows if labelled else {"X": rows["X"], "y": rows["y"]}
+    counts = rows["groups"] != rows["groups"][0]
+    weighted = JointRegressor("paper").fit(**given, sample_weight=counts.astype(float))
+    without = JointRegressor("paper").fit(**{name: values[counts] for name, values in given.items()})
+    np.testing.assert_array_equal(weighted.coef_, without.coef_)
+    np.testing.assert_array_equal(weighted.model_.standard_errors, without.model_.standard_errors)
+    assert not np.array_equal(weighted.coef_, JointRegressor("paper").fit(**given).coef_)
+
+
 @pytest.mark.parametrize(
     ("options", "error", "message"),
     [
