@@ -24,7 +24,8 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "tests" / "files")]
 
-HANG = 5.0  # s of the processor
+HANG = {"options": 20.0}  # s of the processor; a command that reads no more than a file:
+USUAL_HANG = 5.0
 PEAK = 1500.0  # MB
 
 
@@ -55,7 +56,7 @@ def work(kind: str, seed: int, first: int, count: int, seconds: float, folder: P
             found["others"].setdefault(where, []).append(number)
         spent = time.process_time() - begun
         found["slowest"] = max(found["slowest"], spent)
-        if spent > HANG:
+        if spent > HANG.get(kind, USUAL_HANG):
             found["hangs"][number] = spent
         number += 1
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
@@ -144,7 +145,7 @@ def main() -> None:
         print(
             f"{kind:<10}{done['read']:>8} inputs, {done['refused']:>8} refused, "
             f"{sum(map(len, done['others'].values())):>3} other exceptions, "
-            f"{len(done['deaths']):>3} deaths, {len(done['hangs']):>2} over {HANG:g} s (slowest "
+            f"{len(done['deaths']):>3} deaths, {len(done['hangs']):>2} over {HANG.get(kind, USUAL_HANG):g} s (slowest "
             f"{done['slowest']:.2f} s), peak {done['peak']:.0f} MB, {done['seconds']:.0f} s",
             flush=True,
         )

@@ -99,6 +99,15 @@ def json_schema(kind: type) -> dict[str, Any]:
     return definitions.pop(kind.__name__) | {"$defs": definitions}
 
 
+def scalar_of_array(hint: Any) -> type | None:
+    """Return of which scalars an array is, by its type; None where that is no array's."""
+    if getattr(get_origin(hint), "__name__", "") not in ("ndarray", "NDArray"):
+        return None
+    # From numpy 2.5 on NDArray[scalar] is a name of its own; before, it is ndarray[shape, dtype[scalar]].
+    last = get_args(hint)[-1]
+    return (get_args(last) or (last,))[0]
+
+
 def _schema_of(hint: Any, definitions: dict[str, Any], more: str = "") -> dict[str, Any]:
     """Return the schema of a type, of which a docstring may say more; a record is defined once and referred to."""
     origin, args = get_origin(hint), get_args(hint)
@@ -108,8 +117,8 @@ def _schema_of(hint: Any, definitions: dict[str, Any], more: str = "") -> dict[s
         return {"enum": list(args)}
     if origin in (Union, UnionType):
         return {"anyOf": [_schema_of(each, definitions, more) for each in args]}
-    if getattr(origin, "__name__", "") == "ndarray":
-        schema: dict[str, Any] = _ITEMS[get_args(args[1])[0].__name__.rstrip("_")]
+    if (scalar := scalar_of_array(hint)) is not None:
+        schema: dict[str, Any] = _ITEMS[scalar.__name__.rstrip("_")]
         shape = re.search(r"shape \(([^)]*)\)", more)
         for _ in filter(str.strip, shape[1].split(",") if shape else "n"):
             schema = {"type": "array", "items": schema}

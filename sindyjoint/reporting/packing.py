@@ -12,7 +12,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 from pydantic import BaseModel
 
-from sindyjoint.described import json_schema
+from sindyjoint.described import json_schema, scalar_of_array
 from sindyjoint.errors import InputError, UnknownNameError
 
 DIGITS = 6
@@ -95,8 +95,7 @@ def _restore(hint: Any, value: Any) -> Any:
     origin, arguments = get_origin(hint), get_args(hint)
     if origin in (types.UnionType, Union):
         return _restore_one_of(arguments, value)
-    if origin is np.ndarray:
-        scalar = np.dtype(get_args(arguments[1])[0]) if len(arguments) > 1 else np.dtype(float)
+    if (scalar := scalar_of_array(hint)) is not None:
         return np.array(value, dtype=scalar)
     if origin is tuple:
         return _restore_tuple(arguments, value)

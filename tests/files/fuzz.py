@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from fuzz_inputs import Target
+from fuzz_options import options_target
 
 sys.path += [str(Path(__file__).resolve().parents[level]) for level in (1, 2)]
 
@@ -254,8 +255,10 @@ def made_test() -> Any:
     return TestNuisances("0" * 64, "a", (delay,), "moment_drift", slopes, (stiffer,))
 
 
-def _results(folder: Path, wanted: str) -> dict[str, Target]:
-    """Return the factors of a campaign, or the data that figures of one kind of result are drawn from."""
+def _results(folder: Path, wanted: str) -> dict[str, Any]:
+    """Return command lines, the factors of a campaign, or the data that figures of one kind of result are drawn from."""
+    if wanted == "options":
+        return {"options": options_target(folder)}
     from sindyjoint import diagnose, discover, simulate, verify
     from sindyjoint.diagnosis import load_effects
     from sindyjoint.discovery.evidence_file import evidence_bytes
@@ -361,10 +364,10 @@ def thinned(text: str, longest: int = 60) -> str:
     return json.dumps(thin(json.loads(text)))
 
 
-RESULTS = ("saved", "verified", "rigged", "diagnosed", "checked", "factors")
+RESULTS = ("saved", "verified", "rigged", "diagnosed", "checked", "factors", "options")
 
 
-def targets(folder: Path, result: str | None = None) -> dict[str, Target]:
+def targets(folder: Path, result: str | None = None) -> dict[str, Any]:
     """Return every kind of input, of :data:`RESULTS` the one that is named; the folder is for their files."""
     folder.mkdir(parents=True, exist_ok=True)
     return {**_documents(folder), **_formats(folder), **(_results(folder, result) if result else {})}
