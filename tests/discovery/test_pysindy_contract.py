@@ -1,4 +1,7 @@
-"""What pysindy's own tests ask of any optimizer and any library, asked of ours beside one of its own."""
+"""What pysindy's own tests ask of any optimizer and any library, asked of ours beside one of its own.
+
+``benchmarks/pysindys_tests.py`` runs those tests themselves.
+"""
 
 import numpy as np
 import pysindy
@@ -37,6 +40,13 @@ def test_an_optimizer_can_be_wrapped(make, wrap):
     options = {"bagging": True, "n_models": 3} if wrap is pysindy.EnsembleOptimizer else {}
     fitted = wrap(make(), **options).fit(X, X @ TRUTH[:1].T)
     np.testing.assert_allclose(np.ravel(fitted.coef_), TRUTH[0], atol=1e-2)
+
+
+@pytest.mark.parametrize("make", OPTIMIZERS)
+@pytest.mark.parametrize("options", [{"library_ensemble": True}, {"bagging": True, "n_subset": 2}])
+def test_an_optimizer_fits_few_columns_and_fewer_rows_than_it_cuts_others_into(make, options):
+    fitted = pysindy.EnsembleOptimizer(make(), n_models=2, **options).fit(X, X @ TRUTH.T)
+    assert fitted.coef_.shape == TRUTH.shape and len(fitted.coef_list) == 2
 
 
 @pytest.mark.parametrize("make", LIBRARIES)
