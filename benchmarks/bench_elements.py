@@ -12,6 +12,7 @@ and resumes. A number counts where the form that was hidden is found.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 import time
@@ -148,6 +149,18 @@ def show(args: argparse.Namespace) -> None:
     for drive in ("moment", "displacement"):
         print(_line(f"all, {drive}", [row for key, rows in held.items() if key[1] == drive for row in rows]))
     print(_line("all", [row for rows in held.values() for row in rows]))
+    if args.json:
+        rows = [_counted(name, {key: held[key] for key in held if key[0] == name}) for name in TRUTH]
+        args.json.write_text(json.dumps([*rows, _counted("all", held)], indent=1) + "\n")
+
+
+def _counted(name: str, held: dict[tuple[str, ...], list[tuple[bool, float, float]]]) -> dict:
+    """Return how many intervals of a moment's and a motion's campaigns hold the truth, of how many."""
+    found: dict = {"element": name.replace("_", " ")}
+    for drive in ("moment", "displacement"):
+        rows = [row for key, each in held.items() if key[1] == drive for row in each]
+        found |= {f"{drive}_held": sum(row[0] for row in rows), f"{drive}_of": len(rows)}
+    return found
 
 
 def _line(name: str, rows: list[tuple[bool, float, float]]) -> str:

@@ -26,7 +26,6 @@ sys.path[:0] = [str(HERE.parent / "tests" / "files")]
 
 HANG = {"options": 20.0}  # s of the processor; a command that reads no more than a file:
 USUAL_HANG = 5.0
-PEAK = 1500.0  # MB
 
 
 def work(kind: str, seed: int, first: int, count: int, seconds: float, folder: Path) -> dict[str, Any]:
@@ -138,10 +137,10 @@ def main() -> None:
         from fuzz import RESULTS, targets
 
         kinds = given.kinds or [*targets(Path(folder)), *RESULTS]
-    record = {"seed": given.seed, "kinds": {}}
+    record = []
     for kind in kinds:
         done = campaign(kind, given.seed, given.count, 60 * given.minutes / len(kinds))
-        record["kinds"][kind] = done
+        record.append({"kind": kind, "seed": given.seed, **done})
         print(
             f"{kind:<10}{done['read']:>8} inputs, {done['refused']:>8} refused, "
             f"{sum(map(len, done['others'].values())):>3} other exceptions, "
@@ -153,16 +152,24 @@ def main() -> None:
             print(f"    {what}: inputs {numbers[:5]}", flush=True)
         if done["deaths"]:
             print(f"    deaths: {dict(list(done['deaths'].items())[:5])}", flush=True)
-    of_all = record["kinds"].values()
+    whole = {
+        "kind": "all",
+        "seed": given.seed,
+        "read": sum(d["read"] for d in record),
+        "refused": sum(d["refused"] for d in record),
+        "others": {what: numbers for d in record for what, numbers in d["others"].items()},
+        "hangs": {f"{d['kind']} {at}": spent for d in record for at, spent in d["hangs"].items()},
+        "deaths": {f"{d['kind']} {at}": status for d in record for at, status in d["deaths"].items()},
+        "peak": max(d["peak"] for d in record),
+        "slowest": max(d["slowest"] for d in record),
+        "seconds": sum(d["seconds"] for d in record),
+    }
     print(
-        f"seed {given.seed}: {sum(d['read'] for d in of_all)} inputs in "
-        f"{sum(d['seconds'] for d in of_all) / 60:.1f} min; "
-        f"other exceptions {sum(len(n) for d in of_all for n in d['others'].values())}, "
-        f"deaths {sum(len(d['deaths']) for d in of_all)}, hangs {sum(len(d['hangs']) for d in of_all)}, "
-        f"peaks above {PEAK:g} MB {sum(d['peak'] > PEAK for d in of_all)}"
+        "seed {seed}: {read} inputs in {seconds:.0f} s, {refused} refused; other exceptions {others}, deaths {deaths}, "
+        "hangs {hangs}, highest peak {peak:.0f} MB".format_map(whole)
     )
     if given.out:
-        Path(given.out).write_text(json.dumps(record, indent=1) + "\n")
+        Path(given.out).write_text(json.dumps([*record, whole], indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ softening limit, noise as a share of each channel's RMS. The candidates are thos
 from __future__ import annotations
 
 import argparse
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,22 +39,35 @@ def one(joint: str, noise: float, seed: int) -> dict[str, Any]:
     return record
 
 
-def report(records: list[dict[str, Any]]) -> None:
-    """Print one line per joint and noise, then every miss."""
-    print(f"{records[0]['candidates']} candidates; largest error of a coefficient over the exact ones, %")
-    print(
-        "joint         noise   exact      confirmed   k1     k2     k3     c1     M_F    95 % intervals hold"
-    )
+def summary(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return for each joint and noise how often the set was exact, the largest errors and the intervals that hold."""
+    found = []
     for joint, noise in dict.fromkeys((r["joint"], r["noise"]) for r in records):
         rows = [r for r in records if (r["joint"], r["noise"]) == (joint, noise)]
         exact = [r for r in rows if r["exact"]]
         worst = np.max(np.abs([r["error"] for r in exact]), axis=0) if exact else np.full(5, np.nan)
-        inside = np.mean([r["inside"] for r in exact]) if exact else np.nan
-        confirmed = sum(r["verdict"] == "confirmed" for r in rows)
+        found.append(
+            {
+                "joint": joint,
+                "noise": noise,
+                "campaigns": len(rows),
+                "exact": len(exact),
+                "confirmed": sum(r["verdict"] == "confirmed" for r in rows),
+                "worst": [f"{error:.2g}" for error in worst],
+                "inside": int(np.sum([r["inside"] for r in exact])),
+                "intervals": 5 * len(exact),
+            }
+        )
+    return found
+
+
+def report(records: list[dict[str, Any]]) -> None:
+    """Print one line per joint and noise, then every miss."""
+    print(f"{records[0]['candidates']} candidates; largest error of a coefficient over the exact ones, %")
+    for row in summary(records):
         print(
-            f"{joint:<12} {noise:>6.1%}  {len(exact):>3} of {len(rows):<3} {confirmed:>6} of {len(rows):<3} "
-            + " ".join(f"{e:<6.2f}" for e in worst)
-            + f" {inside:.0%}"
+            "{joint:<12} {noise:>6.1%}: exact {exact} of {campaigns}, confirmed {confirmed}, k1, k2, k3, c1, M_F {worst}, "
+            "95 % intervals hold {inside} of {intervals}".format_map(row)
         )
     for record in records:
         if not record["exact"]:
@@ -69,17 +84,19 @@ def main() -> None:
     parser.add_argument("--noise", type=float, nargs="+", default=[0.001, 0.01, 0.05])
     parser.add_argument("--seeds", type=int, default=50)
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--json", type=Path, help="file for the figures")
     given = parser.parse_args()
     from joblib import Parallel, delayed
 
-    report(
-        Parallel(n_jobs=given.jobs)(
-            delayed(one)(joint, noise, seed)
-            for joint in given.joints
-            for noise in given.noise
-            for seed in range(given.seeds)
-        )
+    records = Parallel(n_jobs=given.jobs)(
+        delayed(one)(joint, noise, seed)
+        for joint in given.joints
+        for noise in given.noise
+        for seed in range(given.seeds)
     )
+    report(records)
+    if given.json:
+        given.json.write_text(json.dumps(summary(records), indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -47,5 +47,8 @@ def commands(
     running.set_defaults(do=run)
     showing = two.add_parser("show")
     showing.add_argument("paths", nargs="+")
+    showing.add_argument(
+        "--json", type=Path, help="file for the figures of the guide's page, where the benchmark has it"
+    )
     showing.set_defaults(do=show)
     return parser.parse_args()

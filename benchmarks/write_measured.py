@@ -1,12 +1,18 @@
-"""Write the guide's page *Measured* from what ``benchmarks/measured.toml`` holds.
+"""Write the guide's page *Measured* from the results of the benchmarks.
 
 python benchmarks/write_measured.py
+
+``benchmarks/measured.toml`` says of each table what was tried, against which truth, and by which command. Its figures
+are the JSON that the benchmark wrote, in ``benchmarks/results``: a row for each record, a cell a format of its fields.
+Of benchmarks that take hours, the rows of their last run stand in ``measured.toml`` themselves.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
+from collections.abc import Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -15,16 +21,16 @@ from scipy.stats import binomtest
 
 HERE = Path(__file__).resolve().parent
 DATA = HERE / "measured.toml"
+RESULTS = HERE / "results"
 PAGE = HERE.parent / "docs" / "guide" / "measured.md"
 
 HEAD = """\
 # Measured
 
-The figures of README and guide, with their commands; run them in a clone after `pip install -e ".[test]"`.
-Most draw joints at random, so that the truth is known; `FOLDER` holds public data. A count has the 95 %
-interval of its rate in per cent (Clopper and Pearson), its cases taken as independent. What a benchmark wrote
-with `run --out FILE`, `show FILE` prints; `RIG` and `DRIVE` stand for those of the rows.
-`benchmarks/write_measured.py` writes this page.
+The figures of this project, with their commands; run them in a clone after `pip install -e ".[test]"`.
+`FOLDER` holds public data. A count has the 95 % interval of its rate in per cent (Clopper and Pearson), its cases taken
+as independent. What a benchmark wrote with `run --out FILE`, `show FILE` prints; `RIG` and `DRIVE` stand for those of
+the rows. `benchmarks/write_measured.py` writes this page.
 """
 
 
@@ -37,22 +43,43 @@ def with_interval(cell: str) -> str:
     return f"{cell} ({100 * low:.3g}–{100 * high:.3g})"
 
 
+def formatted(template: str, record: Mapping[str, Any]) -> str:
+    """Return a cell of a record; a dash where a field of it is unknown."""
+    try:
+        cell = template.format_map({key: _listed(value) for key, value in record.items()})
+    except TypeError:
+        return "–"
+    return re.sub(r"(?<=\d)%", " %", cell)
+
+
+def _listed(value: Any) -> Any:
+    return ", ".join(map(str, value)) if isinstance(value, list) else value
+
+
+def rows_of(table: Mapping[str, Any]) -> list[list[str]]:
+    """Return the cells of a table, of the benchmark's JSON where that is kept."""
+    if "result" not in table:
+        return table["rows"]
+    records = json.loads((RESULTS / table["result"]).read_text(encoding="utf-8"))
+    return [[formatted(cell, record) for cell in table["cells"]] for record in records]
+
+
 def row(cells: list[str]) -> str:
     """Return a line of a table."""
     return f"|{'|'.join(cells)}|"
 
 
 def section(table: dict[str, Any]) -> str:
-    """Return what one table says: what was tried, the rows or what a benchmark printed, the commands."""
+    """Return what one table says: what was tried, the truth, the commands, the rows or what a benchmark printed."""
     parts = [f"### {table['title']}"] if "title" in table else []
-    parts.append(table["tried"])
+    parts.append(f"{table['tried']} Truth: {table['truth']}.")
     if commands := table.get("commands"):
         parts.append("\n".join(["```sh", *commands, "```"]))
     if "output" in table:
         parts.append(f"```{{literalinclude}} ../comparisons/{table['output']}.txt\n:language: text\n```")
-    elif table["rows"]:
+    elif rows := rows_of(table):
         lines = [table["columns"], ["-"] * len(table["columns"])]
-        lines += [[with_interval(cell) for cell in cells] for cells in table["rows"]]
+        lines += [[with_interval(cell) for cell in cells] for cells in rows]
         parts.append("\n".join(map(row, lines)))
     return "\n\n".join(parts) + "\n"
 

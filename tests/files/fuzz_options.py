@@ -20,8 +20,32 @@ TAKEN = {
     "verify": ["model", "campaign"], "changed": ["campaign", "campaign"], "rig": ["pulse-rig"], "curves": ["model"],
     "export": ["model"], "plan": ["--like", "inter-panel"], "libraries show": ["paper"], "libraries check": ["paper"],
 }  # fmt: skip
-SAID = ("campaign", "campaign/campaign.toml", "model", "model.json", "pulse-rig", "paper", "inter-panel", "run.csv", "new")
-USUAL = ("1", "2", "0.5", "3 5", "0.1 0.9", "3 Hz", "0.5 N*m", "moment", "csv", "stlsq", "theta=1", "k1", "all")
+SAID = (
+    "campaign",
+    "campaign/campaign.toml",
+    "model",
+    "model.json",
+    "pulse-rig",
+    "paper",
+    "inter-panel",
+    "run.csv",
+    "new",
+)
+USUAL = (
+    "1",
+    "2",
+    "0.5",
+    "3 5",
+    "0.1 0.9",
+    "3 Hz",
+    "0.5 N*m",
+    "moment",
+    "csv",
+    "stlsq",
+    "theta=1",
+    "k1",
+    "all",
+)
 
 
 @dataclass(frozen=True)
@@ -39,7 +63,9 @@ class OptionsTarget:
         taken = TAKEN.get(name, []) if rng.random() < 0.7 else rng.sample(SAID, rng.choice((0, 1, 1, 2)))
         words = [*name.split(), *taken]
         for _ in range(rng.choice((0, 1, 1, 2, 4))):
-            words.append(rng.choice([each for each in self.commands[name] or ["--json"] if each not in ELSEWHERE]))
+            words.append(
+                rng.choice([each for each in self.commands[name] or ["--json"] if each not in ELSEWHERE])
+            )
             if rng.random() < 0.7:
                 words.append(rng.choice([*NUMBERS, *harmless, *USUAL, *SAID]))
         return json.dumps(words)
@@ -69,7 +95,14 @@ def options_target(folder: Path) -> OptionsTarget:
 
     place = folder / "options"
     (place / "model").mkdir(parents=True, exist_ok=True)
-    simulate(random_state=0, duration=0.6, frequencies=(4.0,), levels=(0.5, 0.9), out=place / "campaign", force=True)
+    simulate(
+        random_state=0,
+        duration=0.6,
+        frequencies=(4.0,),
+        levels=(0.5, 0.9),
+        out=place / "campaign",
+        force=True,
+    )
     for path in (place / "model.json", place / "model" / "model.json"):
         path.write_text(paper_model().to_json(), encoding="utf-8")
     os.environ.setdefault("COLUMNS", "100")

@@ -1,0 +1,106 @@
+"""No sentence of README or guide states a measured figure: those stand on *Measured*, which the benchmarks write."""
+
+import json
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from sindyjoint.policy import policies
+
+ROOT = Path(__file__).resolve().parents[2]
+GENERATED = {"measured.md", "keys.md"}
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "guide").glob("*.md"))]
+#: A share, a ratio, a duration, a size, a count of a count.
+FIGURE = re.compile(
+    r"(?<![\w.])\d[\d ]*(?:\.\d+)? ?(?:%|per cent|times|ms|s|min|h|[kMG]B|mm|mV|kip)(?!\w)|(?<![\w./])\d+ ?(?:of|/) ?\d+"
+)
+#: What the guide may say: limits, by where they are set, or what is no result of a measurement.
+STATED = {
+    "check.md": {
+        "25.4 times": "an inch in millimetres",
+        "2 %": "soundness.usual_uncertainty",
+        "1 %": "substructure.well_known",
+        "30 %": "substructure.not_shown",
+    },
+    "curves.md": {"0.1 %": "the end of an iteration"},
+    "diagnosis.md": {
+        "120 s": "diagnosis campaign.search_seconds",
+        "300 s": "diagnosis structure.search_seconds",
+        "30 s": "diagnosis campaign.verdict_seconds",
+        "240 s": "diagnosis campaign.numbers_seconds",
+        "20 s": "diagnosis campaign.parts_seconds",
+    },
+    "inputs.md": {"5 %": "judgement.change_level", "1 %": "discovery.equivalence_level"},
+    "joints_in_structures.md": {
+        "1.5 times": "response.beyond_noise",
+        "1 %": "substructure.well_known",
+        "30 %": "substructure.not_shown",
+    },
+    "method.md": {
+        "5 %": "states.same_motion",
+        "0.2 %": "discovery.least_share",
+        "10 %": "discovery.frequency_margin",
+        "1 %": "states.same_frequency",
+    },
+    "plan.md": {
+        "20 %": "planning.spread",
+        "95 of 100": "planning.complete",
+        "98 %": "planning.limit_share",
+        "92 %": "the largest level of a virtual test",
+    },
+    "report.md": {
+        "20 %": "judgement.mostly_explained",
+        "1.1 times": "judgement.predicts",
+        "2 times": "judgement.predicts_roughly",
+        "1 %": "an example",
+        "10 %": "discovery.frequency_margin",
+    },
+    "scaling.md": {"5 %": "workflows.level", "20 %": "discovery.scale_excess"},
+    "start.md": {"5 %": "judgement.verification_tolerance"},
+}
+#: Tables of benchmarks that take hours: their rows were copied from what the command printed. None may join them.
+COPIED = {
+    "95 % intervals",
+    "Three implementations",
+}
+
+
+def figures_in(text):
+    """Return the figures of the sentences of a page: not those of code, formulas and confidence levels of 95 %."""
+    prose = re.sub(r"```.*?```|`[^`]*`|\$[^$]*\$", "", text, flags=re.S)
+    return {found for found in FIGURE.findall(prose) if found != "95 %"}
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if page.name not in GENERATED], ids=lambda page: page.name
+)
+def test_a_page_states_limits_and_no_measured_figure(page):
+    # A measured figure: a table of benchmarks/measured.toml, then python benchmarks/write_measured.py
+    assert figures_in(page.read_text(encoding="utf-8")) == set(STATED.get(page.name, ()))
+
+
+@pytest.mark.parametrize(
+    ("page", "figure", "place"),
+    [(page, *each) for page, stated in STATED.items() for each in stated.items() if "." in each[1]],
+)
+def test_a_limit_on_a_page_is_that_of_the_code(page, figure, place):
+    folder, _, name = place.partition(".")
+    number, hundredths = float(re.match(r"[\d.]+", figure)[0]), "%" in figure or "of" in figure
+    assert getattr(policies()[folder], name) == pytest.approx(number / 100 if hundredths else number)
+
+
+@pytest.mark.parametrize(
+    "sentence",
+    [
+        "All 8 of 8 ripples are found.",
+        "It takes 2.4 s.",
+        "Found in 99.5 % of the cases.",
+        "28 times as fast.",
+        "50/50 are right.",
+        "In 330 MB.",
+    ],
+)
+def test_a_measured_figure_would_be_seen(sentence):
+    assert figures_in(sentence) and not figures_in(f"`{sentence}`")
