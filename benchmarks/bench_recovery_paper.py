@@ -66,8 +66,8 @@ def report(records: list[dict[str, Any]]) -> None:
     print(f"{records[0]['candidates']} candidates; largest error of a coefficient over the exact ones, %")
     for row in summary(records):
         print(
-            "{joint:<12} {noise:>6.1%}: exact {exact} of {campaigns}, confirmed {confirmed}, k1, k2, k3, c1, M_F {worst}, "
-            "95 % intervals hold {inside} of {intervals}".format_map(row)
+            "{joint:<12} {noise:>6.1%}: exact {exact} of {campaigns}, confirmed {confirmed}, "
+            "k1, k2, k3, c1, M_F {worst}, 95 % intervals hold {inside} of {intervals}".format_map(row)
         )
     for record in records:
         if not record["exact"]:

@@ -21,7 +21,6 @@ HERE = Path(__file__).resolve().parent
 KEPT = HERE.parent / "docs" / "comparisons"
 
 ALL_JOINTS = ["--joints", "inter-panel", "panel-root", "random"]
-ALL_NOISES = ["--noise", "0.001", "0.01", "0.05"]
 # Arguments of each benchmark by size.
 PARTS = {
     "bench_pysindy": {
@@ -33,11 +32,6 @@ PARTS = {
         "full": ["--seeds", "20", "--noise", "0.01"],
         "middle": ["--seeds", "6", "--noise", "0.01"],
         "quick": ["--seeds", "3", "--noise", "0.01"],
-    },
-    "bench_recovery_paper": {
-        "full": ["--seeds", "50", *ALL_NOISES],
-        "middle": ["--seeds", "10", *ALL_NOISES],
-        "quick": ["--seeds", "5", "--noise", "0.01", "0.05"],
     },
     "bench_simulation": {"full": [], "middle": [], "quick": []},
 }

@@ -53,15 +53,19 @@ def formatted(template: str, record: Mapping[str, Any]) -> str:
 
 
 def _listed(value: Any) -> Any:
-    return ", ".join(map(str, value)) if isinstance(value, list) else value
+    """Return what a cell shows of a field: the items of a list, the number of entries of a table."""
+    if isinstance(value, list):
+        return ", ".join(map(str, value))
+    return len(value) if isinstance(value, dict) else value
 
 
 def rows_of(table: Mapping[str, Any]) -> list[list[str]]:
     """Return the cells of a table, of the benchmark's JSON where that is kept."""
-    if "result" not in table:
+    if "results" not in table:
         return table["rows"]
-    records = json.loads((RESULTS / table["result"]).read_text(encoding="utf-8"))
-    return [[formatted(cell, record) for cell in table["cells"]] for record in records]
+    records = [each for name in table["results"] for each in json.loads((RESULTS / name).read_text("utf-8"))]
+    shown = [each for each in records if table.get("only", each).items() <= each.items()]
+    return [[formatted(cell, record) for cell in table["cells"]] for record in shown]
 
 
 def row(cells: list[str]) -> str:

@@ -39,6 +39,9 @@ def test_the_first_command_ends_in_a_discovery():
     # On a busy machine, from the third second on, a line for each stage.
     assert run.returncode == 0 and re.fullmatch(r"( *[\d.]+ s  [^\n]+\n)*", run.stderr), run.stderr
     assert "(simulated)" in run.stdout and "paper's term set confirmed" in run.stdout
+    # "prints, among other things", line by line; after a change: copy them
+    sample = README.split("among other things:", 1)[1].split("```")[1].removeprefix("text\n")
+    assert {*sample.splitlines()} <= {line.rstrip() for line in run.stdout.splitlines()}
 
 
 def test_the_extras_that_it_names_exist():

@@ -1,6 +1,9 @@
 """The tests themselves: examples in docstrings are run, fixtures that are shared are made once."""
 
+import ast
 import doctest
+import re
+import tomllib
 from importlib import import_module
 from pathlib import Path
 
@@ -56,6 +59,53 @@ def test_there_is_one_list_of_public_names_and_not_a_long_one():
     assert 40 <= len(sindyjoint.__all__) <= 60
     with pytest.raises(AttributeError):
         sindyjoint.workflow  # noqa: B018
+
+
+#: What tests are skipped without and the extra ``test`` does not bring.
+ELSEWHERE = {
+    "openseespy": "a step of .ci/run installs it, where there is a wheel of it",
+    "fcntl": "of POSIX, in the standard library",
+    "psutil": "comes with distributed",
+}
+
+
+def test_what_tests_are_skipped_without_is_installed_with_them():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    wanted = [*project["dependencies"], *sum(project["optional-dependencies"].values(), [])]
+    brought = {name.lower() for each in wanted for name in re.findall(r"[A-Za-z][\w-]*", each.split(">=")[0])}
+    source = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "tests").rglob("*.py")))
+    asked = {name.lower().replace("_", "-") for name in re.findall(r'importorskip\(\s*"(\w+)', source)}
+    assert len(asked) > 15 and asked - brought == {*ELSEWHERE}
+
+
+def test_a_test_asserts_something_or_calls_what_does():
+    """Itself, by what raises (``pytest.raises``, ``check=True``), or by a function of the tests that asserts."""
+    trees = {
+        path: ast.parse(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "tests").rglob("*.py"))
+    }
+    functions = [
+        node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
+    ]
+    known = {"raises", "warns", "fail", "check"}
+    while more := {each.name for each in functions if each.name not in known and _asserts(each, known)}:
+        known |= more
+    idle = [each.name for each in functions if each.name.startswith("test_") and each.name not in known]
+    assert not idle
+
+
+def _asserts(function, known):
+    for node in ast.walk(function):
+        if isinstance(node, ast.Assert):
+            return True
+        if isinstance(node, ast.Call):
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if (
+                name in known
+                or name.startswith("assert_")
+                or any(each.arg == "check" for each in node.keywords)
+            ):
+                return True
+    return False
 
 
 def test_tests_that_share_a_fixture_share_a_worker():

@@ -86,6 +86,9 @@ class TermRegression:
     ) -> Self:
         """Find the terms and their coefficients; parameters are those of :meth:`sindyjoint.JointRegressor.fit`."""
         self.check_parameters()
+        weight, X, y, groups, runs, blocks, X_replicate, y_replicate = rows_that_count(
+            sample_weight, X.shape[0], X, y, groups, runs, blocks, X_replicate, y_replicate
+        )
         names = input_names(self.inputs)
         motion = X.shape[1] - len(names)
         if motion not in (2, 3):
@@ -93,9 +96,6 @@ class TermRegression:
             raise InputError(
                 f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected{behind}"
             )
-        weight, X, y, groups, runs, blocks, X_replicate, y_replicate = rows_that_count(
-            sample_weight, X.shape[0], X, y, groups, runs, blocks, X_replicate, y_replicate
-        )
         labels = RowLabels.of(X.shape[0], groups, runs, blocks)
         parts = [X[rows, motion:] for run in labels.runs for rows in run.blocks]
         self.inputs_ = tested_inputs(self.inputs, parts)

@@ -19,7 +19,6 @@ from sindyjoint.paper import TERMS as IDS
 TRUTH = np.array([6.066e3, -1.927e5, -2.684e9, 48.13, 1.867])
 FEATURES = "the check feeds {} features; a force state has two (angle, rate) or three (with acceleration)"
 EXPECTED_FAILURES = {
-    "check_all_zero_sample_weights_error": FEATURES.format(20),
     "check_dtype_object": FEATURES.format(10),
     "check_estimators_dtypes": FEATURES.format(5),
     "check_n_features_in_after_fitting": FEATURES.format(4),

@@ -1,6 +1,6 @@
 """What pysindy's own tests ask of any optimizer and any library, asked of ours beside one of its own.
 
-``benchmarks/pysindys_tests.py`` runs those tests themselves.
+``benchmarks/others_tests.py`` runs those tests themselves.
 """
 
 import numpy as np

@@ -67,6 +67,12 @@ def main_path_holds(said, results):
     for term, truth in {"k1": 6000, "c1": 50, "M_F": 1.9}.items():
         (value,) = (each["coefficient"] for each in found if each["symbol"] == term)
         assert abs(value - truth) < 0.005 * truth, (term, value)
+    # What the page shows of both is what they say; after a change: copy it.
+    for verb, sample in zip(
+        ("init", "discover"), blocks((ROOT / GUIDE).read_text("utf-8"), "text"), strict=True
+    ):
+        for line in filter(None, sample.splitlines()):
+            assert " ".join(line.split()) in " ".join(said[verb].split()), line
     assert (results.parent / "joint.inp").is_file()
     for report in (results / "report.html", results / "diagnosis" / "report.html"):
         assert report.stat().st_size > 100_000

@@ -14,7 +14,8 @@ GENERATED = {"measured.md", "keys.md"}
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "guide").glob("*.md"))]
 #: A share, a ratio, a duration, a size, a count of a count.
 FIGURE = re.compile(
-    r"(?<![\w.])\d[\d ]*(?:\.\d+)? ?(?:%|per cent|times|ms|s|min|h|[kMG]B|mm|mV|kip)(?!\w)|(?<![\w./])\d+ ?(?:of|/) ?\d+"
+    r"(?<![\w.])\d[\d ]*(?:\.\d+)? ?(?:%|per cent|times|ms|s|min|h|[kMG]B|mm|mV|kip)(?!\w)"
+    r"|(?<![\w./])\d+ ?(?:of|/) ?\d+"
 )
 #: What the guide may say: limits, by where they are set, or what is no result of a measurement.
 STATED = {
@@ -60,11 +61,16 @@ STATED = {
     "scaling.md": {"5 %": "workflows.level", "20 %": "discovery.scale_excess"},
     "start.md": {"5 %": "judgement.verification_tolerance"},
 }
-#: Tables of benchmarks that take hours: their rows were copied from what the command printed. None may join them.
+#: Tables of benchmarks that take an hour and more: their rows are copied from what the command printed. None may join.
 COPIED = {
-    "95 % intervals",
-    "Three implementations",
-}
+    "95 % intervals", "Three implementations", "Weak form", "Accelerometers", "Faults and false alarms",
+    "Answers on faulty data", "Masked samples", "Sensors of a structure", "Hidden effects", "Other excitations",
+    "Effects outside the catalogue", "Joints from another integrator", "A constant added to the displacement",
+    "Budget of the gap, and advised runs", "Diagnosis of the sets", "Exports", "Times and memory", "Batches",
+    "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
+    "Default plans beside plain grids", "Plans played", "Run by run", "Effects told apart", "Curves",
+    "Inputs and changes", "A saved model", "Estimate: ten thousand joints on fifty workers",
+}  # fmt: skip
 
 
 def figures_in(text):
@@ -104,3 +110,15 @@ def test_a_limit_on_a_page_is_that_of_the_code(page, figure, place):
 )
 def test_a_measured_figure_would_be_seen(sentence):
     assert figures_in(sentence) and not figures_in(f"`{sentence}`")
+
+
+def test_each_table_states_its_truth_and_has_its_rows_from_the_benchmark():
+    benchmarks = ROOT / "benchmarks"
+    tables = tomllib.loads((benchmarks / "measured.toml").read_text(encoding="utf-8"))["table"]
+    copied = {table.get("title", table["topic"]) for table in tables if "rows" in table}
+    assert copied <= COPIED and COPIED <= copied, copied ^ COPIED
+    assert all(table["truth"] and table["tried"] for table in tables)
+    used = [name for table in tables for name in table.get("results", ())]
+    assert {*used} == {path.name for path in (benchmarks / "results").iterdir()}
+    for name in used:
+        assert json.loads((benchmarks / "results" / name).read_text(encoding="utf-8")), name

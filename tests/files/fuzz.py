@@ -256,7 +256,7 @@ def made_test() -> Any:
 
 
 def _results(folder: Path, wanted: str) -> dict[str, Any]:
-    """Return command lines, the factors of a campaign, or the data that figures of one kind of result are drawn from."""
+    """Return command lines, factors of a campaign, or the data that figures of one kind of result are drawn from."""
     if wanted == "options":
         return {"options": options_target(folder)}
     from sindyjoint import diagnose, discover, simulate, verify

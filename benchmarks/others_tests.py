@@ -1,7 +1,7 @@
-"""pysindy's own tests of optimizers and libraries, run on ``UniqueShareSTLSQ`` and ``TermLibrary``.
+"""pysindy's own tests on ``UniqueShareSTLSQ`` and ``TermLibrary``, scikit-learn's on ``JointRegressor``.
 
 pip download --no-binary :all: --no-deps pysindy && tar xf pysindy-*.tar.gz
-python benchmarks/pysindys_tests.py pysindy-*/test
+python benchmarks/others_tests.py pysindy-*/test
 
 The functions are pysindy's, imported from its source distribution; parts of this package stand where its own stood.
 Each test of the three files is run, or named with the reason why it does not apply; one that is neither is a failure,
@@ -24,8 +24,12 @@ from unittest.mock import MagicMock, patch
 
 import pysindy
 import pytest
+from sklearn.utils.estimator_checks import check_estimator
 
-from sindyjoint import TermLibrary, UniqueShareSTLSQ
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from sindyjoint import JointRegressor, TermLibrary, UniqueShareSTLSQ  # noqa: E402
+from tests.discovery.test_estimator import EXPECTED_FAILURES, OfTheFirstTwo  # noqa: E402
 
 FILES = ("test_optimizers", "test_optimizers_complexity", "test_feature_library")
 #: Parts of names of tests that ask a parameter or a function of another optimizer or library.
@@ -151,25 +155,54 @@ def main() -> None:
     parser.add_argument("tests", type=Path, help="folder `test` of pysindy's source distribution")
     parser.add_argument("--json", type=Path, help="file for the counts")
     given = parser.parse_args()
-    data, modules = imported(given.tests.resolve())
-    wrong, passed, others = 0, 0, 0
+    made = [
+        of_pysindy(given.tests.resolve()),
+        *map(of_scikit_learn, (JointRegressor("paper"), OfTheFirstTwo())),
+    ]
+    for counts in made:
+        print("{tests}: {passed} of {run} passed; {others} do not apply".format_map(counts))
+    if given.json:
+        given.json.write_text(json.dumps(made, indent=1) + "\n")
+    raise SystemExit(any(counts["passed"] < counts["run"] for counts in made))
+
+
+def of_pysindy(folder: Path) -> dict[str, Any]:
+    """Return how many of pysindy's tests pass, and how many do not apply; print how each ends."""
+    data, modules = imported(folder)
+    counts = {
+        "tests": f"pysindy {version('pysindy')}: optimizers, libraries",
+        "passed": 0,
+        "run": 0,
+        "others": 0,
+    }
     for module in modules:
         for name, test in inspect.getmembers(module, inspect.isfunction):
             if not name.startswith("test_") or test.__module__ != module.__name__:
                 continue
             ends = [outcome(test, arguments) for arguments in cases(test, data)]
-            if not ends:
-                ends = [f"does not apply: {reason}" if (reason := reason_of(name)) else "not known"]
-            passed += ends.count("passed")
-            other = sum(end.startswith("does not apply") for end in ends)
-            others += other
-            wrong += len(ends) - ends.count("passed") - other
-            print(f"{module.__name__}::{name}: {'; '.join(dict.fromkeys(ends))}")
-    print(f"pysindy {version('pysindy')}: {passed} passed, {wrong} failed or not known")
-    if given.json:
-        counts = {"pysindy": version("pysindy"), "passed": passed, "run": passed + wrong, "others": others}
-        given.json.write_text(json.dumps([counts], indent=1) + "\n")
-    raise SystemExit(bool(wrong))
+            reason = "" if ends else reason_of(name)
+            counts["others"] += bool(reason)
+            counts["passed"] += ends.count("passed")
+            counts["run"] += len(ends) or not reason
+            print(f"{module.__name__}::{name}: {'; '.join(dict.fromkeys(ends)) or reason or 'not known'}")
+    return counts
+
+
+def of_scikit_learn(estimator: Any) -> dict[str, Any]:
+    """Return how many checks of scikit-learn an estimator passes, and how many are declared not to apply."""
+    declared = EXPECTED_FAILURES if isinstance(estimator, JointRegressor) else {}
+    ends = check_estimator(estimator, expected_failed_checks=declared, on_fail=None, on_skip=None)
+    status = [end["status"] for end in ends]
+    for end in ends:
+        if end["status"] != "passed":
+            print(f"{type(estimator).__name__}, {end['check_name']}: {end['status']}: {end['exception']}")
+    words = "" if isinstance(estimator, JointRegressor) else ", of the first two columns of any number"
+    return {
+        "tests": f"scikit-learn {version('scikit-learn')}: check_estimator{words}",
+        "passed": status.count("passed"),
+        "run": status.count("passed") + status.count("failed"),
+        "others": status.count("xfail") + status.count("skipped"),
+    }
 
 
 if __name__ == "__main__":
