@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from sindyjoint.evidence.score import Score
+from sindyjoint.diagnosis.evidence.score import Score
 
 
 class Candidate(Protocol):

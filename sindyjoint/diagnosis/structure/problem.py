@@ -13,6 +13,7 @@ import numpy as np
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.evidence.policy import POLICY
 from sindyjoint.diagnosis.loop import add_effects
 from sindyjoint.diagnosis.parts import Budget, Place, divide_gap, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -35,7 +36,6 @@ from sindyjoint.diagnosis.structure.start import (
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.evidence.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig
 from sindyjoint.numeric import RNG, Array
 

@@ -26,8 +26,8 @@ from sindyjoint.diagnosis.campaign.repair import (
 )
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.evidence.policy import POLICY
 from sindyjoint.equation.model import JointModel
-from sindyjoint.evidence.policy import POLICY
 from sindyjoint.numeric import Array
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
