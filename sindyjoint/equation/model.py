@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import VARIABLES, compile_terms
-from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, range_warnings
+from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, model_at, range_warnings
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input
@@ -171,10 +171,7 @@ class JointModel:
         UnknownNameError
             For a name that is no input of the model.
         """
-        from sindyjoint.equation.held import model_at
-
-        held: JointModel = model_at(self, inputs)
-        return held
+        return model_at(self, inputs)
 
     def moment(
         self,

@@ -21,8 +21,7 @@ from sindyjoint.response.laws import Instant, LawInRun, law_in_run, parts_of, su
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, SimulatedRun, along_motion, pooled_nrmse, simulate_run
 from sindyjoint.states import ForceStates, force_states, one_after_another, states_of
-from sindyjoint.states.build import Choice
-from sindyjoint.states.campaigns import aligned_run, content_hash
+from sindyjoint.states.build import Choice, aligned_run, content_hash
 from sindyjoint.states.repetition import mean_slope
 
 LawOf = Callable[[ForceStates], Law]

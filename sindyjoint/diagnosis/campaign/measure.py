@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from sindyjoint.clock import spend
-from sindyjoint.diagnosis.campaign.admissible import yield_complaint
-from sindyjoint.diagnosis.campaign.repair import all_columns
+from sindyjoint.diagnosis.campaign.repair import all_columns, yield_complaint
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect

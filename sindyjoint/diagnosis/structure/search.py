@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.evidence.score import Ranking, rank
 from sindyjoint.diagnosis.policy import STRUCTURE
-from sindyjoint.diagnosis.ranking import Ranking, rank
 from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, OutputError, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.numeric import Array
