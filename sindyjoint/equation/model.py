@@ -150,7 +150,12 @@ class JointModel:
         pairs = [(float(value), float(error)) for value, error in zip(values, errors, strict=True)]
         size = len(self.terms)
         terms = tuple(
-            replace(term, coefficient=value, standard_error=error, interval95=_interval(value, error))
+            replace(
+                term,
+                coefficient=value,
+                standard_error=error,
+                interval95=(value - 1.96 * error, value + 1.96 * error),
+            )
             for term, (value, error) in zip(self.terms, pairs[:size], strict=True)
         )
         rest = iter(pairs[size:])
@@ -343,7 +348,3 @@ def model_terms(
             )
         )
     return tuple(terms)
-
-
-def _interval(value: float, error: float) -> tuple[float, float]:
-    return value - 1.96 * error, value + 1.96 * error

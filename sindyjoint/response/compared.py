@@ -117,11 +117,6 @@ def predicts_worse(
 STEPS = 4
 
 
-def belongs_to(test: TestNuisances, campaign: Campaign) -> bool:
-    """Return whether this is the campaign that a test's nuisances were found in."""
-    return content_hash(campaign) == test.campaign
-
-
 def corrected(test: TestNuisances, campaign: Campaign) -> Campaign:
     """Return the campaign with channels and inertia put right."""
     runs = tuple(_corrected_run(test, run) for run in campaign.runs)
@@ -162,7 +157,7 @@ def put_right(
     test, none = model.test, TestNuisances("")
     if not test:
         return usable, none, ()
-    if belongs_to(test, given):
+    if content_hash(given) == test.campaign:
         return corrected(test, usable), test, (f"put right, as found in this campaign: {test.words}",)
     if test.joint != given.joint.name:
         line = f"what was found in the test of {test.joint!r} is not applied to a campaign of {given.joint.name!r}"
