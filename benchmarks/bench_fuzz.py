@@ -116,6 +116,17 @@ def campaign(kind: str, seed: int, count: int, seconds: float) -> dict[str, Any]
     return {**total, "seconds": spent, "clock": time.monotonic() - begun}
 
 
+def together(record: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the sums, worst cases and finds of all kinds."""
+    sums = {name: sum(each[name] for each in record) for name in ("read", "refused", "seconds")}
+    worst = {name: max(each[name] for each in record) for name in ("peak", "slowest")}
+    finds = {
+        name: {f"{each['kind']} {at}": found for each in record for at, found in each[name].items()}
+        for name in ("others", "hangs", "deaths")
+    }
+    return {"kind": "all these", "seed": record[0]["seed"], **sums, **worst, **finds}
+
+
 def _processor_time() -> float:
     """Return what all processes that have ended took of the processor, s."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -152,24 +163,14 @@ def main() -> None:
             print(f"    {what}: inputs {numbers[:5]}", flush=True)
         if done["deaths"]:
             print(f"    deaths: {dict(list(done['deaths'].items())[:5])}", flush=True)
-    whole = {
-        "kind": "all",
-        "seed": given.seed,
-        "read": sum(d["read"] for d in record),
-        "refused": sum(d["refused"] for d in record),
-        "others": {what: numbers for d in record for what, numbers in d["others"].items()},
-        "hangs": {f"{d['kind']} {at}": spent for d in record for at, spent in d["hangs"].items()},
-        "deaths": {f"{d['kind']} {at}": status for d in record for at, status in d["deaths"].items()},
-        "peak": max(d["peak"] for d in record),
-        "slowest": max(d["slowest"] for d in record),
-        "seconds": sum(d["seconds"] for d in record),
-    }
-    print(
-        "seed {seed}: {read} inputs in {seconds:.0f} s, {refused} refused; other exceptions {others}, deaths {deaths}, "
-        "hangs {hangs}, highest peak {peak:.0f} MB".format_map(whole)
-    )
+    if len(record) > 1:
+        record.append(together(record))
+        print(
+            "seed {seed}: {read} inputs in {seconds:.0f} s, {refused} refused; other exceptions {others}, "
+            "deaths {deaths}, hangs {hangs}, highest peak {peak:.0f} MB".format_map(record[-1])
+        )
     if given.out:
-        Path(given.out).write_text(json.dumps([*record, whole], indent=1) + "\n")
+        Path(given.out).write_text(json.dumps(record, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ the rows. `benchmarks/write_measured.py` writes this page.
 def with_interval(cell: str) -> str:
     """Return a cell; a count ``N/M`` with the 95 % interval of its rate in per cent."""
     count = re.fullmatch(r"(\d+)/(\d+)", cell)
-    if not count:
+    if not count or count[2] == "0":
         return cell
     low, high = binomtest(int(count[1]), int(count[2])).proportion_ci(0.95)
     return f"{cell} ({100 * low:.3g}–{100 * high:.3g})"
@@ -64,7 +64,7 @@ def rows_of(table: Mapping[str, Any]) -> list[list[str]]:
     if "results" not in table:
         return table["rows"]
     records = [each for name in table["results"] for each in json.loads((RESULTS / name).read_text("utf-8"))]
-    shown = [each for each in records if table.get("only", each).items() <= each.items()]
+    shown = [each for each in records if each.get("kind") in table.get("kinds", [each.get("kind")])]
     return [[formatted(cell, record) for cell in table["cells"]] for record in shown]
 
 

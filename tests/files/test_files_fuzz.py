@@ -52,6 +52,13 @@ def test_an_input_is_understood_or_refused(known, kind):
             assert time.process_time() - begun < 5, number
 
 
+@pytest.mark.parametrize(("kind", "number"), [("feather", 4588), ("feather", 10591), ("uff", 14890)])
+def test_what_once_escaped_is_refused(known, kind, number):
+    # Seed 36: names that are no UTF-8, a function without data, both found only where they are asked for.
+    with pytest.raises(SindyJointError, match=f"cannot be read as {kind}"):
+        known[0][kind].run(known[0][kind].make(kind, 36, number), known[1])
+
+
 def test_the_fuzz_sees_a_fault(known, monkeypatch):
     # The control: a reader that lets an error through is found.
     monkeypatch.setattr("sindyjoint.documents._LONG_KEY", None)

@@ -135,7 +135,8 @@ class Table:
         """
         positions = [self._find_column(name) for name in wanted]
         distinct = sorted(set(positions))
-        arrays = self.load(distinct, self.first, self.rows if self.stop is None else self.stop)
+        with foreign(self.path, self.path.suffix[1:]):
+            arrays = self.load(distinct, self.first, self.rows if self.stop is None else self.stop)
         if len(arrays) != len(distinct):
             raise InputError(f"{self.path}: holds no rows; it may be damaged")
         loaded = dict(zip(distinct, arrays, strict=True))
@@ -415,7 +416,9 @@ def _read(file: Path, data: bytes | None, skip: int | None) -> Any:
     """Call the reader of a file, of all its bytes or, without them, of the parts that are asked for."""
     module, function = READERS[file.suffix.lower()]
     options = {} if skip is None else {"skip": skip}
-    return getattr(import_module(f"{__name__}.{module}"), function)(file, data, **options)
+    # A library may read bad bytes and fail where what it has read is asked for.
+    with foreign(file, file.suffix[1:]):
+        return getattr(import_module(f"{__name__}.{module}"), function)(file, data, **options)
 
 
 def sha256_of(path: Path) -> str:

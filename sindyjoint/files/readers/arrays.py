@@ -170,8 +170,7 @@ def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Ta
 
     def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
         check_bytes(path, 8 * len(wanted) * max(stop - start, 0))
-        with foreign(path, kind):
-            return [cuts[position](start, stop) for position in wanted]
+        return [cuts[position](start, stop) for position in wanted]
 
     return Table(
         path, tuple(columns), load, short_names(tuple(columns), separator), count=lambda: max(sizes),

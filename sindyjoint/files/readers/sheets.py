@@ -125,10 +125,9 @@ class _Batches:
     def _take(self, count: int) -> list[NDArray]:
         parts = [self._pending] if self._pending else []
         have = self._pending[0].size if self._pending else 0
-        with foreign(self._path, "a table of numbers"):
-            while have < count and (batch := next(self._batches, None)) is not None:
-                parts.append([column.to_numpy(zero_copy_only=False) for column in batch])
-                have += parts[-1][0].size
+        while have < count and (batch := next(self._batches, None)) is not None:
+            parts.append([column.to_numpy(zero_copy_only=False) for column in batch])
+            have += parts[-1][0].size
         columns = [np.concatenate(pieces) for pieces in zip(*parts, strict=True)]
         self._pending = [column[count:] for column in columns]
         self._next += count
