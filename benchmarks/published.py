@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.bench_round_trip import part_of, with_runs_kept_out  # noqa: E402
 
 COLLECTION = "nonlinearbenchmark.org"
-BASELINES = "Champneys, Beintema, Tóth, Schoukens, Rogers 2024 (arXiv 2405.10779)"
+BASELINES = "Champneys et al. 2024 (arXiv 2405.10779)"
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def described(folder: Path):
 SETS = (
     Benchmark(
         "emps", "discover", (20, 100), emps("DATA_EMPS.mat"), {"pulses": emps("DATA_EMPS_PULSES.mat")}, last(1 / 3),
-        {"pulses": f"5.17 (polynomial NARX, best), 5.5 (linear state space): {BASELINES}; 9.7 (owners' parameters)"},
+        {"pulses": f"5.17 (best), 5.5 (linear): {BASELINES}; 9.7 (owners)"},
         1e3, "mm",
     ),
     Benchmark(
@@ -194,12 +194,12 @@ SETS = (
     ),
     Benchmark(
         "pendulum", "discover", (1000,), described, {}, last(1 / 2),
-        {"second half": "1.9 % over 18 s ahead, viscous damping alone 20 %: notes on the data of Kaheman et al. 2022"},
+        {"second half": "1.9 % over 18 s ahead: Kaheman et al. 2022"},
         1e3, "mrad",
     ),
     Benchmark(
         "friction-damper", "diagnose", (300,), described, {}, with_runs_kept_out,
-        {"other runs": "force 11 % of the one run fitted (0.5 Hz, 1 inch): notes on the data of Coble et al. 2022"},
+        {"other runs": "force 11 % of the run fitted: Coble et al. 2022"},
         1.0, "kip",
     ),
 )  # fmt: skip
