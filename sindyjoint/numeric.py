@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
@@ -164,8 +165,6 @@ def delayed(signal: Array, samples: float) -> Array:
     All samples move by the same: with f the part of a sample, s(i − f) is a weighted sum of four spline coefficients,
     Σ_k β³(f + k) c(i + k), k = −2 … 1.
     """
-    from scipy.linalg.lapack import dptsv
-
     whole = int(np.floor(samples))
     part = samples - whole
     margin = EDGE + abs(whole) + 2
@@ -173,7 +172,7 @@ def delayed(signal: Array, samples: float) -> Array:
     held = 6 * np.pad(signal, margin, mode="edge")
     middle = np.full(held.size, 4.0)
     held[[0, -1]], middle[[0, -1]] = held[[0, -1]] / 2, 2.0
-    coefficients = dptsv(middle, np.ones(held.size - 1), held)[2]
+    coefficients = scipy.linalg.lapack.dptsv(middle, np.ones(held.size - 1), held)[2]
     weights = [
         (1 - part) ** 3,
         4 - 6 * part**2 + 3 * part**3,
@@ -214,6 +213,4 @@ def solve_factored(factors: tuple[Array, NDArray[np.int32]], right: Array) -> Ar
     LAPACK counts pivots from one, and SciPy's wrapper raises them in place while it solves, with other threads running:
     two solutions by the same factors at once write beyond their arrays. So each has pivots of its own.
     """
-    from scipy.linalg import lu_solve
-
-    return np.asarray(lu_solve((factors[0], factors[1].copy()), right, check_finite=False))
+    return np.asarray(scipy.linalg.lu_solve((factors[0], factors[1].copy()), right, check_finite=False))

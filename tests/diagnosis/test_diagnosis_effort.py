@@ -81,7 +81,9 @@ def test_a_search_that_is_stopped_says_so_and_nothing_depends_on_who_tries_the_r
     with spread(2):
         assert diagnose(campaign, effects=effects, policy=policy).search == short.search
         assert diagnose(campaign, effects=effects).advice == whole.advice
-    assert diagnose(campaign, effects=effects, policy=replace(CAMPAIGN, advice_seconds=0.0)).search.tried == 0
+    assert (
+        diagnose(campaign, effects=effects, policy=replace(CAMPAIGN, slowest=float("inf"))).search.tried == 0
+    )
 
 
 def test_an_interruption_of_advice_leaves_the_diagnosis(

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 
 from sindyjoint.diagnosis.campaign.add import aligned, fitted_together
 from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, with_zero_fitted
@@ -242,10 +243,8 @@ def ranked(ev: CampaignEvidence, search: Search, best: Chosen, member: Candidate
 
 def odds_of(best: Chosen, other: Chosen) -> float:
     """Return the odds of a set beside the best one."""
-    from scipy.special import ndtr
-
     rises = best.score.by_group - other.score.by_group
-    return float(max(np.exp(-max(rises.sum(), 0.0)), 2 * ndtr(-max(deviate(rises), 0.0))))
+    return float(max(np.exp(-max(rises.sum(), 0.0)), 2 * scipy.special.ndtr(-max(deviate(rises), 0.0))))
 
 
 def _needless(work: Work, repaired: Repaired, found: Found) -> frozenset[str]:
