@@ -10,10 +10,9 @@ import numpy as np
 
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.evidence.score import Ranking
-from sindyjoint.diagnosis.loop import Progress
 from sindyjoint.diagnosis.parts import NOT_DIVIDED
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import P, Problem, Say, Start
+from sindyjoint.diagnosis.problem import P, Problem, Progress, Say, Start
 from sindyjoint.diagnosis.result import (
     COMPLETE,
     NOT_NEEDED,
