@@ -36,6 +36,8 @@ from sindyjoint.record import Campaign, Joint, Motion, Run
 SEGMENT, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
 # Periods that it has at least, and segments that a run of a sine is cut into: their scatter gives the errors.
 PERIODS, FEWEST = 16, 16
+# Samples of a run above which a search does not load it as a whole: the columns of its harmonics take 2 kB for each.
+LONGEST = 1 << 18
 
 
 def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> Campaign:

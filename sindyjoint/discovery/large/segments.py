@@ -31,9 +31,6 @@ from sindyjoint.states.rows import group_labels
 if TYPE_CHECKING:
     from sindyjoint.discovery.regression import TermRegression
 
-# Samples of a run above which it is not loaded as a whole. The columns of its harmonics take two kilobytes for each.
-LONGEST = 1 << 18
-
 
 @dataclass(frozen=True)
 class Task:
