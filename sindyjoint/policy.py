@@ -8,7 +8,6 @@ from __future__ import annotations
 import pkgutil
 from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Any
 
 JUDGEMENT = "chosen by judgement"
@@ -68,12 +67,11 @@ def policies(package: str = "sindyjoint") -> dict[str, Any]:
         See :func:`sindyjoint.policy.described` for what each field says.
     """
     found = {}
-    folders = [part.name for part in pkgutil.iter_modules(import_module(package).__path__) if part.ispkg]
-    for folder in folders:
-        module = f"{package}.{folder}.policy"
-        for name, record in vars(import_module(module)).items() if find_spec(module) else ():
+    for part in pkgutil.walk_packages(import_module(package).__path__, f"{package}."):
+        *folders, last = part.name.split(".")[1:]
+        for name, record in vars(import_module(part.name)).items() if last == "policy" else ():
             if _is_policy(record):
-                found[folder if name == "POLICY" else f"{folder} {name.lower()}"] = record
+                found[" ".join(folders if name == "POLICY" else [*folders, name.lower()])] = record
     return found
 
 

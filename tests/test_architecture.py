@@ -28,7 +28,7 @@ DOOR = BASE | {"files"}
 DATA = BASE | {"parallel", "clock", "states", "equation"}
 EXPLAINS = DATA | {"discovery", "files"}
 RESPONDS = DATA | DOOR | {"mechanics", "discovery", "response"}
-DIAGNOSES = RESPONDS | {"soundness", "evidence", "diagnosis"}
+DIAGNOSES = RESPONDS | {"soundness", "diagnosis"}
 ALLOWED = {
     "errors": set(),
     "text": set(),
@@ -55,11 +55,10 @@ ALLOWED = {
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them
     "files": BASE,
     "states": BASE,
-    "evidence": {"numeric", "policy"},  # rows, score and search over sets: it knows neither joints nor runs
     "trust": {"described"},
     "equation": BASE,
     "mechanics": DOOR | {"equation", "clock"},  # rigs are read from files; a formula is a list of operations
-    "discovery": DATA | {"files", "evidence"},  # rows that do not fit in memory are read in segments
+    "discovery": DATA | {"files"},  # rows that do not fit in memory are read in segments
     "response": (RESPONDS | {"paper"}) - {"discovery", "response"},  # the paper's law needs no compilation
     "substructure": RESPONDS,
     "soundness": RESPONDS | {"substructure"},  # sensors of a structure are held against each other through it
@@ -216,14 +215,15 @@ def test_no_file_of_a_folder_imports_another_in_a_circle():
 
 
 # The rooms of a diagnosis, each with those that it may import from. What is alike for campaign and structure (loop,
-# ranking, verdict, records) knows neither; the two never meet.
+# ranking, verdict, records) knows neither; the two never meet. Rows, score and search over sets know nothing else.
 ROOMS = {
+    "evidence": set(),
     "effects": set(),
-    "diagnosis": {"effects"},
+    "diagnosis": {"evidence", "effects"},
     "rows": {"effects", "diagnosis"},
-    "numbers": {"effects", "diagnosis", "rows", "campaign"},
-    "campaign": {"effects", "diagnosis", "rows", "numbers"},
-    "structure": {"effects", "diagnosis"},
+    "numbers": {"evidence", "effects", "diagnosis", "rows", "campaign"},
+    "campaign": {"evidence", "effects", "diagnosis", "rows", "numbers"},
+    "structure": {"evidence", "effects", "diagnosis"},
 }
 
 
@@ -236,6 +236,8 @@ def test_the_rooms_of_a_diagnosis_look_down():
             name.split(".")[-2] for name in modules_of(path) if name.startswith("sindyjoint.diagnosis.")
         }
         assert reached <= ROOMS[here] | {here}, path
+        outside = {layer_of(name) for name in modules_of(path)} - {"diagnosis"}
+        assert here != "evidence" or outside <= {"numeric", "policy"}, path  # neither joints nor runs
 
 
 def test_figures_know_nothing_of_pages_and_files():

@@ -333,7 +333,7 @@ def given_inputs(model: JointModel, given: Sequence[str] | None) -> dict[str, fl
     InputError, UnknownNameError
         For text that is no such value, or a name that is no input.
     """
-    from sindyjoint.equation.held import input_values
+    from sindyjoint.equation.model_parts import input_values
     from sindyjoint.files.campaign import value_in
 
     known = {each.name: each for each in model.inputs}

@@ -9,12 +9,11 @@ from typing import Any, Generic
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.falling import grows, with_falling_gaps
+from sindyjoint.diagnosis.evidence.score import Ranking
 from sindyjoint.diagnosis.loop import Progress
 from sindyjoint.diagnosis.parts import NOT_DIVIDED
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import P, Problem, Say, Start
-from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import (
     COMPLETE,
     NOT_NEEDED,
@@ -25,7 +24,16 @@ from sindyjoint.diagnosis.result import (
     Gap,
     Step,
 )
-from sindyjoint.diagnosis.verdict import UNDECIDED, UNKNOWN, Gaps, Residual, discount, judge
+from sindyjoint.diagnosis.verdict import (
+    UNDECIDED,
+    UNKNOWN,
+    Gaps,
+    Residual,
+    discount,
+    grows,
+    judge,
+    with_falling_gaps,
+)
 from sindyjoint.text import percent, spelled
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Generic
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.falling import grows
+from sindyjoint.diagnosis.evidence.policy import POLICY
+from sindyjoint.diagnosis.evidence.score import Ranking
 from sindyjoint.diagnosis.problem import P, Say
-from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Gap, Step
-from sindyjoint.evidence.policy import POLICY
+from sindyjoint.diagnosis.verdict import grows
 
 # Of the rivals of a step so many are reported, with more than this probability.
 RIVALS, LEAST_RIVAL = 6, 1e-4

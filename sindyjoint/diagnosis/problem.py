@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from sindyjoint.clock import Portion
+from sindyjoint.diagnosis.evidence.score import Candidate, Ranking
 from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.ranking import Candidate, Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual
 

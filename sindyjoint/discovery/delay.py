@@ -23,7 +23,7 @@ from sindyjoint.inputs import Input, reference_values
 from sindyjoint.numeric import Array, convolve, delayed, main_frequency, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
-from sindyjoint.states.campaigns import aligned_run
+from sindyjoint.states.build import aligned_run
 from sindyjoint.states.floor import moment_floor
 from sindyjoint.states.record import ForceStates
 from sindyjoint.text import quantities

@@ -1,19 +1,23 @@
 """The regression problem of a campaign, and how sure its coefficients are.
 
 Rows come in runs, runs fall into groups (frequencies, usually) that are held out together, and each run is cut
-into blocks whose scatter shows the noise. One :class:`Evidence` holds a factor for each.
+into blocks whose scatter shows the noise. One :class:`Evidence` holds a factor for each; as bytes, a few hundred
+kilobytes and no pickle, it is what later analyses need of the samples.
 """
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
 
 
@@ -315,3 +319,49 @@ def group_t_ratios(evidence: Evidence, columns: Sequence[int], estimates: Array 
     spread = np.sqrt((groups - 1) / groups * np.sum((estimates - mean) ** 2, axis=0))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(spread > 0, np.abs(mean) / spread, np.inf)
+
+
+FIELDS = ("ids", "names", "groups", "counts", "rows", "triangles")
+
+
+def evidence_bytes(evidence: Evidence) -> bytes:
+    """Return evidence as the bytes of an NPZ archive: of each run its pooled factor, then those of its blocks."""
+    factors = [factor for run in evidence.runs for factor in (run.pooled, *run.blocks)]
+    upper = np.triu_indices(len(evidence.ids) + 1)
+    buffer = io.BytesIO()
+    np.savez(
+        buffer,
+        ids=np.array(evidence.ids, dtype=str),
+        names=np.array([run.name for run in evidence.runs], dtype=str),
+        groups=np.array([run.group for run in evidence.runs], dtype=str),
+        counts=np.array([1 + len(run.blocks) for run in evidence.runs]),
+        rows=np.array([factor.rows for factor in factors]),
+        triangles=np.array([factor.triangle[upper] for factor in factors]),
+    )
+    return buffer.getvalue()
+
+
+def read_evidence(path: Path) -> Evidence:
+    """Return evidence from a file that holds :func:`evidence_bytes`.
+
+    Raises
+    ------
+    InputError
+        For a file that holds something else.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            ids, names, groups, counts, rows, triangles = (archive[name] for name in FIELDS)
+        size = ids.size + 1
+        matrices = np.zeros((rows.size, size, size))
+        matrices[(slice(None), *np.triu_indices(size))] = triangles
+        factors = [Factor(matrix, float(count)) for matrix, count in zip(matrices, rows, strict=True)]
+        ends = np.cumsum(counts)
+        runs = [
+            RunEvidence(str(name), str(group), factors[end - count], tuple(factors[end - count + 1 : end]))
+            for name, group, count, end in zip(names, groups, counts, ends, strict=True)
+        ]
+    # An archive that was damaged fails in whatever way its parts do.
+    except Exception as error:
+        raise InputError(f"{path}: holds no factors of a campaign ({error})") from None
+    return Evidence(tuple(map(str, ids)), tuple(runs))

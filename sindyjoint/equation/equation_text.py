@@ -91,17 +91,13 @@ def renamed(
     element: JointElement, written: Mapping[str, str]
 ) -> tuple[list[Column], list[tuple[str, Any, Any]]]:
     """Return columns, and name, rate and limit of each state, with the states' names as they are written."""
-    form, other = element.form, _renaming(written)
+    form, other = element.form, {state_symbol(name): state_symbol(new) for name, new in written.items()}
     columns = [replace(c, expression=c.expression.xreplace(other)) for c in form.columns]
     states = [
         (written[s.name], s.rate.xreplace(other), None if s.limit is None else s.limit.xreplace(other))
         for s in form.states
     ]
     return columns, states
-
-
-def _renaming(written: Mapping[str, str]) -> dict[Any, Any]:
-    return {state_symbol(name): state_symbol(new) for name, new in written.items()}
 
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)?", re.ASCII)

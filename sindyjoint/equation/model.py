@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import VARIABLES, compile_terms
-from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, range_warnings
+from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, model_at, range_warnings
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input
@@ -150,7 +150,12 @@ class JointModel:
         pairs = [(float(value), float(error)) for value, error in zip(values, errors, strict=True)]
         size = len(self.terms)
         terms = tuple(
-            replace(term, coefficient=value, standard_error=error, interval95=_interval(value, error))
+            replace(
+                term,
+                coefficient=value,
+                standard_error=error,
+                interval95=(value - 1.96 * error, value + 1.96 * error),
+            )
             for term, (value, error) in zip(self.terms, pairs[:size], strict=True)
         )
         rest = iter(pairs[size:])
@@ -171,10 +176,7 @@ class JointModel:
         UnknownNameError
             For a name that is no input of the model.
         """
-        from sindyjoint.equation.held import model_at
-
-        held: JointModel = model_at(self, inputs)
-        return held
+        return model_at(self, inputs)
 
     def moment(
         self,
@@ -346,7 +348,3 @@ def model_terms(
             )
         )
     return tuple(terms)
-
-
-def _interval(value: float, error: float) -> tuple[float, float]:
-    return value - 1.96 * error, value + 1.96 * error

@@ -128,7 +128,10 @@ def to_record(model: Any) -> dict[str, Any]:
         "schema": SCHEMA,
         "kind": KIND,
         "joint": {**asdict(model.joint), "labels": dict(model.joint.labels)},
-        "terms": [_without_empty(asdict(term)) for term in model.terms],
+        "terms": [
+            {key: value for key, value in asdict(term).items() if key != "inputs" or value}
+            for term in model.terms
+        ],
         "elements": [element_record(element) for element in model.elements],
         "covariance": [list(row) for row in model.covariance],
         "fitted": {
@@ -139,11 +142,6 @@ def to_record(model: Any) -> dict[str, Any]:
         **({"inputs": [asdict(each) for each in model.inputs]} if model.inputs else {}),
         **({"test": model.test.to_dict()} if model.test else {}),
     }
-
-
-def _without_empty(term: dict[str, Any]) -> dict[str, Any]:
-    """Return the record of a term; one that depends on no input does not speak of them."""
-    return {key: value for key, value in term.items() if key != "inputs" or value}
 
 
 def from_record(data: Any) -> dict[str, Any]:

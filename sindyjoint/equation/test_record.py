@@ -178,7 +178,7 @@ class TestNuisances:
     Parameters
     ----------
     campaign : str
-        Content hash of the campaign; see :func:`~sindyjoint.states.campaigns.content_hash`.
+        Content hash of the campaign; see :func:`~sindyjoint.states.build.content_hash`.
     joint : str
         Its joint's name.
     nuisances : tuple of Nuisance

@@ -23,7 +23,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
-from sindyjoint.states.campaigns import content_hash, run_hash
+from sindyjoint.states.build import content_hash, run_hash
 from sindyjoint.text import in_words_of
 from sindyjoint.trust import Light, Trust
 

@@ -11,7 +11,7 @@ from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.comparison import Choice
 from sindyjoint.judgement.discovery import Discovery
-from sindyjoint.states.campaigns import with_later_motion
+from sindyjoint.states.build import with_later_motion
 
 
 def add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:

@@ -17,7 +17,7 @@ from sindyjoint.response.drive import prescribed
 from sindyjoint.response.output_error_runs import Nuisance as Kind
 from sindyjoint.response.refinement import Refinement, refine
 from sindyjoint.states import ForceStates
-from sindyjoint.states.campaigns import content_hash, with_later_motion
+from sindyjoint.states.build import content_hash, with_later_motion
 from sindyjoint.text import spelled
 
 # What the estimated errors of the channels are in the record of a test, by what the response is.

@@ -64,7 +64,9 @@ def motion(
     rate = points * frequency
     if drive == "angle":
         moved = prescribed_motion(law, tones(waveform, level, frequency, PHASE), 2 * points, rate)
-        _check_softening(law, moved.angle)
+        low, high = softening_limit(law)
+        if moved.angle.min() < low or moved.angle.max() > high:
+            raise SimulationError("the prescribed angle passes the softening limit of the joint")
         return moved
     periods = PERIODS
     while periods <= MOST_PERIODS:
@@ -76,12 +78,6 @@ def motion(
     raise SimulationError(
         f"the joint does not repeat within {MOST_PERIODS} periods of {frequency:g} Hz under {level:.3g} N·m"
     )
-
-
-def _check_softening(law: Law, angle: Array) -> None:
-    low, high = softening_limit(law)
-    if angle.min() < low or angle.max() > high:
-        raise SimulationError("the prescribed angle passes the softening limit of the joint")
 
 
 def within_limits(law: Law, actuator: Actuator, frequency: float, level: float, waveform: str = SINE) -> bool:

@@ -21,8 +21,7 @@ from sindyjoint.response.laws import Instant, LawInRun, law_in_run, parts_of, su
 from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, SimulatedRun, along_motion, pooled_nrmse, simulate_run
 from sindyjoint.states import ForceStates, force_states, one_after_another, states_of
-from sindyjoint.states.build import Choice
-from sindyjoint.states.campaigns import aligned_run, content_hash
+from sindyjoint.states.build import Choice, aligned_run, content_hash
 from sindyjoint.states.repetition import mean_slope
 
 LawOf = Callable[[ForceStates], Law]
@@ -118,11 +117,6 @@ def predicts_worse(
 STEPS = 4
 
 
-def belongs_to(test: TestNuisances, campaign: Campaign) -> bool:
-    """Return whether this is the campaign that a test's nuisances were found in."""
-    return content_hash(campaign) == test.campaign
-
-
 def corrected(test: TestNuisances, campaign: Campaign) -> Campaign:
     """Return the campaign with channels and inertia put right."""
     runs = tuple(_corrected_run(test, run) for run in campaign.runs)
@@ -163,7 +157,7 @@ def put_right(
     test, none = model.test, TestNuisances("")
     if not test:
         return usable, none, ()
-    if belongs_to(test, given):
+    if content_hash(given) == test.campaign:
         return corrected(test, usable), test, (f"put right, as found in this campaign: {test.words}",)
     if test.joint != given.joint.name:
         line = f"what was found in the test of {test.joint!r} is not applied to a campaign of {given.joint.name!r}"

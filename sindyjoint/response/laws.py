@@ -21,7 +21,7 @@ from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Campaign
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
-from sindyjoint.states.campaigns import with_lags
+from sindyjoint.states.build import with_lags
 from sindyjoint.text import in_words_of
 
 # The softening limit of a general law is searched up to this multiple of the largest angle tested.

@@ -28,7 +28,7 @@ from sindyjoint.response.verification import (
     seen_words,
 )
 from sindyjoint.states import ForceStates
-from sindyjoint.states.campaigns import run_hash
+from sindyjoint.states.build import run_hash
 from sindyjoint.text import Quantities, in_words_of, quantities
 
 

@@ -10,9 +10,9 @@ from sindyjoint.measurement.runs import white_noise
 from sindyjoint.numeric import Array, convolve
 from sindyjoint.record import Run
 from sindyjoint.rig import Fusion
-from sindyjoint.states.mask import moving_mask, rate_limit, within
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
+from sindyjoint.states.rows import moving_mask, rate_limit, within
 from sindyjoint.states.smoothing import filtered_inputs, smoothing_kernels
 
 BLOCKS = 32

@@ -15,10 +15,10 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.states.broadband import BLOCKS, dwells
 from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
-from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
+from sindyjoint.states.rows import moving_mask, rate_limit
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, solve_channels

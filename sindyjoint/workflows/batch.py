@@ -11,8 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sindyjoint.discovery.evidence import Evidence
-from sindyjoint.discovery.evidence_file import evidence_bytes
+from sindyjoint.discovery.evidence import Evidence, evidence_bytes
 from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.errors import InputError, OutputError, SindyJointError, checks_options

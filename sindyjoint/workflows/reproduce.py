@@ -212,7 +212,9 @@ def reproduce(rng: RNG = 0, progress: Callable[[str], None] | None = None) -> Re
         joints.append(_reproduce_joint(table, generator))
     say("a linear joint")
     linear_law = PaperLaw(k1=TABLES[0].average[0], c1=TABLES[0].average[3], name="linear spring and damper")
-    linear = _build_linear_map(linear_law, generator)
+    linear = map_of_states(
+        _simulate_rings(linear_law, generator, angle_limit=8e-4), linear_law.inertia, MAP_CELLS
+    )
     say("the pulse")
     pulse = _reproduce_pulse(joints[0].average_model, generator)
     checks = check_tables()
@@ -262,10 +264,6 @@ def _simulate_rings(law: PaperLaw, generator: np.random.Generator, **options: An
     )  # fmt: skip
     runs = tuple(made.run for made in run_tests(test, generator))
     return campaign_states(Campaign(campaign_joint(test), runs, simulated=True))
-
-
-def _build_linear_map(law: PaperLaw, generator: np.random.Generator) -> ForceStateMap:
-    return map_of_states(_simulate_rings(law, generator, angle_limit=8e-4), law.inertia, MAP_CELLS)
 
 
 def _fit_five_terms(states: list[ForceStates], campaign: Campaign) -> JointModel:

@@ -37,7 +37,7 @@ from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs,
 from sindyjoint.soundness.check import check_campaign, check_rig_test, require_sound
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
-from sindyjoint.states.campaigns import content_hash
+from sindyjoint.states.build import content_hash
 from sindyjoint.text import percent
 from sindyjoint.trust import Trust
 from sindyjoint.workflows.check import the_campaign

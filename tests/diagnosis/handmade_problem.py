@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sindyjoint.diagnosis import CAMPAIGN, Gap, Residual, add_effects, rank
+from sindyjoint.diagnosis.evidence.score import Score
 from sindyjoint.diagnosis.problem import Start
-from sindyjoint.evidence.score import Score
 
 
 @dataclass(frozen=True)

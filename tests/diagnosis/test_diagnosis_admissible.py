@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis import CAMPAIGN, FittedEffect, load_effects
-from sindyjoint.diagnosis.campaign.admissible import yield_complaint
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+from sindyjoint.diagnosis.campaign.repair import yield_complaint
 from sindyjoint.mechanics import virtual_campaign
 
 EFFECTS = {effect.id: effect for effect in load_effects()}

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from sindyjoint.evidence.rows import Rotated
-from sindyjoint.evidence.score import RIDGE, SIZES, Evidence
-from sindyjoint.evidence.search import Candidate, Search, deviate
+from sindyjoint.diagnosis.evidence.rows import Rotated
+from sindyjoint.diagnosis.evidence.score import RIDGE, SIZES, Evidence
+from sindyjoint.diagnosis.evidence.search import Candidate, Search, deviate
 
 GROUPS, ROWS = 6, 30
 

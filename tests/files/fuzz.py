@@ -154,7 +154,7 @@ def read_list(path: Path) -> None:
 
 
 def read_factors(path: Path) -> None:
-    from sindyjoint.discovery.evidence_file import read_evidence
+    from sindyjoint.discovery.evidence import read_evidence
 
     read_evidence(path)
 
@@ -258,7 +258,7 @@ def _results(folder: Path, wanted: str) -> dict[str, Target]:
     """Return the factors of a campaign, or the data that figures of one kind of result are drawn from."""
     from sindyjoint import diagnose, discover, simulate, verify
     from sindyjoint.diagnosis import load_effects
-    from sindyjoint.discovery.evidence_file import evidence_bytes
+    from sindyjoint.discovery.evidence import evidence_bytes
     from sindyjoint.reporting import write_results
     from sindyjoint.soundness import check_campaign
     from sindyjoint.workflows import FACTORS_FILE, rig_motion

@@ -10,8 +10,7 @@ import pytest
 from small_joints import write_joint
 
 from sindyjoint import simulate
-from sindyjoint.discovery.evidence import fit_columns
-from sindyjoint.discovery.evidence_file import evidence_bytes, read_evidence
+from sindyjoint.discovery.evidence import evidence_bytes, fit_columns, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OptionError, OutputError, UnknownNameError
 from sindyjoint.files import write_campaign
 from sindyjoint.response import model_law

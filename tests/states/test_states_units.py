@@ -12,8 +12,8 @@ from sindyjoint.states.harmonics import (
     significant_harmonics,
     steady_start,
 )
-from sindyjoint.states.mask import moving_mask, rate_limit, without_noise_travel
 from sindyjoint.states.repetition import mean_period, repetition
+from sindyjoint.states.rows import moving_mask, rate_limit, without_noise_travel
 
 SAMPLING = 1000.0
 

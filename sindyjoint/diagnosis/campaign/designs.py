@@ -21,10 +21,10 @@ from sindyjoint.mechanics.excitation import TONES, Actuator, driven_at
 from sindyjoint.numeric import Array
 from sindyjoint.response.drive import prescribed
 from sindyjoint.states import ForceStates
-from sindyjoint.states.mask import moving_mask, rate_limit
 from sindyjoint.states.periodic import reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import NoiseFloor
+from sindyjoint.states.rows import moving_mask, rate_limit
 
 #: Waveforms of an angle in words, and what a plan calls them.
 PLANNED: dict[str, str] = {

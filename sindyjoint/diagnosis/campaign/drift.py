@@ -11,9 +11,9 @@ import numpy as np
 from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work
-from sindyjoint.diagnosis.falling import grows
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint.diagnosis.verdict import grows
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, campaign_states

@@ -9,19 +9,17 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.add import aligned, fitted_together
-from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT
+from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, with_zero_fitted
 from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, score_of
-from sindyjoint.diagnosis.campaign.numbers.own_zero import with_zero_fitted
 from sindyjoint.diagnosis.campaign.other_starts import with_delay
 from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.start import Work, is_free
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.evidence.score import Ranking, Score
+from sindyjoint.diagnosis.evidence.search import Candidate, Chosen, Search, deviate
 from sindyjoint.diagnosis.loop import Progress, step_of, with_gaps_renewed
 from sindyjoint.diagnosis.problem import Say
-from sindyjoint.diagnosis.ranking import Ranking
-from sindyjoint.evidence.score import Score
-from sindyjoint.evidence.search import Candidate, Chosen, Search, deviate
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any

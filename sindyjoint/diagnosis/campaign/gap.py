@@ -1,4 +1,4 @@
-"""The two gaps of a model with effects, on runs it never saw, and the noise beside which they stand."""
+"""The two gaps of a model with effects on runs it never saw, kept out of the fit or left out, beside their noise."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.kept import kept_runs
 from sindyjoint.diagnosis.campaign.numbers.free_decay import continuation_gap
 from sindyjoint.diagnosis.campaign.numbers.whole import number_columns
 from sindyjoint.diagnosis.campaign.regression import stack
@@ -20,13 +19,17 @@ from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work, is_free
-from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.diagnosis.result import Gap
 from sindyjoint.discovery.delay import shifted
+from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
-from sindyjoint.response.compared import pooled_errors
+from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
+from sindyjoint.errors import SindyJointError
+from sindyjoint.mechanics.laws import Law
+from sindyjoint.response.compared import compare_run, compared_states, corrected, pooled_errors
 from sindyjoint.response.drive import prescribed
-from sindyjoint.response.run import moment_scale, pooled_nrmse
+from sindyjoint.response.run import SimulatedRun, moment_scale, pooled_nrmse
 from sindyjoint.states import ForceStates
 from sindyjoint.states.floor import moment_floor, moment_size
 
@@ -122,3 +125,33 @@ def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:
                 ("moment", float(np.hypot(s.noise.moment, inertia * s.noise.acceleration)) / scale, scale)
             )
     return pooled_nrmse(floors)
+
+
+def kept_runs(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> list[SimulatedRun]:
+    """Return the runs kept for validation beside their simulation; without those that no simulation can follow."""
+    campaign = corrected(_channels(effects), work.campaign)
+    runs = {run.name: run for run in campaign.validation_runs}
+    timed = any(each.variant.uses & {"time", "elapsed"} for each in effects if each.effect.enters == "moment")
+
+    def law(states: ForceStates) -> Law:
+        return law_of(model, effects, states)
+
+    found = []
+    for states in compared_states(campaign, list(runs.values()), timed):
+        try:
+            found.append(compare_run(law, runs[states.run], states))
+        except SindyJointError:
+            continue  # a law that no simulation can follow: the gap says so by having no figure
+    return found
+
+
+def _channels(effects: Sequence[FittedEffect]) -> TestNuisances:
+    """Return what effects put right in the channels; the inertia belongs to the law."""
+    found = Corrections.of(effects)
+    values: tuple[tuple[Enters, float], ...] = (
+        ("time shift", found.shift),
+        ("angle zero", found.zero),
+        ("angle drift", found.drift),
+    )
+    made = [Nuisance(way, way, Value("", value, 0.0, (value, value), "")) for way, value in values if value]
+    return TestNuisances("", nuisances=tuple(made))

@@ -9,17 +9,16 @@ from functools import cached_property
 import numpy as np
 
 from sindyjoint.clock import spend
-from sindyjoint.diagnosis.campaign.admissible import yield_complaint
-from sindyjoint.diagnosis.campaign.repair import all_columns
+from sindyjoint.diagnosis.campaign.repair import all_columns, yield_complaint
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import JoinedMotions
+from sindyjoint.diagnosis.evidence.rows import Rotated
+from sindyjoint.diagnosis.evidence.score import Evidence, Score
+from sindyjoint.diagnosis.evidence.search import Candidate, Chosen, Search
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
-from sindyjoint.evidence.rows import Rotated
-from sindyjoint.evidence.score import Evidence, Score
-from sindyjoint.evidence.search import Candidate, Chosen, Search
 from sindyjoint.numeric import Array, main_frequency
 
 # Points of a grid of nonlinear parameters, by their number.

@@ -14,12 +14,11 @@ from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, withou
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
 from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, gap_without, kept_misfit, noise_floor
 from sindyjoint.diagnosis.campaign.joint_zero import ZERO, zero_start
-from sindyjoint.diagnosis.campaign.localisation import locate_gap
+from sindyjoint.diagnosis.campaign.localisation import locate_gap, run_gaps
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, is_element, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
-from sindyjoint.diagnosis.campaign.pictures import run_gaps
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.response_gap import processing_error
@@ -34,10 +33,10 @@ from sindyjoint.diagnosis.campaign.start import (
 from sindyjoint.diagnosis.campaign.unnamed import make_budget
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, input_effects
+from sindyjoint.diagnosis.evidence.score import Ranking
 from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Problem, Say, Start
-from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel

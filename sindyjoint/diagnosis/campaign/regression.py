@@ -66,7 +66,7 @@ class GapRegression:
         """Return the regression of a model, with effects found before beside its terms."""
         columns = [
             stack(runs, lambda r: base_columns(model, r)),
-            *(effect_rows(runs, e) for e in exact_first(found)),
+            *(effect_rows(runs, e) for e in sorted(found, key=lambda e: e.family != MEASUREMENT)),
         ]
         base, target = np.hstack(columns), np.concatenate([run.white(run.target) for run in runs])
         basis = _orthonormal(base)
@@ -146,11 +146,6 @@ def wrong_signs(variant: Variant, coefficients: Array) -> list[str]:
 def stack(runs: Sequence[GapRun], columns: Callable[[GapRun], Array]) -> Array:
     """Return whitened columns of all runs, one below the other."""
     return np.vstack([run.white(columns(run)) for run in runs])
-
-
-def exact_first(effects: Sequence[FittedEffect]) -> list[FittedEffect]:
-    """Return effects in the order in which their columns stand in a regression: errors of the channels first."""
-    return sorted(effects, key=lambda e: e.family != MEASUREMENT)
 
 
 def effect_rows(runs: Sequence[GapRun], fitted: FittedEffect) -> Array:

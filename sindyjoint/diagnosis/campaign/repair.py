@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
@@ -17,6 +18,7 @@ from sindyjoint.equation.formula import VARIABLES, compile_terms, made_by_shift
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, rising_zero
 from sindyjoint.response.laws import with_coefficients
+from sindyjoint.text import spelled
 
 FRICTION = "friction"  # the family
 MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out
@@ -321,3 +323,32 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
     values = np.exp(np.clip(found.x, *bounds))
     gain, coefficients = problem.gain(fitted.variant, values)
     return replace(fitted, values=values, gain=gain, coefficients=coefficients)
+
+
+SLOW = 0.05  # of the largest rate: below it a sign is noise
+
+
+def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun], policy: DiagnosisPolicy = CAMPAIGN) -> str:
+    """Return whether a slider sticks along most of the way of the measured motion: it is then a spring, and no slider.
+
+    Of sliders with a sharp limit: smooth hysteresis dissipates long before it yields. Half-cycles count by their
+    stroke: between pulls a motion that hardly moves turns round many times.
+    """
+    if all(state.limit is None for state in fitted.variant.states):
+        return ""
+    limit = float(np.min(fitted.variant.limits(np.asarray(fitted.values, dtype=np.float64))))
+    strokes = np.concatenate([np.abs(np.diff(_reversals(run))) for run in runs] or [np.empty(0)])
+    stuck = float(strokes[strokes / 2 < limit].sum() / max(strokes.sum(), 1e-300))
+    if stuck > policy.sticking_share:
+        return (
+            f"{spelled(fitted.name)} would not yield along {100 * stuck:.0f} % of the way: that is a spring"
+        )
+    return ""
+
+
+def _reversals(run: GapRun) -> NDArray[np.float64]:
+    """Return the angles at which a run's motion turns round."""
+    angle, rate = run.motion.angle, run.motion.rate
+    fast = np.flatnonzero(np.abs(rate) > SLOW * np.max(np.abs(rate), initial=0.0))
+    turns = np.flatnonzero(np.diff(np.sign(rate[fast])) != 0)
+    return angle[(fast[turns] + fast[turns + 1]) // 2]

@@ -20,9 +20,9 @@ from sindyjoint.diagnosis.campaign.rows.build import base_columns, gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
+from sindyjoint.diagnosis.evidence.policy import POLICY as EVIDENCE
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice, Step
-from sindyjoint.evidence.policy import POLICY as EVIDENCE
 from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.numeric import Array
 from sindyjoint.text import in_words_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any
@@ -120,7 +120,7 @@ def _of_beams(name: str) -> Callable[[Setup, Scales], list[Way]]:
 
 def _point_mass(setup: Setup, scales: Scales) -> list[Way]:
     """Return the ways of a mass that is another, of each of the chain's, or of one at its tip where it has none."""
-    whole = chain_mass(setup.items)
+    whole = sum(i.mass_per_length * i.length if isinstance(i, Beam) else i.mass for i in setup.items)
     masses = {i: item.mass for i, item in enumerate(setup.items) if isinstance(item, LumpedMass)}
 
     def at(place: int) -> Callable[[Setup, float], Setup]:
@@ -178,8 +178,3 @@ PLACES: dict[str, Callable[[Setup, Scales], list[Way]]] = {
     "sensor zero": _shifted("zero", lambda scales: scales.displacement),
     "sensor drift": _shifted("drift", lambda scales: scales.displacement / scales.duration),
 }
-
-
-def chain_mass(items: Sequence[Item]) -> float:
-    """Return the mass of a whole chain, kg."""
-    return sum(i.mass_per_length * i.length if isinstance(i, Beam) else i.mass for i in items)

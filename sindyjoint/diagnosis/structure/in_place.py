@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.effects.catalogue import Effect
-from sindyjoint.diagnosis.effects.change import Change, structure_changes
-from sindyjoint.diagnosis.effects.joint import joint_changes
+from sindyjoint.diagnosis.effects.change import Change, joint_changes, structure_changes
 from sindyjoint.diagnosis.effects.setup import Scales
+from sindyjoint.diagnosis.evidence.score import Ranking
 from sindyjoint.diagnosis.parts import Place
 from sindyjoint.diagnosis.problem import Say
-from sindyjoint.diagnosis.ranking import Ranking
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import (
     UNITS,

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.effects.change import FRICTION, Change, JointLaws, place_of
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.effects.joint import FRICTION, JointLaws, place_of
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.structure.output_error import differences
 from sindyjoint.equation.model import INERTIA, JointModel

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
-from sindyjoint.evidence.score import Evidence, Score
+from sindyjoint.diagnosis.evidence.score import Evidence, Score
 from sindyjoint.numeric import Array
 
 # Step of the differences, in standard errors of numbers that have a prior: a simulation in time has events, and a

@@ -13,11 +13,12 @@ import numpy as np
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.evidence.policy import POLICY
+from sindyjoint.diagnosis.evidence.score import Ranking, rise
 from sindyjoint.diagnosis.loop import add_effects
 from sindyjoint.diagnosis.parts import Budget, Place, divide_gap, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Problem, Say
-from sindyjoint.diagnosis.ranking import Ranking, rise
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.kinds import assemble_model, with_slopes
@@ -35,7 +36,6 @@ from sindyjoint.diagnosis.structure.start import (
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.evidence.policy import POLICY
 from sindyjoint.mechanics.rigs import Rig
 from sindyjoint.numeric import RNG, Array
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from sindyjoint.diagnosis.effects.change import Change
+from sindyjoint.diagnosis.evidence.score import Ranking, rank
 from sindyjoint.diagnosis.policy import STRUCTURE
-from sindyjoint.diagnosis.ranking import Ranking, rank
 from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, OutputError, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.numeric import Array
@@ -241,13 +241,14 @@ def _linearised(
     guessed = [each for each in _parallel(linear, tried) if each is not None]
     guessed.sort(key=lambda each: -(each.gain - each.change.size * np.log(rows)))
     promising = [f for f in guessed[:MOST_LINEARISED] if f.gain > f.change.size * np.log(rows)]
-    fits = _fits(problem, [_put(base, f.change, f.x) for f in promising], duration, columns, 4)
+    fits = _fits(
+        problem,
+        [(f.change, np.concatenate([base.x, f.x[base.x.size :]])) for f in promising],
+        duration,
+        columns,
+        4,
+    )
     found = _refined(problem, base, fits) if fits else []
     known, most = {f.name for f in found}, max([f.gain for f in found], default=np.inf)
     rest = [replace(f, gain=max(min(f.gain, most), 0.0)) for f in guessed if f not in promising]
     return found + [each for each in rest if each.name not in known]
-
-
-def _put(base: Fit, change: Change, x: Array) -> tuple[Change, Array]:
-    """Return a candidate beside the base's own numbers."""
-    return change, np.concatenate([base.x, x[base.x.size :]])

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
-from sindyjoint.diagnosis.effects.change import Change, structure_changes
-from sindyjoint.diagnosis.effects.joint import joint_changes
+from sindyjoint.diagnosis.effects.change import Change, joint_changes, structure_changes
 from sindyjoint.diagnosis.effects.setup import PLACES, Scales
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind

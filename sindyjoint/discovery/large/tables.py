@@ -18,7 +18,7 @@ import numpy as np
 from sindyjoint.discovery.accumulate import FactorSum, Tiles
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
-from sindyjoint.discovery.large.passes import Passed, Segment, largest_of, pass_over, relative
+from sindyjoint.discovery.large.segments import Passed, Segment, largest_of, pass_over, relative
 from sindyjoint.discovery.rows import PARTS, SEGMENTS
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.falling import reported_together
 from sindyjoint.diagnosis.result import Diagnosis, RecordGap, RunGap
+from sindyjoint.diagnosis.verdict import reported_together
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import (
     MOST_PANELS,

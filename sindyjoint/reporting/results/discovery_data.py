@@ -156,7 +156,10 @@ def gather(result: Discovery) -> ReportData:
     """Return what a discovery has to show."""
     model, selection = result.model, result.selection
     states, inertia = result.states, model.inertia
-    residuals = [_compute_residual(model, state, inertia) for state in states]
+    residuals = [
+        state.transfer_moment(inertia) - model.moment(state.angle, state.rate, inputs=state.inputs)
+        for state in states
+    ]
     moving = [state.moving for state in states]
     ids = result.regressor.evidence_.ids
     surface = map_of_states(states, inertia, MAP_CELLS)
@@ -212,10 +215,6 @@ def model_sheets(model: JointModel, surface: ForceStateMap) -> tuple[Array, Arra
     rates[0] = 1e-9 * top
     grid = np.meshgrid(angles, rates, indexing="ij")
     return model.moment(*grid), model.moment(grid[0], -grid[1])[:, ::-1]
-
-
-def _compute_residual(model: JointModel, state: ForceStates, inertia: float) -> Array:
-    return state.transfer_moment(inertia) - model.moment(state.angle, state.rate, inputs=state.inputs)
 
 
 def _summarize_run(model: JointModel, state: ForceStates, residual: Array, inertia: float) -> Loop:

@@ -34,7 +34,7 @@ from sindyjoint.response.verification import (
     seen_words,
 )
 from sindyjoint.response.verify_rig import place_by_kind
-from sindyjoint.states.campaigns import signals_hash
+from sindyjoint.states.build import signals_hash
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.simulated.runs import SteadyRun

@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sindyjoint.described import Maybe, Shown, same
-from sindyjoint.discovery.evidence import Evidence, fit_columns
-from sindyjoint.discovery.evidence_file import read_evidence
+from sindyjoint.discovery.evidence import Evidence, fit_columns, read_evidence
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
 from sindyjoint.text import spelled

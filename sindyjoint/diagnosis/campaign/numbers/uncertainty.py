@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.kept import kept_runs
+from sindyjoint.diagnosis.campaign.gap import kept_runs
 from sindyjoint.diagnosis.campaign.numbers.whole import number_columns
 from sindyjoint.diagnosis.campaign.regression import stack
 from sindyjoint.diagnosis.campaign.repair import coefficients_of

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles, reversals
-from sindyjoint.diagnosis.campaign.rows.run import Band, GapRun
-from sindyjoint.diagnosis.campaign.rows.whitening import folded_whitener, kernel_noise_factor
+from sindyjoint.diagnosis.campaign.rows.run import Band, GapRun, folded_whitener, kernel_noise_factor
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import VARIABLES, compile_terms
@@ -26,7 +25,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.response.run import rest_of, settling
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import smoothing_kernels
-from sindyjoint.states.mask import rate_limit, without_noise_travel
+from sindyjoint.states.rows import rate_limit, without_noise_travel
 
 PHASES = 240
 FEWEST_PHASES = 12

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.evidence.policy import POLICY
-from sindyjoint.evidence.score import Evidence, Score
+from sindyjoint.diagnosis.evidence.policy import POLICY
+from sindyjoint.diagnosis.evidence.score import Evidence, Score
 from sindyjoint.numeric import Array
 
 # Simulated noise of which the chance is a quantile, and where its exponential tail begins.

@@ -7,7 +7,7 @@ with the law. In rows rotated to its principal axes row i has the variance 1 + �
     log p(y_g | X_g, the others) = −½ (r'(I + X_g P⁻¹ X_g')⁻¹ r + log det(I + X_g P⁻¹ X_g') + Σ log(1 + σ²λ_i))
 
 with r the prediction error of group g and P the information that the other groups have of the coefficients. The score
-of S is the sum over the groups, at the σ that makes it largest.
+of S is the sum over the groups, at the σ that makes it largest. Differences of scores are probabilities.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -226,3 +227,82 @@ class Evidence:
         rows = self.columns[:, list(chosen)] * weight[:, None]
         solved = np.linalg.lstsq(rows, self.target * weight, rcond=None)[0]
         return np.asarray(solved / np.array(self.norms)[list(chosen)])
+
+
+class Candidate(Protocol):
+    """An effect with its best numbers."""
+
+    @property
+    def name(self) -> str:
+        """Id of the effect."""
+
+    @property
+    def family(self) -> str:
+        """Of the effect."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Its numbers by name, SI."""
+
+
+C = TypeVar("C", bound=Candidate)
+
+
+@dataclass(frozen=True)
+class Ranking(Generic[C]):
+    """The candidates in order of probability.
+
+    Parameters
+    ----------
+    fitted : tuple of Candidate
+        One for each effect.
+    probabilities : tuple of float
+        Of each; what is missing to one is the probability that nothing is missing.
+    nothing : float
+    members : tuple of Candidate
+        The best one and those that the data cannot distinguish from it.
+    """
+
+    fitted: tuple[C, ...]
+    probabilities: tuple[float, ...]
+    nothing: float
+    members: tuple[C, ...]
+
+
+def rise(later: Score, fewer: Score) -> float:
+    """Return by how much a score is above another, nats; errors beyond noise count as noise."""
+    return (later.total - fewer.total) / max(later.excess, 1.0)
+
+
+def rank(fitted: Sequence[tuple[C, Score]], base: Score, alike: float) -> Ranking[C]:
+    """Return candidates with their probabilities, the best variant of each effect alone.
+
+    Half of the prior belief is that nothing is missing; the other half is divided among the effects.
+
+    Parameters
+    ----------
+    fitted : sequence of (Candidate, Score)
+        Those of fewer numbers first, which lead where two are as good.
+    base : Score
+        Without any of them.
+    alike : float
+        Nats within which the data cannot tell one from the best.
+    """
+    best: dict[str, tuple[C, Score]] = {}
+    for each, score in fitted:
+        if each.name not in best or score.total > best[each.name][1].total:
+            best[each.name] = each, score
+    leading = max((score for _, score in best.values()), key=lambda score: score.total)
+    nats = np.array([rise(leading, base) - rise(leading, score) for _, score in best.values()])
+    weight = np.exp(
+        np.append(nats - np.log(nats.size), 0.0) - max(float(nats.max() - np.log(nats.size)), 0.0)
+    )
+    weight /= weight.sum()
+    kept = [each for each, _ in best.values()]
+    order = np.argsort(-np.round(nats, 2), kind="stable")
+    return Ranking(
+        fitted=tuple(kept[i] for i in order),
+        probabilities=tuple(float(weight[i]) for i in order),
+        nothing=float(weight[-1]),
+        members=tuple(kept[i] for i in order if nats[i] >= nats.max() - alike),
+    )
