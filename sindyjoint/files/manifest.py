@@ -267,6 +267,10 @@ class Manifest(StrictTable):
         description="What the law may depend on beside angle and rate, by its name in formulas.",
     )
     rig: RigTable | None = Field(default=None, description="Raw gauges instead of moment and angle.")
+    limits: dict[str, str] = Field(
+        default_factory=dict,
+        description="Largest moment, angle or rate_of_angle that a plan may reach, such as moment = '6 N*m'.",
+    )
     run: list[RunTable] = Field(
         min_length=1, description="One table for each run, or for each pattern of files."
     )

@@ -104,9 +104,9 @@ def plan(
     band : (float, float), optional
         Hz. Default: what the campaign, or the model's, has tested; 2 to 8 Hz where nothing was tested.
     limits : mapping of str to float, optional
-        Largest ``"moment"`` (N·m), ``"angle"`` (rad) and ``"rate"`` (rad/s) of the actuator. Without them no run leaves
-        the moment, angle and rate tested by the campaign, or by the model's; a limit beyond what was tested lets all
-        three go, and a warning says by how much the plan leaves them.
+        Largest ``"moment"`` (N·m), ``"angle"`` (rad) and ``"rate"`` (rad/s) of the actuator, instead of those that the
+        campaign declares. Without any no run leaves the moment, angle and rate that were tested; a limit beyond that
+        lets all three go, and a warning says by how much the plan leaves them.
     noise : float, optional
         RMS of a sample as a share of each channel's RMS, for a channel whose own is not given. Default: as measured in
         the campaign, or 0.01.
@@ -175,7 +175,8 @@ def plan(
     campaign = None if campaign is None else the_campaign(campaign, seed, LONGEST)
     tested = None if known_model is None else tested_of(known_model)
     tested = tested if campaign is None else tested_by(campaign)
-    actuator = _actuator(tested, drive or "moment", band, limits or {})
+    declared = {} if campaign is None else campaign.limits
+    actuator = _actuator(tested, drive or "moment", band, {**declared, **(limits or {})})
     goals = _goals(DEFAULT_GOALS if goal is None else goal)
     rivals = _rivals(goals, effects, diagnosis)
     duration, count = _durations(actuator, time, run_time)
