@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import refuse
@@ -184,7 +185,12 @@ def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> st
         "strain_position_factor": repr(float(rig.strain_position_factor)),
         "joint_length": _quantity(rig.joint_length, "m"),
     }
-    tables = [*skew, *_input_lines(campaign), *(["", "[rig]", *_pairs(raw)] if raw else [])]
+    tables = [
+        *skew,
+        *_input_lines(campaign),
+        *_limit_lines(campaign),
+        *(["", "[rig]", *_pairs(raw)] if raw else []),
+    ]
     return manifest_text(head, _pairs(stated), channels, runs, tables)
 
 
@@ -245,6 +251,15 @@ def _input_lines(campaign: Campaign) -> list[str]:
     return ["", "[inputs]", *lines] if lines else []
 
 
+def _limit_lines(campaign: Campaign) -> list[str]:
+    keys = {name: key for name, (key, _) in KEYS[campaign.joint.motion].items()}
+    units = UNITS[campaign.joint.motion]
+    lines = [
+        f"{keys[name]} = {_quantity(value, units[keys[name]])}" for name, value in campaign.limits.items()
+    ]
+    return ["", "[limits]", *lines] if lines else []
+
+
 def _number(each: Input, value: float) -> str:
     return repr(float(value)) if each.unit == "1" else _quantity(value, each.unit)
 
@@ -299,10 +314,8 @@ def _remarked(remark: str) -> dict[str, NDArray]:
 
 
 def _mat(columns: Columns, remark: str) -> bytes:
-    from scipy.io import savemat
-
     buffer = io.BytesIO()
-    savemat(buffer, dict(columns) | _remarked(remark), oned_as="column")
+    scipy.io.savemat(buffer, dict(columns) | _remarked(remark), oned_as="column")
     return buffer.getvalue()
 
 

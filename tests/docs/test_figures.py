@@ -26,13 +26,6 @@ STATED = {
         "30 %": "substructure.not_shown",
     },
     "curves.md": {"0.1 %": "the end of an iteration"},
-    "diagnosis.md": {
-        "120 s": "diagnosis campaign.search_seconds",
-        "300 s": "diagnosis structure.search_seconds",
-        "30 s": "diagnosis campaign.verdict_seconds",
-        "240 s": "diagnosis campaign.numbers_seconds",
-        "20 s": "diagnosis campaign.parts_seconds",
-    },
     "inputs.md": {"5 %": "judgement.change_level", "1 %": "discovery.equivalence_level"},
     "joints_in_structures.md": {
         "1.5 times": "response.beyond_noise",
