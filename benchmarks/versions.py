@@ -45,6 +45,8 @@ def main() -> None:
     given = parser.parse_args()
     outcomes = Outcomes()
     status = pytest.main(["-n", "0", "-p", "no:cacheprovider", *given.tests], plugins=[outcomes])
+    if not outcomes.count["passed"]:
+        raise SystemExit(status or 1)
     versions = {"python": platform.python_version(), **{name: version(name) for name in NAMES}}
     rows = json.loads(given.out.read_text()) if given.out.exists() else []
     rows = [row for row in rows if any(row[name] != versions[name] for name in versions)]
