@@ -14,7 +14,7 @@ from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.at_each_level import LevelLaw, law_at_levels, vanishing
+from sindyjoint.judgement.over_inputs import LevelLaw, law_at_levels, vanishing
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.finding import Finding

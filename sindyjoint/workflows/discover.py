@@ -346,8 +346,7 @@ def laws_of_rig(
     passing = not any(each.spectra.repeats for each in recoveries)
     if not found.found or not (passing if refine is None else refine):
         return with_narrow_intervals(found) if passing and found.found else found
-    from sindyjoint.judgement.rig_discovery import described, with_refinement
-    from sindyjoint.judgement.rig_refinement import refine_rig
+    from sindyjoint.judgement.rig_discovery import described, refine_rig, with_refinement
 
     models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
     state = options.get("random_state")

@@ -18,10 +18,9 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, MissingInputError, checks_options, refuse
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
-from sindyjoint.judgement.discovery import fitted_to
+from sindyjoint.judgement.discovery import estimated_errors, fitted_to
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.policy import POLICY
-from sindyjoint.judgement.refined import estimated_errors
 from sindyjoint.judgement.trust import assess
 from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import RigTest
