@@ -20,7 +20,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,25 +49,26 @@ PUBLIC = {
 }  # fmt: skip
 HEAD = """\
 What it takes from a folder of files to a report, without an edited line: the commands as they were typed, the seconds
-of each with the start of Python, and what init asked. The folders hold six runs of one simulated joint (k1 = 6061
-N*m/rad, five terms; free decays of another) as laboratories leave them; those at the end are public data without their
-manifests. python benchmarks/bench_folders.py writes this file.
+of processor time of each with the start of Python, and what init asked. The folders hold six runs of one simulated
+joint (k1 = 6061 N*m/rad, five terms; free decays of another) as laboratories leave them; those at the end are public
+data without their manifests. python benchmarks/bench_folders.py writes this file.
 """
 
 
 def typed(arguments: Sequence[str], place: Path) -> tuple[float, subprocess.CompletedProcess[str]]:
-    """Run a command as a new process, and return its seconds."""
+    """Run a command as a new process, and return its seconds of processor time, whatever else the machine does."""
     environment = {**os.environ, "PYTHONPATH": str(HERE.parent)}
     command = [sys.executable, "-m", "sindyjoint", *arguments]
-    start = time.perf_counter()
+    before = os.times()
     done = subprocess.run(command, cwd=place, env=environment, capture_output=True, text=True)
-    return time.perf_counter() - start, done
+    after = os.times()
+    spent = after.children_user + after.children_system - before.children_user - before.children_system
+    return spent, done
 
 
 def one(name: str, style: str, answers: dict[str, str], place: Path) -> dict:
     """Return how it went from the files in a folder to a report."""
-    load = os.getloadavg()[0]
-    record: dict = {"name": name, "style": style, "commands": [], "asked": [], "load": load}
+    record: dict = {"name": name, "style": style, "commands": [], "asked": []}
 
     def do(*arguments: str) -> subprocess.CompletedProcess[str]:
         seconds, done = typed(arguments, place)
@@ -122,9 +122,7 @@ def show(out: Path, record: dict) -> None:
 def page(args: argparse.Namespace) -> None:
     """Write the log of what was run."""
     records = records_in([args.folders])
-    load = max(record.get("load", 0.0) for record in records)
-    cores = f"{os.cpu_count()} cores, which up to {load:.0f} processes shared"
-    lines = [HEAD, f"The seconds are those of {cores}: of an idle machine they are a fraction.", ""]
+    lines = [HEAD]
     for record in records:
         lines += [f"{record['name']}: {record['style']}"]
         lines += [f"  $ {command}    # {seconds:g} s" for command, seconds, _ in record["commands"]]

@@ -289,6 +289,8 @@ class Campaign(Shown):
     gain_uncertainty : mapping of str to float
         Relative standard uncertainty of the gain of ``"moment"``, ``"angle"``, ``"rate"``, where declared: an error
         that all runs share.
+    limits : mapping of str to float
+        Largest ``"moment"``, ``"angle"`` and ``"rate"`` that a plan of further runs may reach, SI, where declared.
 
     Examples
     --------
@@ -311,6 +313,7 @@ class Campaign(Shown):
     notes: tuple[str, ...] = ()
     inputs: tuple[Input, ...] = ()
     gain_uncertainty: Mapping[str, float] = field(default_factory=dict)
+    limits: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))

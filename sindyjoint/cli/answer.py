@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
@@ -15,6 +15,9 @@ from sindyjoint.cli.options import Output
 from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import UnsoundError
 from sindyjoint.trust import PLACES, Places
+
+if TYPE_CHECKING:
+    from sindyjoint.record import Campaign
 
 R = TypeVar("R")
 # What all kinds of result write.
@@ -78,6 +81,15 @@ def call(function: str, *arguments: Any, **options: Any) -> Callable[[], Any]:
         return getattr(import_module(f"sindyjoint.{module}"), name)(*arguments, **options)
 
     return made
+
+
+def read(campaign: Path | None, longest: int | None = None) -> Campaign | None:
+    """Read a campaign before the imports of the search that it is for: what is wrong with it takes no second to say."""
+    if campaign is None:
+        return None
+    from sindyjoint.files import load_campaign
+
+    return load_campaign(campaign, longest)
 
 
 def write(

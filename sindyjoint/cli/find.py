@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import answer, call, write
+from sindyjoint.cli.answer import answer, call, read, write
 from sindyjoint.cli.options import (
     DISCOVER,
     AcceptOption,
@@ -241,9 +241,12 @@ def _find_terms(
     campaign: Path | None, progress: Progress, options: dict[str, Any], refined_with: Any
 ) -> Discovery:
     """Return the discovery of a campaign; refined on the simulated response with some nuisances, unless None."""
+    from sindyjoint.files.campaign import LONGEST
+
+    measured = read(campaign, LONGEST)
     from sindyjoint.workflows.discover import discover
 
-    result = discover(campaign, progress=progress.say, **options)
+    result = discover(measured, progress=progress.say, **options)
     if refined_with is None:
         return result
     from sindyjoint.judgement.discovery import refined
@@ -367,9 +370,10 @@ def _diagnosed(
     recorded = campaign is not None and has_measured_runs(campaign)
     start = None if model is None or recorded else read_model(model)
     if campaign is None or not (recorded or is_rig_test(campaign)):
+        measured = read(campaign)
         from sindyjoint.workflows.diagnose import diagnose as of_campaign
 
-        return of_campaign(campaign, start, **given(base=base), **options)
+        return of_campaign(measured, start, **given(base=base), **options)
     elsewhere = [name for name, usual in Work().arguments().items() if options.pop(name) != usual]
     if elsewhere:
         raise InputError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import sys
 import threading
 import time
@@ -20,8 +21,8 @@ Verbose = Annotated[
 
 
 COUNT = re.compile(r": (\d+) of (\d+)$")
-# Seconds after which a command that is no terminal's says what it does; what ends before says nothing.
-PATIENCE = 0.5
+# Seconds after which a command off a terminal says what it does. What ends before says nothing, as most bad input.
+PATIENCE = 0.7
 FIRST = "loading"
 BAR = 12
 
@@ -29,7 +30,7 @@ BAR = 12
 class Progress:
     """Show the stages: by a spinner where stderr is a terminal, or by a line for each with the time since the start.
 
-    Lines begin half a second after the command: of what is done by then there are none.
+    Lines begin within a second of the command: of what is done by then there are none.
 
     Parameters
     ----------
@@ -56,9 +57,14 @@ class Progress:
         self._start = time.perf_counter()
         self._first: tuple[str, int, float] = ("", 0, 0.0)
         self._timer: threading.Timer | None = None
+        self._interrupted = False
+        self._restore: Any = None
 
     def begin(self) -> Progress:
-        """Begin to show what happens."""
+        """Begin to show what happens, and to heed Ctrl-C at the next stage where Python loses it."""
+        main = threading.current_thread() is threading.main_thread()
+        if main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            self._restore = signal.signal(signal.SIGINT, self._interrupt)
         if self._spins:
             from rich.console import Console
 
@@ -78,11 +84,18 @@ class Progress:
 
         Of a stage that counts ("simulating: 3 of 12") a terminal shows how long it will take, by the time so far.
         """
+        if self._interrupted:
+            raise KeyboardInterrupt
         self._stage = stage
         if self._status is not None:
             self._status.update(self._counted(stage).replace("[", r"\["))
         elif self._speaks:
             self._speak()
+
+    def _interrupt(self, number: int, frame: object) -> None:
+        # An error that is raised while Python clears an object, or calls back, ends there with a word on stderr.
+        self._interrupted = True
+        raise KeyboardInterrupt
 
     def _speak(self) -> None:
         """Print the stage on a line, unless it has one; from now on each has."""
@@ -119,6 +132,9 @@ class Progress:
 
     def end(self) -> None:
         """Show nothing more: what is printed from now on stands alone, and an error is the last line."""
+        if self._restore is not None:
+            signal.signal(signal.SIGINT, self._restore)
+            self._restore = None
         if self._timer is not None:
             self._timer.cancel()
             self._timer.join()  # it may be about to print

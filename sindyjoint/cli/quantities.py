@@ -45,9 +45,10 @@ def plan(
         list[str] | None,
         typer.Option("--range", help="Of a coefficient: 'linear_stiffness=5..8 kN*m/rad'. May be repeated."),
     ] = None,
-    drive: Annotated[_Drive, typer.Option(help="What the actuator prescribes.")] = _Drive(
-        default_of(PLAN, "drive")
-    ),
+    drive: Annotated[
+        _Drive | None,
+        typer.Option(help="What the actuator prescribes. [moment; angle where the inertia is unknown]"),
+    ] = None,
     band: Annotated[
         str | None, typer.Option(help="Frequencies that it reaches. [those tested, or 2..8 Hz]")
     ] = None,
@@ -124,7 +125,7 @@ def plan(
         model=model,
         campaign=campaign,
         ranges=_ranges(ranges or []),
-        drive=drive.value,
+        drive=None if drive is None else drive.value,
         limits=_quantities(limits or [], CHANNELS, "--limit"),
         goal=None if goal is None else _goal(goal),
         resolution=_quantities(resolution or [], READ, "--resolution"),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import Interrupted, answer, call
+from sindyjoint.cli.answer import Interrupted, answer, call, read
 from sindyjoint.cli.options import (
     AcceptOption,
     AlignOption,
@@ -27,6 +27,7 @@ from sindyjoint.cli.progress import Progress
 from sindyjoint.text import printable
 
 if TYPE_CHECKING:
+    from sindyjoint.judgement.comparison import Comparison
     from sindyjoint.reporting.output import CampaignFiles
     from sindyjoint.workflows.joints.record import CampaignRecord
     from sindyjoint.workflows.joints.summary import Batch
@@ -119,11 +120,17 @@ def compare(
 
     Example: sindyjoint compare virtual --out comparison
     """
-    find = call(
-        COMPARE, campaign, **given(library=library, methods=method), model=model, accept=tuple(accept or ()),
-        align=align, replicates=replicates, margin=margin, rng=random_state, progress=progress.say,
-        **work.arguments(),
-    )  # fmt: skip
+
+    def find() -> Comparison:
+        from sindyjoint.files.campaign import LONGEST
+
+        found: Comparison = call(
+            COMPARE, read(campaign, LONGEST), **given(library=library, methods=method), model=model, align=align,
+            accept=tuple(accept or ()), replicates=replicates, margin=margin, rng=random_state, progress=progress.say,
+            **work.arguments(),
+        )()  # fmt: skip
+        return found
+
     result = answer(find, out, output, progress, random_state, (), campaign, model)
     raise typer.Exit(0 if result.model.terms else 1)
 

@@ -36,6 +36,8 @@ from sindyjoint.record import Campaign, Joint, Motion, Run
 SEGMENT, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
 # Periods that it has at least, and segments that a run of a sine is cut into: their scatter gives the errors.
 PERIODS, FEWEST = 16, 16
+# Samples of a run above which a search does not load it as a whole: the columns of its harmonics take 2 kB for each.
+LONGEST = 1 << 18
 
 
 def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> Campaign:
@@ -89,9 +91,19 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
             notes=notes,
             inputs=tuple(loader.inputs.inputs.values()),
             gain_uncertainty=declared_gains(channels, joint.motion, f"{file}: [channels]"),
+            limits=_declared_limits(manifest.limits, joint.motion, f"{file}: [limits]"),
         )
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
+
+
+def _declared_limits(given: Mapping[str, str], motion: Motion, where: str) -> dict[str, float]:
+    """Return how far a plan may go, by quantity, SI."""
+    known = {KEYS[motion][name][0]: (name, KEYS[motion][name][1]) for name in ("moment", "angle", "rate")}
+    refuse((key not in known, f"{where}: {key!r} is none; expected {', '.join(known)}") for key in given)
+    return {
+        known[key][0]: parse_quantity(value, known[key][1], f"{where} {key}") for key, value in given.items()
+    }
 
 
 def load_segment(record: LongRecord, number: int, margin: int = 0) -> Run:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -266,6 +267,10 @@ class Manifest(StrictTable):
         description="What the law may depend on beside angle and rate, by its name in formulas.",
     )
     rig: RigTable | None = Field(default=None, description="Raw gauges instead of moment and angle.")
+    limits: dict[str, str] = Field(
+        default_factory=dict,
+        description="Largest moment, angle or rate_of_angle that a plan may reach, such as moment = '6 N*m'.",
+    )
     run: list[RunTable] = Field(
         min_length=1, description="One table for each run, or for each pattern of files."
     )
@@ -297,7 +302,7 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
     if os.path.isdir(file):
         if not (file / MANIFEST_NAME).is_file():
             raise MissingInputError(
-                f"folder {str(path)!r} holds no {MANIFEST_NAME}; write one, or give its path"
+                f"folder {str(path)!r} holds no {MANIFEST_NAME}; {_command_that_writes(file)}, or give its path"
             )
         file = file / MANIFEST_NAME
     if not os.path.exists(file):
@@ -306,7 +311,8 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
         )
     if file.suffix.lower() != ".toml":
         raise InputError(
-            f"{file}: this is not a TOML file; expected a {MANIFEST_NAME} that names it as a run"
+            f"{file}: this is not a TOML file; expected a {MANIFEST_NAME} that names it as a run: "
+            f"{_command_that_writes(file.parent)}"
         )
     # What a person changes in a campaign that was simulated is meant; only one that is not all there is refused.
     check_finished(file.parent)
@@ -317,6 +323,10 @@ def read_manifest(path: str | Path) -> tuple[Path, Manifest]:
         return file, _with_files(file, Manifest.model_validate(content))
     except ValidationError as error:
         raise InputError(f"{file}: {first_complaint(error)}") from error
+
+
+def _command_that_writes(folder: Path) -> str:
+    return f"{shlex.join(['sindyjoint', 'init', str(folder)])} writes one"
 
 
 def _with_files(manifest: Path, read: Manifest) -> Manifest:

@@ -185,7 +185,12 @@ def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> st
         "strain_position_factor": repr(float(rig.strain_position_factor)),
         "joint_length": _quantity(rig.joint_length, "m"),
     }
-    tables = [*skew, *_input_lines(campaign), *(["", "[rig]", *_pairs(raw)] if raw else [])]
+    tables = [
+        *skew,
+        *_input_lines(campaign),
+        *_limit_lines(campaign),
+        *(["", "[rig]", *_pairs(raw)] if raw else []),
+    ]
     return manifest_text(head, _pairs(stated), channels, runs, tables)
 
 
@@ -244,6 +249,15 @@ def _input_lines(campaign: Campaign) -> list[str]:
         parts.append(f"name = {toml_string(each.label)}")
         lines.append(f"{each.name} = {{ {', '.join(parts)} }}")
     return ["", "[inputs]", *lines] if lines else []
+
+
+def _limit_lines(campaign: Campaign) -> list[str]:
+    keys = {name: key for name, (key, _) in KEYS[campaign.joint.motion].items()}
+    units = UNITS[campaign.joint.motion]
+    lines = [
+        f"{keys[name]} = {_quantity(value, units[keys[name]])}" for name, value in campaign.limits.items()
+    ]
+    return ["", "[limits]", *lines] if lines else []
 
 
 def _number(each: Input, value: float) -> str:

@@ -189,7 +189,10 @@ def simulate_many(
     beam = np.broadcast_to(np.asarray(beam_inertia, dtype=np.float64), runs)
     total = np.ascontiguousarray(beam + law.inertia)
     if not np.all(total > 0):
-        raise InputError(f"the moving inertia is {total.min():g}; a moment-driven joint needs a positive one")
+        raise InputError(
+            f"the moving inertia is {total.min():g}; a moment-driven joint needs a positive one: state it, or "
+            "prescribe the motion"
+        )
 
     y = np.zeros((runs, 2 + compiled.n_states))
     y[:, :2] = initial

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.clock import single_threaded
-from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.errors import checks_options
-from sindyjoint.files import load_campaign
+from sindyjoint.files.campaign import LONGEST, load_campaign
 from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import RNG

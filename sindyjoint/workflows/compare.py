@@ -12,7 +12,6 @@ from typing import Any
 
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.evidence import fit_columns
-from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.discovery.methods import METHODS
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import inclusion
@@ -20,6 +19,7 @@ from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.equation.model_file import as_model, read_model
 from sindyjoint.errors import InputError, UnknownNameError, checks_options
+from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.changed import Change, check_margin, compare_models
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.judgement.discovery import Discovery, frequency_tests, undetermined

@@ -15,13 +15,14 @@ from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
-from sindyjoint.discovery.large.segments import LONGEST, SampleCount, fit_long, has_long_runs
+from sindyjoint.discovery.large.segments import SampleCount, fit_long, has_long_runs
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.candidates import NO_DELAY, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options
+from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.term_search import TermSearch, campaign_model, search_completed
 from sindyjoint.judgement.verdict import (

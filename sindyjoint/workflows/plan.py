@@ -11,10 +11,10 @@ from typing import Any
 from sindyjoint.clock import single_threaded
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.policy import CAMPAIGN
-from sindyjoint.discovery.large.segments import LONGEST
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, UnknownNameError, checks_options, refuse
+from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.mechanics.excitation import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
@@ -64,7 +64,7 @@ def plan(
     model: JointModel | str | Path | None = None,
     campaign: Campaign | str | Path | Any = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
-    drive: str = "moment",
+    drive: str | None = None,
     band: tuple[float, float] | None = None,
     limits: Mapping[str, float] | None = None,
     noise: float | None = None,
@@ -99,14 +99,14 @@ def plan(
         ``model``, where one is given, are then kept in that model, and their ranges hold as well.
     ranges : mapping of str to (float, float), optional
         Of coefficients by term, SI, instead of these.
-    drive : {"moment", "angle"}
-        What the actuator prescribes.
+    drive : {"moment", "angle"}, optional
+        What the actuator prescribes. Default: the moment; the angle where the joint's inertia is not known.
     band : (float, float), optional
         Hz. Default: what the campaign, or the model's, has tested; 2 to 8 Hz where nothing was tested.
     limits : mapping of str to float, optional
-        Largest ``"moment"`` (N·m), ``"angle"`` (rad) and ``"rate"`` (rad/s) of the actuator. Without them no run leaves
-        the moment, angle and rate tested by the campaign, or by the model's; a limit beyond what was tested lets all
-        three go, and a warning says by how much the plan leaves them.
+        Largest ``"moment"`` (N·m), ``"angle"`` (rad) and ``"rate"`` (rad/s) of the actuator, instead of those that the
+        campaign declares. Without any no run leaves the moment, angle and rate that were tested; a limit beyond that
+        lets all three go, and a warning says by how much the plan leaves them.
     noise : float, optional
         RMS of a sample as a share of each channel's RMS, for a channel whose own is not given. Default: as measured in
         the campaign, or 0.01.
@@ -175,7 +175,8 @@ def plan(
     campaign = None if campaign is None else the_campaign(campaign, seed, LONGEST)
     tested = None if known_model is None else tested_of(known_model)
     tested = tested if campaign is None else tested_by(campaign)
-    actuator = _actuator(tested, drive, band, limits or {})
+    declared = {} if campaign is None else campaign.limits
+    actuator = _actuator(tested, drive or "moment", band, {**declared, **(limits or {})})
     goals = _goals(DEFAULT_GOALS if goal is None else goal)
     rivals = _rivals(goals, effects, diagnosis)
     duration, count = _durations(actuator, time, run_time)
@@ -194,6 +195,9 @@ def plan(
             return _only_separation(found, actuator, Sensors(**stated))
     known, sensors = _make_prior(like, known_model, campaign, ranges or {}, seed, say)
     known = replace(known, tested=tested)
+    if drive is None and known.joint.model.inertia <= 0:
+        # No run under a moment can be simulated without it.
+        actuator = replace(actuator, drive="angle")
     if "noise" in stated:  # a share that is given holds for both channels
         sensors = replace(sensors, moment=None, angle=None)
     sensors = replace(sensors, **stated)

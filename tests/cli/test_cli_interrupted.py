@@ -2,10 +2,12 @@
 
 import pkgutil
 import signal
+import sys
 
 import pytest
 from made_models import paper_model
 
+from sindyjoint import load_campaign
 from sindyjoint.documents import changed_files
 
 # Where it comes: before anything is written, while a file or folder aside is made or held, while files move in.
@@ -95,3 +97,21 @@ def test_files_that_move_in_arrive_together(folder, sindyjoint, monkeypatch):
     monkeypatch.setattr("sindyjoint.files.atomic._uninterrupted", nullcontext)
     assert interrupted(sindyjoint, monkeypatch, COMMANDS["check"][0], MOVING).status == 130
     assert changed_files(home / FOLDER) == ["its writing was interrupted"]
+
+
+def test_ctrl_c_that_comes_while_an_object_is_cleared_is_not_lost(folder, sindyjoint, monkeypatch):
+    class Cleared:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def read(*arguments):
+        Cleared()
+        return load(*arguments)
+
+    load, lost = load_campaign, []
+    monkeypatch.setattr(sys, "unraisablehook", lost.append)
+    monkeypatch.setattr("sindyjoint.workflows.check.load_campaign", read)
+    answer = sindyjoint("check", folder.path)
+    assert [raised.exc_type for raised in lost] == [KeyboardInterrupt]
+    assert answer.status == 130 and answer.stderr.splitlines()[-1] == "sindyjoint: interrupted"
+    assert not answer.stdout

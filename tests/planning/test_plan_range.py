@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint import plan, simulate
+from sindyjoint import load_campaign, plan, simulate, write_campaign
+from sindyjoint.errors import InputError
 from sindyjoint.mechanics import PaperLaw
 from sindyjoint.planning import POLICY, PlannedRun, Sensors, planner, play, runs
 
@@ -73,6 +74,39 @@ def test_a_limit_lets_a_plan_leave_it_and_the_command_says_by_how_much(sindyjoin
     (said,) = (text for text in beyond if "leave the tested range: moment up to" in text)
     assert "(1.3 times)" in said or "(1.2 times)" in said
     assert any("2, 8 Hz where 3 to 6 Hz were tested" in text.replace("3.5, 5, 6.5, ", "") for text in band)
+
+
+def test_a_manifest_lets_a_plan_go_to_its_limits(sindyjoint, tmp_path, monkeypatch):
+    monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
+    monkeypatch.setattr(planner, "DRAWS", 3)
+    manifest = tmp_path / "campaign.toml"
+    made = simulate(
+        frequencies=(3, 4, 6), levels=(0.6, 0.5, 0.4), duration=4.0, sample_rate=500.0, out=tmp_path
+    )
+    tested = max(float(np.abs(run.moment).max()) for run in made.runs)
+    text = manifest.read_text()
+    manifest.write_text(text.replace("[[run]]", f'[limits]\nmoment = "{1.3 * tested} N*m"\n[[run]]', 1))
+    options = ("plan", "--campaign", tmp_path, "--drive", "angle", "--time", "30 s", "--json")
+    found = json.loads(sindyjoint(*options).stdout)
+    assert any("leave the tested range: moment up to" in line for line in found["warnings"])
+    assert write_campaign(load_campaign(manifest), tmp_path / "again").read_text().count("[limits]") == 1
+    assert (
+        load_campaign(tmp_path / "again").limits == load_campaign(manifest).limits == {"moment": 1.3 * tested}
+    )
+    manifest.write_text(text.replace("[[run]]", '[limits]\nforce = "2 N"\n[[run]]', 1))
+    refused = sindyjoint(*options)
+    assert refused.status == 2 and "[limits]: 'force' is none; expected moment" in refused.stderr
+
+
+def test_where_no_inertia_is_known_the_angle_is_prescribed(monkeypatch):
+    monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
+    monkeypatch.setattr(planner, "DRAWS", 3)
+    law, made = joint_and_runs(13, "angle")
+    campaign = play(law, made, Sensors(500.0, 0.01), 13)
+    unknown = replace(campaign, joint=replace(campaign.joint, inertia=0.0))
+    assert {run.drive for run in plan(campaign=unknown, time=60.0).runs} == {"angle"}
+    with pytest.raises(InputError, match="the moving inertia is 0; .*: state it, or prescribe the motion"):
+        plan(campaign=unknown, time=60.0, drive="moment")
 
 
 @pytest.fixture(scope="module", params=["inter-panel", "panel-root"])

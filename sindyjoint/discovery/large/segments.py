@@ -151,10 +151,6 @@ def _exceeds_scale(scale: Reference, largest: Reference, catalogue: Catalogue) -
     return any(getattr(largest, name) > most * getattr(scale, name) for name in relative(catalogue))
 
 
-# Samples of a run above which it is not loaded as a whole. The columns of its harmonics take two kilobytes for each.
-LONGEST = 1 << 18
-
-
 @dataclass(frozen=True)
 class Task:
     """One segment of a long run.

@@ -174,7 +174,7 @@ def init(
         values = given | {each.key: each.guess or "..." for each in open_ones}
         settings = (f"--set {shlex.quote(f'{key}={value}')}" for key, value in values.items())
         raise InputError(
-            f"{place}: the files do not tell {len(open_ones)} thing(s): {listed} {ways}: "
+            f"{place}: the files do not tell all: {listed} {ways}: "
             f"{' '.join(['sindyjoint', 'init', shlex.quote(str(place)), *settings])}"
         )
     return Initialised(write_text(target, drafted.text), drafted)
