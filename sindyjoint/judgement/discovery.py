@@ -32,7 +32,7 @@ from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
 from sindyjoint.states.build import content_hash, run_hash, with_later_motion
-from sindyjoint.states.rows import group_labels
+from sindyjoint.states.record import group_labels
 from sindyjoint.text import in_words_of, spelled
 from sindyjoint.trust import Light, Trust
 
