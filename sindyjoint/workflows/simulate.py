@@ -116,15 +116,15 @@ def make_test(
             notes.append(f"the moment lags by {lag:.3g} s, as the model knows of its rig (skew = 0: not)")
     channels = None
     if plan is not None:
-        listed = read_plan(Path(plan))
-        say(f"simulating {len(listed.runs)} runs")
-        campaign = play(named_joint(joint), listed.runs, listed.sensors, rng)
+        planned, sensors = read_plan(Path(plan))
+        say(f"simulating {len(planned)} runs")
+        campaign = play(named_joint(joint), planned, sensors, rng)
     else:
         test = virtual_test(joint, **options)
         say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
         made = run_tests(test, np.random.default_rng(rng))
-        campaign = Campaign(campaign_joint(test), tuple(one.run for one in made), simulated=True)
-        channels = [one.raw for one in made] if test.raw else None
+        campaign = Campaign(campaign_joint(test), tuple(run for run, _ in made), simulated=True)
+        channels = [raw for _, raw in made] if test.raw else None
     if known is not None:
         campaign = _of_model(campaign, held)
         for run in campaign.runs:
