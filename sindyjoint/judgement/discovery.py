@@ -128,7 +128,7 @@ class Discovery(Shown):
     regressor: TermRegression = field(repr=False)
     campaign: Campaign = field(repr=False)
     soundness: Soundness = Soundness()
-    stopped: Check | None = field(repr=False, default=None)
+    stopped: Check[Campaign] | None = field(repr=False, default=None)
     measured: Campaign | None = field(repr=False, default=None)
     paper: bool = False
     lag: float = 0.0
@@ -187,9 +187,9 @@ class Discovery(Shown):
         )  # fmt: skip
 
 
-def stopped_by_data(checked: Check, regressor: TermRegression) -> Discovery:
+def stopped_by_data(checked: Check[Campaign], regressor: TermRegression) -> Discovery:
     """Return the result on data of which no model is made."""
-    campaign = checked.campaign
+    campaign = checked.measured
     runs = checked.usable.identification_runs
     moment = float(np.sqrt(np.mean(np.concatenate([run.moment for run in runs]) ** 2))) if runs else 0.0
     unknown = float("nan")

@@ -17,7 +17,7 @@ from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.check import RigCheck
+from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, Update, UpdatedNumber, recover, with_numbers
@@ -289,7 +289,7 @@ def _with_model(law: JointLaw, model: JointModel, notes: Sequence[str]) -> Joint
     return replace(law, discovery=replace(law.discovery, model=model, warnings=warnings))
 
 
-def of_data(found: RigDiscovery, checked: RigCheck) -> RigDiscovery:
+def of_data(found: RigDiscovery, checked: Check[RigTest]) -> RigDiscovery:
     """Return a discovery that says what was found of its data, its verdicts no surer than these allow."""
     faults = checked.undecided_by()
     laws = tuple(
