@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from inspect import signature
 from typing import Any, Literal
 
@@ -146,7 +146,7 @@ class VirtualTest:
     def _excitation(self, amplitude: float, frequency: float) -> Excitation:
         # A rig near its resonance overshoots when the moment starts at once: it is faded in over three periods.
         ramp = 3.0 / frequency if self.drive == "rig" else 0.0
-        return tones(self.waveform, amplitude, frequency).faded_in(ramp)
+        return replace(tones(self.waveform, amplitude, frequency), ramp=ramp)
 
     def amplitude(self, frequency: float, level: float) -> float:
         """Amplitude of the drive that reaches the level's peak angle: a moment, N·m, or the angle, rad.
