@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from sindyjoint.described import same
-from sindyjoint.discovery.delay import ChannelDelay, columns_of, estimate_delay
+from sindyjoint.discovery.delay import ChannelDelay, columns_of, competing_delay
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
@@ -277,7 +277,7 @@ def unresolved_delay(
         return delay
     chosen = [term for term in regressor.terms_ if term.id in model]
     try:
-        found = estimate_delay(states, columns_of(chosen), model.joint.inertia)
+        found = competing_delay(states, columns_of(chosen), model.joint.inertia)
     except (np.linalg.LinAlgError, InputError):
         return None
     return found if found.significant else None
