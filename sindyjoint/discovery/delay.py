@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.catalogue import DEFAULT, load_catalogue
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
@@ -181,6 +180,8 @@ def competing_delay(states: Sequence[ForceStates], law: Columns, inertia: float 
 
 def _candidates(states: Sequence[ForceStates]) -> list[ResolvedTerm]:
     """Return the terms of the default catalogue at the scales of some states."""
+    from sindyjoint.equation.catalogue import DEFAULT, load_catalogue
+
     angle, rate = (np.concatenate([getattr(s, name)[s.moving] for s in states]) for name in ("angle", "rate"))
     reference = Reference.of(angle, rate)
     return [term.resolve(reference) for term in load_catalogue(DEFAULT)]
