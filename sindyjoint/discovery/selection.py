@@ -169,7 +169,8 @@ def exchange(
     kept = sorted(kept)
     error = _error(gram, kept)
     while True:
-        best, best_error = None, error * (1 - 1e-6)
+        # By more than rounding, too: an exact fit leaves a residual of either sign, and would be swapped for ever.
+        best, best_error = None, error - max(1e-6 * error, 1e-15 * gram[-1, -1])
         errors, gains = _score_swaps(factor, gram, kept)
         needed = {*forced, *(parent for column in kept for parent in parents.get(column, ()))}
         for index, leaving in enumerate(kept):

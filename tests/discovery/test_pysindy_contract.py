@@ -45,8 +45,18 @@ def test_an_optimizer_can_be_wrapped(make, wrap):
 @pytest.mark.parametrize("make", OPTIMIZERS)
 @pytest.mark.parametrize("options", [{"library_ensemble": True}, {"bagging": True, "n_subset": 2}])
 def test_an_optimizer_fits_few_columns_and_fewer_rows_than_it_cuts_others_into(make, options):
+    # pysindy draws by NumPy's global numbers.
+    np.random.seed(0)
     fitted = pysindy.EnsembleOptimizer(make(), n_models=2, **options).fit(X, X @ TRUTH.T)
     assert fitted.coef_.shape == TRUTH.shape and len(fitted.coef_list) == 2
+
+
+@pytest.mark.parametrize("seed", [0, 3, 5, 8])
+def test_a_law_without_noise_ends(seed):
+    # Its residual is rounding, of either sign: columns without a share were exchanged for one another for ever.
+    columns = np.random.default_rng(seed).normal(size=(60, 6))
+    truth = np.column_stack([TRUTH, np.zeros(2)])
+    np.testing.assert_allclose(UniqueShareSTLSQ().fit(columns, columns @ truth.T).coef_, truth, atol=1e-9)
 
 
 @pytest.mark.parametrize("make", LIBRARIES)
