@@ -151,7 +151,6 @@ def _exceeds_scale(scale: Reference, largest: Reference, catalogue: Catalogue) -
     return any(getattr(largest, name) > most * getattr(scale, name) for name in relative(catalogue))
 
 
-
 @dataclass(frozen=True)
 class Task:
     """One segment of a long run.
