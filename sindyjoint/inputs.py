@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
@@ -231,10 +232,8 @@ def lagged(values: Array, samples: float) -> Array:
     """Return a signal behind a first-order lag with a time constant of so many samples; it begins settled."""
     if samples <= 0 or values[0] == values.min() == values.max():
         return values
-    from scipy.signal import lfilter
-
     share = 1 - np.exp(-1 / samples)
-    return lfilter([share], [1, share - 1], values, zi=[(1 - share) * values[0]])[0]
+    return scipy.signal.lfilter([share], [1, share - 1], values, zi=[(1 - share) * values[0]])[0]
 
 
 @dataclass(frozen=True)

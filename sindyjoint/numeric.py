@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
@@ -164,8 +165,6 @@ def delayed(signal: Array, samples: float) -> Array:
     All samples move by the same: with f the part of a sample, s(i − f) is a weighted sum of four spline coefficients,
     Σ_k β³(f + k) c(i + k), k = −2 … 1.
     """
-    from scipy.linalg.lapack import dptsv
-
     whole = int(np.floor(samples))
     part = samples - whole
     margin = EDGE + abs(whole) + 2
@@ -173,7 +172,7 @@ def delayed(signal: Array, samples: float) -> Array:
     held = 6 * np.pad(signal, margin, mode="edge")
     middle = np.full(held.size, 4.0)
     held[[0, -1]], middle[[0, -1]] = held[[0, -1]] / 2, 2.0
-    coefficients = dptsv(middle, np.ones(held.size - 1), held)[2]
+    coefficients = scipy.linalg.lapack.dptsv(middle, np.ones(held.size - 1), held)[2]
     weights = [
         (1 - part) ** 3,
         4 - 6 * part**2 + 3 * part**3,
@@ -214,6 +213,63 @@ def solve_factored(factors: tuple[Array, NDArray[np.int32]], right: Array) -> Ar
     LAPACK counts pivots from one, and SciPy's wrapper raises them in place while it solves, with other threads running:
     two solutions by the same factors at once write beyond their arrays. So each has pivots of its own.
     """
-    from scipy.linalg import lu_solve
+    return np.asarray(scipy.linalg.lu_solve((factors[0], factors[1].copy()), right, check_finite=False))
 
-    return np.asarray(lu_solve((factors[0], factors[1].copy()), right, check_finite=False))
+
+ROLL_OFF = 0.1  # standard deviation of the response's fall, as a share of the cut-off
+# Above this share of the sampling rate a kernel has too few samples to be one.
+HIGHEST = 0.4
+
+
+def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, Array]:
+    """Return a low-pass kernel and its first and second time derivatives, sampled.
+
+    The kernel is h(t) = 2f_c·sinc(2f_c·t)·exp(−t²/2σ²): its response is flat, falls to one half at f_c as an error
+    function and has no ripple. Convolving with dh/dt gives the derivative of the smoothed signal, with no phase and
+    none of the loss that finite differences have (3 % of the rate at a tenth of the sampling rate).
+
+    Parameters
+    ----------
+    cutoff : float
+        Frequency of half amplitude, Hz.
+    sample_rate : float
+        Hz.
+
+    Returns
+    -------
+    tuple of three ndarray, shape (2h + 1,)
+        To be convolved with; units 1, 1/s and 1/s².
+    """
+    sigma = 1 / (2 * np.pi * ROLL_OFF * cutoff)
+    half = int(np.ceil(5 * sigma * sample_rate))
+    t = np.arange(-half, half + 1) / sample_rate
+    w = 2 * np.pi * cutoff
+    safe = np.where(t == 0, 1.0, t)
+    s0 = np.where(t == 0, w, np.sin(w * t) / safe) / np.pi
+    s1 = np.where(t == 0, 0.0, (w * np.cos(w * t) - np.pi * s0) / safe) / np.pi
+    s2 = np.where(t == 0, -(w**3) / 3, (-(w**2) * np.sin(w * t) - 2 * np.pi * s1) / safe) / np.pi
+    g = np.exp(-(t**2) / (2 * sigma**2)) / sample_rate
+    g1, g2 = -t / sigma**2 * g, (t**2 / sigma**2 - 1) / sigma**2 * g
+    # What sampling and the cut at five sigmas leave over: a constant has no derivative, a line has no second one.
+    low, first, second = s0 * g, s1 * g + s0 * g1, s2 * g + 2 * s1 * g1 + s0 * g2
+    return low / low.sum(), first - first.mean(), second - second.mean()
+
+
+def filtered_inputs(
+    inputs: Mapping[str, Array], kept: slice, cutoff: float, sample_rate: float, repeated: bool = False
+) -> dict[str, Array]:
+    """Return the inputs of a run at the samples that its states keep, low-passed as the angle is.
+
+    A constant stays what it is. At the ends of the record the input goes on as it was, or comes back where the run is
+    one period of what repeats.
+    """
+    found = {}
+    for name, values in inputs.items():
+        if np.ptp(values) > 0 and cutoff < HIGHEST * sample_rate:
+            low = smoothing_kernels(cutoff, sample_rate)[0]
+            half = min(low.size // 2, values.size - 1)
+            low = low[low.size // 2 - half : low.size // 2 + half + 1]
+            padded = np.pad(values - values[0], half, mode="wrap" if repeated else "edge")
+            values = convolve(padded, low / low.sum()) + values[0]
+        found[name] = values[kept]
+    return found

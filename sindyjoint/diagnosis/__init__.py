@@ -12,7 +12,7 @@ __getattr__ = fetched(
         "effects.setup": "Scales Setup",
         "engine": "Stages explain_gap",
         "evidence.score": "rank",
-        "loop": "Progress add_effects",
+        "problem": "Progress add_effects",
         "parts": "Budget",
         "policy": "CAMPAIGN STRUCTURE",
         "result": "Advice Gap Step",

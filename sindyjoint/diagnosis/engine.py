@@ -10,10 +10,9 @@ import numpy as np
 
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.evidence.score import Ranking
-from sindyjoint.diagnosis.loop import Progress
 from sindyjoint.diagnosis.parts import NOT_DIVIDED
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import P, Problem, Say, Start
+from sindyjoint.diagnosis.problem import P, Problem, Progress, Say, Start
 from sindyjoint.diagnosis.result import (
     COMPLETE,
     NOT_NEEDED,
@@ -41,7 +40,7 @@ from sindyjoint.text import percent, spelled
 class Stages:
     """The portions of the stages of one diagnosis, and who hears which of them is running.
 
-    Advice keeps account of itself: see :class:`~sindyjoint.diagnosis.effort.Effort`.
+    Advice has one of its own.
 
     Parameters
     ----------
@@ -60,13 +59,9 @@ class Stages:
     @classmethod
     def of(cls, policy: DiagnosisPolicy, say: Callable[[str], None]) -> Stages:
         """Return the portions that a policy gives."""
-        return cls(
-            Portion(policy.search_work, policy.search_seconds),
-            Portion(policy.verdict_work, policy.verdict_seconds),
-            Portion(policy.numbers_work, policy.numbers_seconds),
-            Portion(policy.parts_work, policy.parts_seconds),
-            say,
-        )
+        works = policy.search_work, policy.verdict_work, policy.numbers_work, policy.parts_work
+        search, verdict, numbers, parts = (Portion(work, work / policy.slowest) for work in works)
+        return cls(search, verdict, numbers, parts, say)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -94,7 +89,8 @@ def advise(
     classes = [step for step in steps if len(step.members) > 1 and step.effect in rankings]
     if not classes:
         return (), AdviceSearch(NOT_NEEDED)
-    search = Portion(problem.policy.advice_work, problem.policy.advice_seconds)
+    work = problem.policy.advice_work
+    search = Portion(work, work / problem.policy.slowest)
     found, tried, planned = list[Advice](), 0, 0
     for step in classes:
         advice, some, of = problem.separating_runs(step, rankings[step.effect], search, say)

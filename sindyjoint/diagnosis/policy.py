@@ -127,16 +127,14 @@ class DiagnosisPolicy:
         1.1, "mean square, in units of noise, above which fallback variants are tried"
     )
 
-    # What a diagnosis may cost, stage by stage: work that is the same on every machine, and processor time as a last
-    # resort. Work is counted in samples that trials of numbers go along; a step of a simulation counts as five.
+    # What a diagnosis may cost, stage by stage: work that is the same on every machine, and processor time, in
+    # proportion, as a last resort. Work is counted in samples that trials of numbers go along; a step of a simulation
+    # counts as five.
     search_work: float = judgement(
         2e9,
         "work of a search, from all its starts, after which no further effect is tried, nor another start; on a "
         "processor of 2024 one to two minutes",
         unit="samples",
-    )
-    search_seconds: float = judgement(
-        120.0, "processor time after which that search ends in any case", unit="s"
     )
     verdict_work: float = judgement(
         3e8,
@@ -144,25 +142,24 @@ class DiagnosisPolicy:
         "without them a verdict is undecided",
         unit="samples",
     )
-    verdict_seconds: float = judgement(30.0, "processor time after which they end in any case", unit="s")
     numbers_work: float = judgement(
         2.4e9,
         "work of a refinement on the simulated response; without it the numbers stay as they are",
         unit="samples",
     )
-    numbers_seconds: float = judgement(240.0, "processor time after which it ends in any case", unit="s")
     parts_work: float = judgement(
         2e8, "work by which the gap is divided into its parts and located", unit="samples"
     )
-    parts_seconds: float = judgement(20.0, "processor time after which that ends in any case", unit="s")
     advice_work: float = judgement(
         1.5e8,
         "samples that rivals are laid along, trial by trial, in the search for runs that separate them: the same on "
         "every machine, of a processor of 2024 some 15 s",
         unit="samples",
     )
-    advice_seconds: float = convention(
-        20.0, "processor time after which that search ends in any case", unit="s"
+    slowest: float = judgement(
+        1e7,
+        "work in a second of processor time, of a machine slower than which a stage ends before its work is used up",
+        unit="samples/s",
     )
 
     # Advice.
@@ -182,7 +179,6 @@ STRUCTURE = replace(
     CAMPAIGN,
     most_effects=3,
     search_work=5e9,
-    search_seconds=300.0,
     unexplained=0.25,
     unexplained_rms=True,
     most_regions=5,

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 
 from sindyjoint.discovery.factors import DEPENDENT, Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
@@ -77,10 +78,8 @@ class Base:
 
     def products(self, block: Array) -> Array:
         """Return H of a block, shape (p + 1, n), whose rows are the columns."""
-        from scipy.linalg.blas import dtrsm
-
         if not self.diagonal:
-            solved = dtrsm(1.0, self.triangle, block.T, side=1)
+            solved = scipy.linalg.blas.dtrsm(1.0, self.triangle, block.T, side=1)
             return np.asarray(solved.T @ solved)
         scale = np.diag(self.triangle)
         return np.asarray(block @ block.T / np.outer(scale, scale))
@@ -91,12 +90,10 @@ class Base:
 
     def factor_of(self, gram: Array) -> Array:
         """Return the triangular factor of rows of which H is known."""
-        from scipy.linalg.lapack import dpotrf
-
         # A column of zeros stays one: of what rounding makes of it it would no longer be seen to be nothing.
         nothing = np.diag(gram) == 0
         full = gram + np.diag(nothing.astype(float))
-        root, failed = dpotrf(full, lower=0, clean=1)
+        root, failed = scipy.linalg.lapack.dpotrf(full, lower=0, clean=1)
         if failed:
             values, vectors = np.linalg.eigh(full)
             root = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError
@@ -102,20 +103,16 @@ class Factor:
 
     def solve(self) -> Array:
         """Return the least-squares coefficients of all columns, shape (p,)."""
-        from scipy.linalg.lapack import dtrtrs
-
         if not self.n_columns:
             return np.zeros(0)
-        solution, info = dtrtrs(self.triangle[:-1, :-1], self.triangle[:-1, -1])
+        solution, info = scipy.linalg.lapack.dtrtrs(self.triangle[:-1, :-1], self.triangle[:-1, -1])
         return _regular(solution, info)
 
     def inverse(self) -> Array:
         """Return R⁻¹ of the columns, shape (p, p), so that (XᵀX)⁻¹ = R⁻¹R⁻ᵀ."""
-        from scipy.linalg.lapack import dtrtri
-
         if not self.n_columns:
             return np.zeros((0, 0))
-        return _regular(*dtrtri(self.triangle[:-1, :-1]))
+        return _regular(*scipy.linalg.lapack.dtrtri(self.triangle[:-1, :-1]))
 
     def squared_error(self, coefficients: ArrayLike) -> float:
         """Return the sum of squared residuals ‖y − X·c‖² for given coefficients, shape (p,)."""

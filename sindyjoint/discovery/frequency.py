@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.described import Maybe
@@ -218,8 +219,6 @@ def _with_errors(asked: _Asked, f: Array, x: Array, s: Array, nu: Array) -> Freq
 
 def _without_errors(asked: _Asked, f: Array, x: Array) -> FrequencyTest:
     """Treat bare numbers: the scatter about the straight line gives their errors."""
-    from scipy.special import stdtrit
-
     mean, band = float(x.mean()), float(np.ptp(f))
     centre = f - f.mean()
     slope = float(centre @ x / (centre @ centre))
@@ -229,13 +228,15 @@ def _without_errors(asked: _Asked, f: Array, x: Array) -> FrequencyTest:
     p_trend = _two_sided(slope / error, degrees) if error > 0 else (1.0 if slope == 0 else 0.0)
     change = slope * band / mean if mean else float("nan")
     bound = (
-        (abs(slope) + float(stdtrit(degrees, 1 - POLICY.frequency_level)) * error) * band / abs(mean)
+        (abs(slope) + float(scipy.special.stdtrit(degrees, 1 - POLICY.frequency_level)) * error)
+        * band
+        / abs(mean)
         if mean
         else float("inf")
     )
     spread = float(x.std(ddof=1))
     uncertainty = (
-        float(stdtrit(degrees, 1 - POLICY.frequency_level / 2)) * error * band / abs(mean)
+        float(scipy.special.stdtrit(degrees, 1 - POLICY.frequency_level / 2)) * error * band / abs(mean)
         if mean
         else float("inf")
     )
@@ -253,14 +254,12 @@ def heterogeneity(x: Array, s: Array, nu: Array) -> tuple[float, float, float, f
     Q = Σ w(x − x̄)², w = 1/s². With estimated variances Q is too large on average; Welch's F corrects it:
     F = Q/(g−1) / (1 + 2(g−2)/(g²−1)·Λ) on (g−1, (g²−1)/(3Λ)) degrees, Λ = Σ (1 − w/Σw)²/ν.
     """
-    from scipy.special import fdtrc
-
     g = x.size
     w = 1 / s**2
     q = float(w @ (x - w @ x / w.sum()) ** 2)
     spare = float(np.sum((1 - w / w.sum()) ** 2 / nu))
     f = q / (g - 1) / (1 + 2 * (g - 2) / (g**2 - 1) * spare)
-    p = float(fdtrc(g - 1, (g**2 - 1) / (3 * spare), f))
+    p = float(scipy.special.fdtrc(g - 1, (g**2 - 1) / (3 * spare), f))
     tau_squared = max(0.0, (q - (g - 1)) / (w.sum() - (w**2).sum() / w.sum()))
     return q, p, max(0.0, 1 - (g - 1) / q) if q > 0 else 0.0, float(np.sqrt(tau_squared))
 
@@ -275,10 +274,10 @@ def weighted_slope(f: Array, x: Array, s: Array) -> tuple[float, float]:
 
 def detectable_change(test: FrequencyTest) -> float:
     """Return the relative change over the band that a trend test would find in four of five cases."""
-    from scipy.special import stdtrit
-
     degrees = len(test.estimates) - 2 if np.isnan(test.p_homogeneity) else 1e6
-    need = float(stdtrit(degrees, 1 - POLICY.frequency_level / 2) + stdtrit(degrees, 0.8))
+    need = float(
+        scipy.special.stdtrit(degrees, 1 - POLICY.frequency_level / 2) + scipy.special.stdtrit(degrees, 0.8)
+    )
     return need * test.slope_error * (max(test.frequencies) - min(test.frequencies)) / abs(test.mean)
 
 
@@ -287,8 +286,6 @@ def _largest_change(x: Array, s: Array, nu: Array) -> float:
 
     Infinite where the values differ in sign: there is no telling what such a change is a share of.
     """
-    from scipy.special import stdtrit
-
     if np.min(x) <= 0 <= np.max(x):
         return float("inf")
     bounds = []
@@ -300,14 +297,16 @@ def _largest_change(x: Array, s: Array, nu: Array) -> float:
         lower, upper = (ratio * s[i] / x[i]) ** 2, (s[j] / x[i]) ** 2
         variance = lower + upper
         degrees = variance**2 / (lower**2 / nu[i] + upper**2 / nu[j])
-        bounds.append(ratio - 1 + float(stdtrit(degrees, 1 - POLICY.equivalence_level)) * np.sqrt(variance))
+        bounds.append(
+            ratio
+            - 1
+            + float(scipy.special.stdtrit(degrees, 1 - POLICY.equivalence_level)) * np.sqrt(variance)
+        )
     return float(max(bounds))
 
 
 def _two_sided(t: float, degrees: float) -> float:
-    from scipy.special import stdtr
-
-    return 2 * float(stdtr(degrees, -abs(t)))
+    return 2 * float(scipy.special.stdtr(degrees, -abs(t)))
 
 
 def _answer(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation.element import JointElement
@@ -324,9 +325,7 @@ def model_terms(
     motion: str,
 ) -> tuple[ModelTerm, ...]:
     """Return model terms with Student-t intervals on ``degrees`` degrees of freedom, one for all or one each."""
-    from scipy.special import stdtrit
-
-    quantiles = stdtrit(np.maximum(np.broadcast_to(degrees, coefficients.shape), 1), 0.975)
+    quantiles = scipy.special.stdtrit(np.maximum(np.broadcast_to(degrees, coefficients.shape), 1), 0.975)
     terms = []
     for index, item in enumerate(resolved):
         value, error = float(coefficients[index]), float(np.sqrt(covariance[index, index]))

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import compile_terms
@@ -163,19 +164,17 @@ def _as_pairs(
     if isinstance(kind, Slider) and kind.stiffness > 0:
         deflection = cycles.slider(np.full(cycles.angle.shape, kind.deflection), 1.0)
         return [kind], Represented(how, kind.stiffness * deflection)
-    from scipy.optimize import nnls
-
     wanted = cycles.element(element)
     largest = float(np.abs(cycles.angle).max())
     yields = np.array([float(f"{largest * share:.4g}") for share in DEFLECTIONS])
     columns = cycles.slider(np.broadcast_to(yields[:, None, None], (yields.size, *wanted.shape)), 1.0)
-    stiffness, _ = nnls(columns.reshape(yields.size, -1).T, wanted.ravel())
+    stiffness, _ = scipy.optimize.nnls(columns.reshape(yields.size, -1).T, wanted.ravel())
     forces = stiffness * np.minimum(yields, yields[-2])
     kept = forces > LEAST_PAIR * forces.sum()
     missed = np.inf
     if kept.any():
         columns = columns[kept]
-        stiffness, _ = nnls(columns.reshape(len(columns), -1).T, wanted.ravel())
+        stiffness, _ = scipy.optimize.nnls(columns.reshape(len(columns), -1).T, wanted.ravel())
         missed = float(np.mean((np.tensordot(stiffness, columns, 1) - wanted) ** 2))
     if not missed < WORST_FIT**2 * np.mean(wanted**2):
         return [], Represented("not carried: it is too far from springs in series with sliders", None)

@@ -9,6 +9,7 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.equation.formula import compile_terms, variable_symbols
@@ -164,8 +165,6 @@ def softening_limits(model: JointModel) -> tuple[float, float]:
     Infinite where it rises up to three times as far as tested. The moment at standstill is the elastic part and
     that of coupled terms without friction.
     """
-    from scipy.optimize import brentq
-
     parts, angle = Parts.of(model), model.fitted.angle
     terms = (*parts.elastic, *parts.coupled)
 
@@ -178,7 +177,11 @@ def softening_limits(model: JointModel) -> tuple[float, float]:
         values = tangents(grid)
         for a, b, u, v in zip(grid, grid[1:], values, values[1:], strict=False):
             if u > 0 >= v:
-                return float(brentq(lambda x: tangents(np.array([x]))[0], a, b)) if v < 0 else float(b)
+                return (
+                    float(scipy.optimize.brentq(lambda x: tangents(np.array([x]))[0], a, b))
+                    if v < 0
+                    else float(b)
+                )
         return side * np.inf
 
     return limit(-1.0), limit(1.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
@@ -151,8 +152,6 @@ def resampled(
     InputError
         For a gap too long to be bridged.
     """
-    from scipy.interpolate import CubicSpline
-
     steps = np.diff(time)
     step = float(np.median(steps))
     at = int(np.argmax(steps))
@@ -162,9 +161,9 @@ def resampled(
             f"(median step {step:.6g} s); make two runs of it"
         )
     grid = time[0] + step * np.arange(int(np.floor((time[-1] - time[0]) / step * (1 + 1e-12))) + 1)
-    return {name: CubicSpline(time, values)(grid) for name, values in signals.items()}, float(
-        f"{1 / step:.9g}"
-    )
+    return {
+        name: scipy.interpolate.CubicSpline(time, values)(grid) for name, values in signals.items()
+    }, float(f"{1 / step:.9g}")
 
 
 def advanced(signal: Array, samples: float) -> Array:

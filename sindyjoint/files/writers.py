@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import refuse
@@ -313,10 +314,8 @@ def _remarked(remark: str) -> dict[str, NDArray]:
 
 
 def _mat(columns: Columns, remark: str) -> bytes:
-    from scipy.io import savemat
-
     buffer = io.BytesIO()
-    savemat(buffer, dict(columns) | _remarked(remark), oned_as="column")
+    scipy.io.savemat(buffer, dict(columns) | _remarked(remark), oned_as="column")
     return buffer.getvalue()
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
+import scipy
 
 from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.equation.calibration import gain_errors
@@ -241,21 +242,20 @@ def _error_of(row: _Row) -> tuple[float, float]:
 
     The degrees are those by which its 95 % interval is wider than one of a normal distribution.
     """
-    from scipy.optimize import brentq
-    from scipy.special import stdtrit
-
     error = row.standard_error
     left = float(np.sqrt(max(error**2 - row.common**2, 0.0)))
     ratio = (row.interval95[1] - row.interval95[0]) / 2 / error if error > 0 else 0.0
-    if ratio <= stdtrit(MANY, 0.975):
+    if ratio <= scipy.special.stdtrit(MANY, 0.975):
         return left, MANY
-    few = brentq(lambda log: stdtrit(np.exp(log), 0.975) - min(ratio, stdtrit(1, 0.975)), 0.0, np.log(MANY))
+    few = scipy.optimize.brentq(
+        lambda log: scipy.special.stdtrit(np.exp(log), 0.975) - min(ratio, scipy.special.stdtrit(1, 0.975)),
+        0.0,
+        np.log(MANY),
+    )
     return left, float(np.exp(few))
 
 
 def _shift(one: _Row | None, other: _Row | None, level: float, margin: float) -> Shift:
-    from scipy.special import stdtr, stdtrit
-
     nan, unknown = float("nan"), (float("nan"), float("nan"))
     if one is None or other is None:
         row = one or other
@@ -275,11 +275,11 @@ def _shift(one: _Row | None, other: _Row | None, level: float, margin: float) ->
     difference = other.value - one.value
     size = abs(one.value) or nan
     score = abs(difference) / error if error > 0 else (np.inf if difference else 0.0)
-    chance = float(2 * stdtr(degrees, -score))
+    chance = float(2 * scipy.special.stdtr(degrees, -score))
     found = chance < level
     # Two one-sided tests at 5 % each: an interval of 90 %.
-    within = abs(difference) + error * stdtrit(degrees, 0.95) < margin * size
-    half = float(error * stdtrit(degrees, 0.975))
+    within = abs(difference) + error * scipy.special.stdtrit(degrees, 0.95) < margin * size
+    half = float(error * scipy.special.stdtrit(degrees, 0.975))
     answer: Answer = (
         ("changed within margin" if within else "changed")
         if found

@@ -28,9 +28,9 @@ from sindyjoint.text import in_words_of
 from sindyjoint.trust import Light, Trust
 
 if TYPE_CHECKING:
+    from sindyjoint.discovery.optimizer import JointSINDy
     from sindyjoint.discovery.regression import TermRegression
     from sindyjoint.discovery.selection import Selection
-    from sindyjoint.discovery.sindy import JointSINDy
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ class Discovery(Shown):
     @property
     def sindy(self) -> JointSINDy:
         """The model as a fitted ``pysindy.SINDy``, in physical units; its ``simulate`` knows sticking."""
-        from sindyjoint.discovery.sindy import JointSINDy
+        from sindyjoint.discovery.optimizer import JointSINDy
         from sindyjoint.response.laws import simulated_states
 
         return JointSINDy.of(self.regressor, self.model, partial(simulated_states, self.model))

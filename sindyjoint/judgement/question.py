@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 
 from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find, pooled_error
 from sindyjoint.discovery.evidence import Evidence
@@ -166,12 +167,10 @@ def _residual(selection: Selection, target: float) -> float:
 
 
 def _terms(found: Found) -> tuple[ChosenTerm, ...]:
-    from scipy.special import stdtrit
-
     step = found.selection.step
     if step is None:
         return ()
-    half = stdtrit(np.maximum(step.fit.effective_degrees, 1.0), 0.975) * found.standard_errors
+    half = scipy.special.stdtrit(np.maximum(step.fit.effective_degrees, 1.0), 0.975) * found.standard_errors
     return tuple(
         ChosenTerm(name, float(c), float(e), (float(c - h), float(c + h)))
         for name, c, e, h in zip(found.kept, found.coefficients, found.standard_errors, half, strict=True)

@@ -14,6 +14,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
 from sindyjoint.equation.model import INERTIA, JointModel
@@ -59,8 +60,6 @@ class Gap:
 
         Of the mean square, whose square root it is (Efron and Stein 1981).
         """
-        from scipy.special import stdtrit
-
         if len(runs) >= 3:
             parts = np.array([(run.residual.sum(), run.moment.sum()) for run in runs])
         else:
@@ -71,7 +70,7 @@ class Gap:
         square, count = total[0] / total[1], len(parts)
         without = (total[0] - parts[:, 0]) / np.maximum(total[1] - parts[:, 1], 1e-300)
         error = np.sqrt((count - 1) / count * np.sum((without - without.mean()) ** 2)) if count > 1 else 0.0
-        half = error * stdtrit(max(count - 1, 1), 0.975)
+        half = error * scipy.special.stdtrit(max(count - 1, 1), 0.975)
         ends = np.sqrt(np.maximum([square - half, square + half], 0.0))
         return cls(float(np.sqrt(square)), (float(ends[0]), float(ends[1])))
 

@@ -8,6 +8,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy
 
 from sindyjoint.measurement.policy import POLICY
 from sindyjoint.numeric import Array, without_line
@@ -73,16 +74,13 @@ def signal_end(
     rising : callable, optional
         Density of further noise over the frequency, as of what was differentiated.
     """
-    from scipy.ndimage import median_filter
-    from scipy.signal import welch
-
     segment = int(min(signal.size, max(256, signal.size // 24)))
-    frequency, density = welch(
+    frequency, density = scipy.signal.welch(
         signal, sample_rate, window="blackmanharris", nperseg=segment, detrend=without_line
     )
     top = density[2 * density.size // 3 :]
     floor = float(np.median(top)) if noise is None else 2 * noise**2 / sample_rate
-    smooth = median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
+    smooth = scipy.ndimage.median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
     peak = int(np.argmax(density))
     further = np.zeros_like(density) if rising is None else rising(frequency)
     sunk = np.flatnonzero((smooth <= POLICY.signal_to_noise * (floor + further))[peak:])
@@ -103,9 +101,7 @@ def _is_flat(signal: Array, sample_rate: float, segment: int) -> bool:
     Of second differences, whose gain 2 − 2cos(2πf/f_s) is divided out: what a strong slow signal leaks through the
     window is level, too, and would be taken for a floor.
     """
-    from scipy.signal import welch
-
-    frequency, density = welch(
+    frequency, density = scipy.signal.welch(
         np.diff(signal, 2), sample_rate, window="blackmanharris", nperseg=min(segment, signal.size - 2)
     )
     top = slice(2 * density.size // 3, None)
@@ -197,16 +193,14 @@ def noise_before_filter(channel: Array, other: Array, sample_rate: float) -> flo
     beyond, if it is level, is the stop band of a Chebyshev or elliptic one, and no floor. The floor is the density
     before the filter begins to fall.
     """
-    from scipy.signal import coherence, welch
-
     end = signal_end(channel, sample_rate)
     if not (end.abrupt and end.flat) or np.ptp(channel) == 0 or np.ptp(other) == 0:
         return None
     segment = int(np.clip(channel.size // SEGMENTS, 16, 512))
     settings: dict[str, Any] = dict(window="blackmanharris", nperseg=segment, detrend=without_line)
     with np.errstate(invalid="ignore", divide="ignore"):
-        frequency, shared = coherence(channel, other, sample_rate, **settings)
-    density = welch(channel, sample_rate, **settings)[1]
+        frequency, shared = scipy.signal.coherence(channel, other, sample_rate, **settings)
+    density = scipy.signal.welch(channel, sample_rate, **settings)[1]
     below = (frequency > BEFORE[0] * end.bandwidth) & (frequency < JUST_BELOW * end.bandwidth)
     below &= np.isfinite(shared)
     # By power: between the lines of a multisine there is noise, too, but not what ends.
@@ -221,14 +215,12 @@ def noise_before_filter(channel: Array, other: Array, sample_rate: float) -> flo
 
 def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool:
     """Return whether two channels share the top third of their band: what they share is signal and no noise."""
-    from scipy.signal import coherence
-
     if np.ptp(first) == 0 or np.ptp(second) == 0:
         return False
     # Short segments: the coherence of a few of them is high by chance.
     segment = int(np.clip(first.size // SEGMENTS, 16, 256))
     with np.errstate(invalid="ignore", divide="ignore"):
-        _, shared = coherence(
+        _, shared = scipy.signal.coherence(
             first, second, sample_rate, window="blackmanharris", nperseg=segment, detrend=without_line
         )
     top = shared[2 * shared.size // 3 :]

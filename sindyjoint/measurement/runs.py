@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
@@ -218,8 +219,6 @@ def travelled(angle: Array) -> tuple[Array, Array, Array]:
     InputError
         Where nothing moves.
     """
-    from scipy.optimize import isotonic_regression
-
     steps, noise = np.abs(np.diff(angle)), white_noise(angle)
     threshold = max(SIGMAS * noise, QUANTA * float(steps[steps > 0].min(initial=np.inf)))
     turns = reversals(angle, threshold if np.isfinite(threshold) else 0.0)
@@ -229,7 +228,9 @@ def travelled(angle: Array) -> tuple[Array, Array, Array]:
     corners = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angles)))])
     path = np.empty(turns[-1] + 1)
     for i, (start, stop) in enumerate(zip(turns[:-1], turns[1:], strict=True)):
-        line = isotonic_regression(angle[start : stop + 1], increasing=bool(angles[i + 1] > angles[i])).x
+        line = scipy.optimize.isotonic_regression(
+            angle[start : stop + 1], increasing=bool(angles[i + 1] > angles[i])
+        ).x
         path[start : stop + 1] = corners[i] + np.abs(np.clip(line, *sorted(angles[i : i + 2])) - angles[i])
     return path, corners, angles
 

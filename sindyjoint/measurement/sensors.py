@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.numeric import Array, scaled_least_squares
@@ -228,10 +229,6 @@ def slow_correction(path: Array, step: float, fusion: Fusion) -> Array:
     fusion : Fusion
         The sensors and their noise. Without a displacement sensor its ``prior`` says that slower motion is noise.
     """
-    from scipy.interpolate import CubicSpline
-    from scipy.sparse import block_array, csr_array, diags, eye
-    from scipy.sparse.linalg import spsolve
-
     n, noise, rate, drift = path.size, fusion.noise, fusion.rate, fusion.drift
     size = min(fusion.angle_noise, fusion.prior)
     alike = np.sqrt(noise / size)
@@ -245,28 +242,36 @@ def slow_correction(path: Array, step: float, fusion: Fusion) -> Array:
     def mean(signal: Array) -> Array:
         return np.add.reduceat(signal, edges[:-1]) / np.diff(edges)
 
-    first = diags([-1.0, 1.0], [0, 1], shape=(blocks - 1, blocks))
-    second = diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(blocks - 2, blocks))
+    first = scipy.sparse.diags([-1.0, 1.0], [0, 1], shape=(blocks - 1, blocks))
+    second = scipy.sparse.diags([1.0, -2.0, 1.0], [0, 1, 2], shape=(blocks - 2, blocks))
     told = mean((0.0 if fusion.angle is None else fusion.angle) - path)
     weight = 1 / (noise * wide**2) ** 2
-    matrix = eye(blocks) / size**2 + weight * second.T @ second
+    matrix = scipy.sparse.eye(blocks) / size**2 + weight * second.T @ second
     right = told / size**2
     # The zero of the accelerometer, in second differences.
-    zero = weight * csr_array((second.T @ np.ones(blocks - 2))[:, None])
+    zero = weight * scipy.sparse.csr_array((second.T @ np.ones(blocks - 2))[:, None])
     if rate is not None:
-        integral = CubicSpline(np.arange(n) * step, rate).antiderivative()(np.arange(n) * step)
+        integral = scipy.interpolate.CubicSpline(np.arange(n) * step, rate).antiderivative()(
+            np.arange(n) * step
+        )
         slope = first.T @ first / (fusion.rate_noise * wide) ** 2
         matrix, right = matrix + slope, right + slope @ mean(integral - path)
     if drift > 0:
         # Increments of a block's drift, and its mean known to no more than it walks over the record.
         walk = each * drift
-        drifts = eye(blocks) * (1 / size**2 + 1 / (blocks * n * drift**2)) + first.T @ first / walk**2
-        matrix = block_array([[matrix, eye(blocks) / size**2], [eye(blocks) / size**2, drifts]])
+        drifts = (
+            scipy.sparse.eye(blocks) * (1 / size**2 + 1 / (blocks * n * drift**2)) + first.T @ first / walk**2
+        )
+        matrix = scipy.sparse.block_array(
+            [[matrix, scipy.sparse.eye(blocks) / size**2], [scipy.sparse.eye(blocks) / size**2, drifts]]
+        )
         right = np.concatenate([right, told / size**2])
-        zero = csr_array(np.concatenate([zero.toarray(), np.zeros((blocks, 1))]))
-    matrix = block_array([[matrix, zero], [zero.T, csr_array([[weight * (blocks - 2)]])]])
-    found = spsolve(matrix.tocsc(), np.append(right, 0.0))[:blocks]
-    return np.asarray(CubicSpline(centre, found)(np.arange(n)))
+        zero = scipy.sparse.csr_array(np.concatenate([zero.toarray(), np.zeros((blocks, 1))]))
+    matrix = scipy.sparse.block_array(
+        [[matrix, zero], [zero.T, scipy.sparse.csr_array([[weight * (blocks - 2)]])]]
+    )
+    found = scipy.sparse.linalg.spsolve(matrix.tocsc(), np.append(right, 0.0))[:blocks]
+    return np.asarray(scipy.interpolate.CubicSpline(centre, found)(np.arange(n)))
 
 
 def sensor_noise(angle: Array, path: Array, sample_rate: float) -> tuple[float, float, float]:
@@ -289,8 +294,6 @@ def sensor_noise(angle: Array, path: Array, sample_rate: float) -> tuple[float, 
     tuple of float
         rad/s², rad, and rad per square root of a sample.
     """
-    from scipy.optimize import nnls
-
     apart = np.diff(angle - path, 2) * sample_rate**2
     window = np.hanning(apart.size)
     power = np.abs(np.fft.rfft((apart - apart.mean()) * window)) ** 2 / np.sum(window**2)
@@ -307,7 +310,7 @@ def sensor_noise(angle: Array, path: Array, sample_rate: float) -> tuple[float, 
     for _ in range(20):
         weight = np.sqrt(count) / model
         scale = np.linalg.norm(parts * weight[:, None], axis=0)
-        found = nnls(parts * weight[:, None] / scale, level * weight)[0] / scale
+        found = scipy.optimize.nnls(parts * weight[:, None] / scale, level * weight)[0] / scale
         model = np.maximum(parts @ found, 1e-6 * level + 1e-300)
     noise, angle_noise, drift = np.sqrt(found)
     return float(noise), float(angle_noise), float(drift)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 import sindyjoint.mechanics.transient_kernel as kernel
@@ -225,9 +226,7 @@ class Crossing:
             last = share, self.trial(share * x)
             return float(min(last[1][3][wrong]))
 
-        from scipy.optimize import brentq
-
-        share = float(brentq(room, 0.0, 1.0, xtol=1e-12, rtol=1e-10))
+        share = float(scipy.optimize.brentq(room, 0.0, 1.0, xtol=1e-12, rtol=1e-10))
         return share, last[1] if last[0] == share else self.trial(share * x)
 
     def _change(self, j: int) -> None:

@@ -12,6 +12,7 @@ from math import inf
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError, UnknownNameError
@@ -152,15 +153,13 @@ def _spline_pieces(values: Array, periodic: bool) -> Array:
         factor = 4 + 2 * np.cos(2 * np.pi * np.arange(once.size // 2 + 1) / once.size)
         slopes = np.fft.irfft(np.fft.rfft(right) / factor, once.size)
         return _hermite_pieces(values, np.append(slopes, slopes[0]))
-    from scipy.linalg.lapack import dgtsv
-
     right = np.empty(values.size)
     right[1:-1] = 3 * (values[2:] - values[:-2])
     right[0] = (4 * values[1] + values[2] - 5 * values[0]) / 2
     right[-1] = (5 * values[-1] - 4 * values[-2] - values[-3]) / 2
     lower, middle, upper = np.ones(values.size - 1), np.full(values.size, 4.0), np.ones(values.size - 1)
     middle[[0, -1]], upper[0], lower[-1] = 1.0, 2.0, 2.0
-    return _hermite_pieces(values, dgtsv(lower, middle, upper, right)[3])
+    return _hermite_pieces(values, scipy.linalg.lapack.dgtsv(lower, middle, upper, right)[3])
 
 
 def _hermite_pieces(y: Array, d: Array) -> Array:

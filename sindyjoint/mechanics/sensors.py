@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError
@@ -87,9 +88,7 @@ def anti_aliased(signal: Array, finer: int) -> Array:
     An acceleration jumps where friction does. Sampled without a filter, the place of a jump between two samples is
     lost, and with it what the jump does to the rate.
     """
-    from scipy.signal import resample_poly
-
-    return signal if finer == 1 else np.asarray(resample_poly(signal, 1, finer))
+    return signal if finer == 1 else np.asarray(scipy.signal.resample_poly(signal, 1, finer))
 
 
 def raw_channels(

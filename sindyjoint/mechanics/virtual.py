@@ -8,6 +8,7 @@ from inspect import signature
 from typing import Any, Literal
 
 import numpy as np
+import scipy
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError, checks_options
 from sindyjoint.measurement.runs import measured_run
@@ -158,8 +159,6 @@ class VirtualTest:
         target = level * self.angle_limit
         if self.drive == "displacement":
             return target
-        from scipy.optimize import brentq
-
         # Near a resonance the peak builds up slowly; elsewhere the second cycle repeats the first.
         periods = 30.0 if self.drive == "rig" else 4.0
         duration = min(self.settling + self.duration, periods / frequency)
@@ -181,7 +180,7 @@ class VirtualTest:
         high = 2 * float(at_peak.max() + (self.law.inertia + self._exciter_inertia) * w**2 * target)
         if excess(high) < 0:
             raise InputError(f"no moment up to {high:.3g} N·m reaches {target:.3g} rad at {frequency:g} Hz")
-        found = float(brentq(excess, 0.0, high, xtol=1e-12 * high, rtol=2e-4))
+        found = float(scipy.optimize.brentq(excess, 0.0, high, xtol=1e-12 * high, rtol=2e-4))
         # Near a resonance the peak jumps with the amplitude; the side that stays below the angle is taken.
         return found if excess(found) < 1e-3 else found * (1 - 5e-4)
 

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Literal
 
 import numpy as np
+import scipy
 
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.mechanics.beam import Beam
@@ -204,15 +205,13 @@ def recorded(sensor: Sensor, displacement: Array, velocity: Array, rate: float) 
 
 def between_samples(signal: Array) -> Array:
     """Return a recorded signal at `OVERSAMPLING` times its rate."""
-    from scipy.signal import resample_poly
-
-    return np.asarray(resample_poly(signal, OVERSAMPLING, 1, window=_recorder_filter(), padtype="line"))
+    return np.asarray(
+        scipy.signal.resample_poly(signal, OVERSAMPLING, 1, window=_recorder_filter(), padtype="line")
+    )
 
 
 def _sampled(signal: Array, rate: float, derivative: bool = False) -> Array:
     """Return a signal, or its rate of change, at the rate of the record, behind a filter without delay."""
-    from scipy.signal import resample_poly
-
     if derivative:
         reach, n, fine = CENTRAL.size, signal.size, OVERSAMPLING * rate
         padded = np.concatenate([np.full(reach, signal[0]), signal, np.full(reach, signal[-1])])
@@ -220,15 +219,17 @@ def _sampled(signal: Array, rate: float, derivative: bool = False) -> Array:
             c * fine * (padded[reach + k : n + reach + k] - padded[reach - k : n + reach - k])
             for k, c in enumerate(CENTRAL, 1)
         )
-    return np.asarray(resample_poly(signal, 1, OVERSAMPLING, window=_recorder_filter(), padtype="line"))
+    return np.asarray(
+        scipy.signal.resample_poly(signal, 1, OVERSAMPLING, window=_recorder_filter(), padtype="line")
+    )
 
 
 @lru_cache(maxsize=4)
 def _recorder_filter() -> Array:
     """Return the filter of the recorder: within 1e-5 of one up to 0.4 of its rate, where harmonics are compared."""
-    from scipy.signal import firwin
-
-    return np.asarray(firwin(2 * REACH * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0)))
+    return np.asarray(
+        scipy.signal.firwin(2 * REACH * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0))
+    )
 
 
 @checks_options()

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
@@ -230,8 +231,6 @@ def half_widths(information: Information, noise: np.random.Generator | None = No
     ndarray, shape (joints, p) or (draws, joints, p)
         Infinite where the runs do not determine the coefficients.
     """
-    from scipy.special import stdtrit
-
     inverse, singular = _inverse(information.bread.sum(axis=0))
     parts = np.einsum("jkl,rjlm,jmk->rjk", inverse, information.meat, inverse, optimize=True)
     spare = np.maximum(information.blocks - 1, 1)[..., None]
@@ -242,7 +241,7 @@ def half_widths(information: Information, noise: np.random.Generator | None = No
     degrees = np.where(squares > 0, total**2 / np.where(squares > 0, squares, 1.0), 1.0)
     blocks = (information.blocks - 1).sum(axis=0)[:, None]
     widened = total * blocks / np.maximum(blocks - inverse.shape[1], 1)
-    widths = stdtrit(np.maximum(degrees, 1), 0.975) * np.sqrt(widened)
+    widths = scipy.special.stdtrit(np.maximum(degrees, 1), 0.975) * np.sqrt(widened)
     return np.asarray(np.where(singular[:, None], np.inf, widths))
 
 

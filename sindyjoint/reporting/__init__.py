@@ -16,9 +16,10 @@ __all__ = ["draw", "drawable", "load_results", "terms_csv", "write_results"]
 __getattr__ = fetched(
     __name__,
     {
-        "equation": "TERM_COLUMNS effect_mathml mathml model_table term_rows terms_csv",
+        "equation": "TERM_COLUMNS model_table term_rows terms_csv",
         "figure": "Kind",
         "output": "PAGE figures_of place_of text_of write_results",
+        "mathml": "effect_mathml mathml",
         "packing": "pack record_names record_schema",
         "page": "Provenance number provenance",
         "registry": "draw draw_all drawable drawing kinds_of load_results saved_text show view_of",

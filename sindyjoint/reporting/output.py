@@ -76,7 +76,7 @@ def html_of(result: Any) -> str:
     head = f"<p><b>{escape(text_of(result).split(chr(10), 1)[0])}</b></p>"
     model = _model_of(result)
     if model is not None:
-        from sindyjoint.reporting.equation import mathml
+        from sindyjoint.reporting.mathml import mathml
 
         head += f"<p>{mathml(model)}</p>"
     tables = view_of(result).tables(result)

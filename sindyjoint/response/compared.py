@@ -22,7 +22,7 @@ from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, SimulatedRun, along_motion, pooled_nrmse, simulate_run
 from sindyjoint.states import ForceStates, force_states, one_after_another, states_of
 from sindyjoint.states.build import Choice, aligned_run, content_hash
-from sindyjoint.states.repetition import mean_slope
+from sindyjoint.states.floor import mean_slope
 
 LawOf = Callable[[ForceStates], Law]
 

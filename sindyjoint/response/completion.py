@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
@@ -276,13 +277,11 @@ def _smoothed(state: ForceStates, band: float, motion: Array) -> Array:
 
 def _convolved(signal: Array, kernel: Array, state: ForceStates) -> Array:
     """Return a signal convolved with a kernel; its ends are continued."""
-    from scipy.signal import fftconvolve
-
     half = kernel.size // 2
     if half >= signal.size:
         raise SimulationError("the kernel is longer than the record")
     mode: dict[str, Any] = {"mode": "wrap"} if state.repeated else {"mode": "reflect", "reflect_type": "odd"}
-    return np.asarray(fftconvolve(np.pad(signal, half, **mode), kernel, mode="valid"))
+    return np.asarray(scipy.signal.fftconvolve(np.pad(signal, half, **mode), kernel, mode="valid"))
 
 
 def _drive_of_record(run: Run, state: ForceStates, between: float) -> Array | None:

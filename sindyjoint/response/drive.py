@@ -6,6 +6,7 @@ from typing import Any, Literal
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import scipy
 
 from sindyjoint.errors import SimulationError
 from sindyjoint.measurement.policy import POLICY as NOISE
@@ -78,12 +79,10 @@ def unanswered(states: ForceStates, inertia: float) -> float:
     A moment that drives moves the joint by M/(k + Jω²) at least, k the secant stiffness; above its band the angle
     shows no such motion. Friction's steps in the moment of a prescribed motion move nothing. Zero without an inertia.
     """
-    from scipy.signal import welch
-
     if not inertia > 0 or not np.ptp(states.moment) > 0:
         return 0.0
     segment = int(min(states.n_samples, max(256, states.n_samples // 8)))
-    frequency, density = welch(
+    frequency, density = scipy.signal.welch(
         states.moment, states.sample_rate, window="blackmanharris", nperseg=segment, detrend=without_line
     )
     unit_noise = 2 / states.sample_rate  # one-sided density of white noise of variance one
@@ -190,8 +189,6 @@ def fitted_start(
     **options
         Of :func:`~sindyjoint.mechanics.stickslip.simulate`.
     """
-    from scipy.optimize import least_squares
-
     free = np.flatnonzero(size)
     bound, found = np.where(free < 2, POLICY.correction, np.inf), np.zeros(free.size)
     for share in STAGES:
@@ -212,7 +209,7 @@ def fitted_start(
             here = at(x)
             return np.column_stack([(at(x + step) - here) / STEP for step in STEP * np.eye(x.size)])
 
-        found = np.asarray(least_squares(residual, found, jacobian, bounds=(-bound, bound)).x)
+        found = np.asarray(scipy.optimize.least_squares(residual, found, jacobian, bounds=(-bound, bound)).x)
     result = start.copy()
     result[free] += size[free] * found
     return result

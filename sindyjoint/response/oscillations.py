@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import same
@@ -84,8 +85,6 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     >>> round(float(np.mean(found.period)), 4)
     0.25
     """
-    from scipy.signal import find_peaks, savgol_filter
-
     values = np.asarray(signal, dtype=np.float64)
     if values.size < 16 or np.ptp(values) == 0:
         return None
@@ -93,14 +92,14 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     width = max(5, int(CUBIC_SPAN * sample_rate / frequency) | 1)
     if width >= values.size:
         return None
-    smooth = savgol_filter(values, width, 3)
+    smooth = scipy.signal.savgol_filter(values, width, 3)
     # A cubic over w points keeps 9/(4w) of the noise's variance (its value in the middle).
     least = max(
         POLICY.significance * white_noise(values) * np.sqrt(2.25 / width),
         POLICY.least_half_cycle * float(np.ptp(smooth)),
     )
-    maxima, _ = find_peaks(smooth, prominence=least)
-    minima, _ = find_peaks(-smooth, prominence=least)
+    maxima, _ = scipy.signal.find_peaks(smooth, prominence=least)
+    minima, _ = scipy.signal.find_peaks(-smooth, prominence=least)
     indices = np.concatenate([maxima, minima])
     signs = np.concatenate([np.ones(maxima.size), -np.ones(minima.size)])
     order = np.argsort(indices, kind="stable")
@@ -133,22 +132,21 @@ def hilbert_envelope(signal: ArrayLike, sample_rate: float) -> tuple[Array, Arra
     Noise (by the local cubic of :func:`oscillation`) and the slow part (mean over one period) are taken away first;
     the frequency, Hz, is the phase's mean slope over a period. A period at either end is an extrapolation.
     """
-    from scipy.ndimage import uniform_filter1d
-    from scipy.signal import hilbert, savgol_filter
-
     values = np.asarray(signal, dtype=np.float64)
     period = max(3, round(sample_rate / main_frequency(values, sample_rate)))
     width = max(5, int(CUBIC_SPAN * period) | 1)
     if width < values.size:
-        values = savgol_filter(values, width, 3)
-    vibration = values - uniform_filter1d(values, period, mode="nearest")
+        values = scipy.signal.savgol_filter(values, width, 3)
+    vibration = values - scipy.ndimage.uniform_filter1d(values, period, mode="nearest")
     # Odd continuation at both ends: the transform of a record that breaks off has large end errors.
     n = min(2 * period, values.size - 1)
     padded = np.concatenate([-vibration[n:0:-1], vibration, -vibration[-2 : -n - 2 : -1]])
-    analytic = hilbert(padded)[n : n + values.size]
+    analytic = scipy.signal.hilbert(padded)[n : n + values.size]
     phase = np.unwrap(np.angle(analytic))
-    frequency = uniform_filter1d(np.gradient(phase) * sample_rate / (2 * np.pi), period, mode="nearest")
-    envelope = uniform_filter1d(np.abs(analytic), max(3, period // 2), mode="nearest")
+    frequency = scipy.ndimage.uniform_filter1d(
+        np.gradient(phase) * sample_rate / (2 * np.pi), period, mode="nearest"
+    )
+    envelope = scipy.ndimage.uniform_filter1d(np.abs(analytic), max(3, period // 2), mode="nearest")
     return envelope, frequency
 
 

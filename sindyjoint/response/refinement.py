@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel
@@ -188,11 +189,9 @@ def _fit(problem: OutputError, start: Array, most: int) -> tuple[Array, float]:
 
 
 def _descend(problem: OutputError, start: Array, most: int, step: float) -> tuple[Array, float]:
-    from scipy.optimize import least_squares
-
     scale = np.array([parameter.scale for parameter in problem.parameters])
     low, high = np.array([(parameter.low, parameter.high) for parameter in problem.parameters]).T
-    solution = least_squares(
+    solution = scipy.optimize.least_squares(
         lambda x: problem.residual(x * scale),
         np.clip(start, low, high) / scale,
         lambda x: problem.jacobian(x * scale, step) * scale,

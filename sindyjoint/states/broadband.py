@@ -7,13 +7,12 @@ import numpy as np
 from sindyjoint.errors import InputError
 from sindyjoint.measurement.noise import WIDEST, channel_noise
 from sindyjoint.measurement.runs import white_noise
-from sindyjoint.numeric import Array, convolve
+from sindyjoint.numeric import Array, convolve, filtered_inputs, smoothing_kernels
 from sindyjoint.record import Run
 from sindyjoint.rig import Fusion
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor
 from sindyjoint.states.rows import moving_mask, rate_limit, within
-from sindyjoint.states.smoothing import filtered_inputs, smoothing_kernels
 
 BLOCKS = 32
 # A signal far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls

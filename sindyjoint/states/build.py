@@ -15,11 +15,10 @@ from sindyjoint.inputs import lagged
 from sindyjoint.numeric import Array, delayed, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.states.broadband import broadband_states, path_states
-from sindyjoint.states.floor import with_scatter
+from sindyjoint.states.floor import mean_period, repetition, with_scatter
 from sindyjoint.states.periodic import periodic_states
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
-from sindyjoint.states.repetition import mean_period, repetition
 
 Choice = Literal["auto", "periodic", "broadband"]
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, smoothing_kernels
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
-from sindyjoint.states.smoothing import smoothing_kernels
 
 
 @dataclass(frozen=True, eq=False)

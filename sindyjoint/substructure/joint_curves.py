@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import Shown, same
@@ -247,9 +248,7 @@ class Varied:
             blocks.append(model.covariance_matrix[np.ix_(places, places)])
         if not found:
             return None
-        from scipy.linalg import block_diag
-
-        return cls(found, block_diag(*blocks))  # type: ignore[arg-type]
+        return cls(found, scipy.linalg.block_diag(*blocks))  # type: ignore[arg-type]
 
     def changes(
         self, balance: Balance, unknowns: Array, omega: float, force: float = 0.0, growth: float = 0.0

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
@@ -369,8 +370,6 @@ def update_structure(
     spectra = [strongest(recovery.freed, HARMONICS) for recovery in recoveries]
     stuck = [strongest(each, HARMONICS) for each in held]
 
-    from scipy.optimize import least_squares
-
     def left(change: Array) -> Array:
         changed = with_numbers(test, change)
         parts = [solve_channels(changed, kept, angular).left.ravel() for kept, angular in spectra]
@@ -378,6 +377,6 @@ def update_structure(
         values = np.concatenate(parts)
         return np.concatenate([values.real, values.imag, change / prior])
 
-    found = least_squares(left, np.zeros(prior.size), x_scale=prior, xtol=1e-6, ftol=1e-6)
+    found = scipy.optimize.least_squares(left, np.zeros(prior.size), x_scale=prior, xtol=1e-6, ftol=1e-6)
     covariance = np.asarray(np.linalg.inv(found.jac.T @ found.jac), dtype=np.float64)
     return Update(tuple(number.name for number in test.uncertain), prior, found.x, covariance)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
@@ -90,8 +91,6 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     InputError
         If fewer than three periods are steady.
     """
-    from scipy.ndimage import uniform_filter1d
-
     if run.frequency is None:
         return _record_spectra(run, declared, bandwidth)
     signals = run.signals
@@ -121,7 +120,7 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     for number, signal in enumerate(steady):
         residual = signal - basis.series(means[number], cosine[number], sine[number])
         noise = local_noise(residual, run.sample_rate, basis.angular / (2 * np.pi), 0.5 * frequency)
-        noise = uniform_filter1d(noise, neighbours, mode="nearest")
+        noise = scipy.ndimage.uniform_filter1d(noise, neighbours, mode="nearest")
         if declared is not None and np.isfinite(declared[number]):
             noise = np.maximum(noise, declared[number] ** 2)
         # Of exact data rounding is all that is left.

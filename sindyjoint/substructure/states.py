@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.described import same
@@ -72,10 +73,8 @@ def kept_of(recovery: Recovery, joint: int) -> Orders:
 
 def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
     """Return the harmonics up to where a continuous spectrum ends in noise, shape (h,)."""
-    from scipy.ndimage import median_filter
-
     power = np.abs(amplitude) ** 2 / (2 * standard_error**2)
-    smooth = median_filter(power, min(power.size, max(5, power.size // 60)) | 1, mode="nearest")
+    smooth = scipy.ndimage.median_filter(power, min(power.size, max(5, power.size // 60)) | 1, mode="nearest")
     above = np.flatnonzero(smooth > NOISE.signal_to_noise)
     return np.arange(power.size) <= (above[-1] if above.size else -1)
 

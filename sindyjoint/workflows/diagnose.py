@@ -86,8 +86,7 @@ def diagnose(
     hold_out : sequence of str
         Names of runs that are kept out of the fit, as if marked ``use = "validate"``.
     advise : bool
-        Whether runs are sought that would tell rivals apart; ``policy.advice_work`` and ``policy.advice_seconds`` end
-        that early.
+        Whether runs are sought that would tell rivals apart; ``policy.advice_work`` ends that early.
     actuator : Actuator, optional
         What makes further runs: those that it can make are advised. Default: any prescribed angle up to the largest
         tested one, and moments where these drove.

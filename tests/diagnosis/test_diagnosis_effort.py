@@ -72,7 +72,7 @@ def test_the_diagnosis_is_handed_over_whole_before_advice_begins(sought):
 def test_a_search_that_is_stopped_says_so_and_nothing_depends_on_who_tries_the_runs(ambiguous, sought):
     campaign, effects = ambiguous
     whole = sought[0]
-    policy = replace(CAMPAIGN, advice_work=5e3)
+    policy = replace(CAMPAIGN, advice_work=5e3, slowest=1.0)
     short = diagnose(campaign, effects=effects, policy=policy)
     assert short.search.status == "stopped" and short.search.tried < short.search.planned
     assert "ended after as much work as is allowed on any machine" in short.warnings[0]
@@ -81,7 +81,9 @@ def test_a_search_that_is_stopped_says_so_and_nothing_depends_on_who_tries_the_r
     with spread(2):
         assert diagnose(campaign, effects=effects, policy=policy).search == short.search
         assert diagnose(campaign, effects=effects).advice == whole.advice
-    assert diagnose(campaign, effects=effects, policy=replace(CAMPAIGN, advice_seconds=0.0)).search.tried == 0
+    assert (
+        diagnose(campaign, effects=effects, policy=replace(CAMPAIGN, slowest=float("inf"))).search.tried == 0
+    )
 
 
 def test_an_interruption_of_advice_leaves_the_diagnosis(

@@ -9,7 +9,7 @@ import pytest
 from sindyjoint import diagnose
 from sindyjoint.cli import main
 from sindyjoint.diagnosis import load_effects
-from sindyjoint.diagnosis.campaign.localisation import locate_gap
+from sindyjoint.diagnosis.campaign.gap import locate_gap
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.files import write_campaign
 from sindyjoint.record import Campaign, Joint, Run

@@ -8,7 +8,7 @@ import pytest
 from sindyjoint import diagnose
 from sindyjoint.diagnosis import FittedEffect, load_effects, select_effects
 from sindyjoint.diagnosis.campaign import repair
-from sindyjoint.diagnosis.campaign.add import counted_from_zero
+from sindyjoint.diagnosis.campaign.explain import counted_from_zero
 from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.start import Work, first_model

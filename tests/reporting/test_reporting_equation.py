@@ -8,7 +8,7 @@ import pytest
 
 from sindyjoint.diagnosis import FittedEffect, load_effects
 from sindyjoint.reporting import effect_mathml, kinds_of
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.text import in_words_of
 from tests.reporting.handmade_results import diagnosis
 

@@ -11,7 +11,7 @@ from handmade import HOSTILE, ORIGIN, TERMS, model, page_html, report_data
 
 from sindyjoint.equation import ModelTerm, list_catalogues, load_catalogue
 from sindyjoint.reporting import draw_all
-from sindyjoint.reporting.equation import mathml
+from sindyjoint.reporting.mathml import mathml
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "report.txt"
 # Elements that fetch, and attributes that name what to fetch.

@@ -5,6 +5,7 @@ import pytest
 
 from sindyjoint.record import Run
 from sindyjoint.states import force_states
+from sindyjoint.states.floor import mean_period, repetition
 from sindyjoint.states.harmonics import (
     HarmonicBasis,
     local_noise,
@@ -12,7 +13,6 @@ from sindyjoint.states.harmonics import (
     significant_harmonics,
     steady_start,
 )
-from sindyjoint.states.repetition import mean_period, repetition
 from sindyjoint.states.rows import moving_mask, rate_limit, without_noise_travel
 
 SAMPLING = 1000.0

@@ -17,7 +17,7 @@ from sindyjoint.diagnosis.verdict import grows
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, campaign_states
-from sindyjoint.states.repetition import mean_slope
+from sindyjoint.states.floor import mean_slope
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from sindyjoint.clock import spend
 from sindyjoint.diagnosis.campaign.repair import all_columns, yield_complaint
@@ -163,9 +164,7 @@ class CampaignEvidence:
         simplex = np.vstack([start, start + np.diag(np.where(start + step < bounds[1], step, -step))])
         options = dict(initial_simplex=simplex, xatol=3e-3, fatol=0.05, maxfev=TRIALS * start.size)
         spend(float(TRIALS * start.size * self.motions.angle.size))
-        from scipy.optimize import minimize
-
-        found = minimize(loss, start, method="Nelder-Mead", options=options)
+        found = scipy.optimize.minimize(loss, start, method="Nelder-Mead", options=options)
         values = np.exp(np.clip(found.x, *bounds))
         columns = self.column(variant, values)
         effect = self.by_id[candidate.name]

@@ -12,9 +12,16 @@ import numpy as np
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
-from sindyjoint.diagnosis.campaign.gap import gap_of, gap_rows, gap_without, kept_misfit, noise_floor
+from sindyjoint.diagnosis.campaign.gap import (
+    gap_of,
+    gap_rows,
+    gap_without,
+    kept_misfit,
+    locate_gap,
+    noise_floor,
+    run_gaps,
+)
 from sindyjoint.diagnosis.campaign.joint_zero import ZERO, zero_start
-from sindyjoint.diagnosis.campaign.localisation import locate_gap, run_gaps
 from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
 from sindyjoint.diagnosis.campaign.numbers.uncertainty import response_error
 from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, is_element, nuisances_of, whole_model

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
@@ -302,12 +303,10 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
     """Return an effect with its nonlinear parameters refitted near where they were."""
     if not fitted.values.size:
         return fitted
-    from scipy.optimize import minimize
-
     within = fitted.variant.bounds(problem.reference) if fitted.within is None else fitted.within
     bounds = np.log(within).T
     start = np.clip(np.log(fitted.values), *bounds)
-    found = minimize(
+    found = scipy.optimize.minimize(
         lambda p: -problem.gain(fitted.variant, np.exp(np.clip(p, *bounds)))[0],
         start,
         method="Nelder-Mead",

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numba import njit
 from numpy.typing import NDArray
 
@@ -63,9 +64,7 @@ def surface_roughness() -> Array:
         np.eye(angle.size), _bend(rate.size, 1.0)
     )
     along, across = _bend(fine_angle.size, 2.0), _bend(fine_rate.size, 1.0)
-    from scipy.linalg import block_diag
-
-    rough: Array = block_diag(sheet, sheet, along, along, across, across)
+    rough: Array = scipy.linalg.block_diag(sheet, sheet, along, along, across, across)
     return rough
 
 
@@ -267,8 +266,6 @@ class Prediction:
         return total
 
     def _penalty(self, names: tuple[str, ...], smoothness: float, shrinkage: float) -> Array:
-        from scipy.linalg import block_diag
-
         parts = []
         for name in names:
             identity = np.eye(self._place[name].size)
@@ -276,7 +273,7 @@ class Prediction:
                 parts.append(smoothness * surface_roughness() + LEAST_SHRINKAGE * identity)
             else:
                 parts.append((LEAST_SHRINKAGE if name == BASE else shrinkage) * identity)
-        penalty: Array = block_diag(*parts)
+        penalty: Array = scipy.linalg.block_diag(*parts)
         return penalty
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from sindyjoint.diagnosis.parts import Place, Regions, most_informative
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
@@ -142,12 +143,10 @@ def _phase(
 
     For the analytic signals S and M, |S − M|² = (|S| − |M|)² + 4·|S|·|M|·sin²(Δφ/2).
     """
-    from scipy.signal import hilbert
-
     cut = round(sample_rate / main_frequency(measured, sample_rate))
     if measured.size < 4 * cut:
         return []
-    mine, other = (hilbert(x - x.mean())[cut:-cut] for x in (simulated, measured))
+    mine, other = (scipy.signal.hilbert(x - x.mean())[cut:-cut] for x in (simulated, measured))
     amplitude = float(np.sum((np.abs(mine) - np.abs(other)) ** 2))
     total = float(np.sum(np.abs(mine - other) ** 2))
     if not total > 0:

@@ -15,10 +15,9 @@ from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.evidence.policy import POLICY
 from sindyjoint.diagnosis.evidence.score import Ranking, rise
-from sindyjoint.diagnosis.loop import add_effects
 from sindyjoint.diagnosis.parts import Budget, Place, divide_gap, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Problem, Say
+from sindyjoint.diagnosis.problem import Problem, Say, add_effects
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.kinds import assemble_model, with_slopes

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.clock import Portion
@@ -199,11 +200,9 @@ class PulseProblem(OutputError):
 
 def _later(motion: Array, delay: float, sample_rate: float) -> Array:
     """Return a motion that was at rest before it began, later by a delay, s."""
-    from scipy.interpolate import CubicSpline
-
     time = np.arange(motion.size) / sample_rate
     asked = time - delay
-    shown = CubicSpline(time, motion)(np.clip(asked, 0.0, time[-1]))
+    shown = scipy.interpolate.CubicSpline(time, motion)(np.clip(asked, 0.0, time[-1]))
     return np.where(asked < 0, 0.0, shown)
 
 
@@ -361,12 +360,11 @@ def _explained(windows: Array, sample_rate: float, lines: list[float]) -> tuple[
 
 def _refined(windows: Array, sample_rate: float, lines: list[float], guess: float, width: float) -> float:
     """Return the frequency within a resolution of a guess that leaves least, Hz."""
-    from scipy.optimize import minimize_scalar
 
     def residual(frequency: float) -> float:
         return float(np.sum(_explained(windows, sample_rate, [*lines, frequency])[0] ** 2))
 
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         residual, bounds=(max(guess - width, 0.1 * guess), guess + width), method="bounded"
     )
     return float(found.x) if residual(float(found.x)) < residual(guess) else guess
@@ -374,10 +372,8 @@ def _refined(windows: Array, sample_rate: float, lines: list[float], guess: floa
 
 def _line(windows: Array, sample_rate: float, policy: DiagnosisPolicy) -> float | None:
     """Return the frequency of a line that stands out of the windows' mean spectrum, Hz."""
-    from scipy.ndimage import median_filter
-
     power = np.mean(np.abs(np.fft.rfft(windows * np.hanning(windows.shape[1]), axis=1)) ** 2, axis=0)[1:]
-    ground = median_filter(power, size=min(31, power.size | 1), mode="nearest")
+    ground = scipy.ndimage.median_filter(power, size=min(31, power.size | 1), mode="nearest")
     place = int(np.argmax(power / np.maximum(ground, 1e-300)))
     if power[place] < policy.line_ratio * ground[place] or power[place] <= 1e-20 * power.max():
         return None

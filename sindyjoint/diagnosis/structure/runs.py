@@ -14,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.clock import spend
@@ -245,9 +246,9 @@ class RunsProblem(OutputError):
     def _white(self, place: int, values: Array) -> Array:
         if not self.whitening:
             return values
-        from scipy.linalg import solve_triangular
-
-        return np.asarray(solve_triangular(self.whitening[place], values, lower=True, check_finite=False))
+        return np.asarray(
+            scipy.linalg.solve_triangular(self.whitening[place], values, lower=True, check_finite=False)
+        )
 
     def derivatives(
         self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None

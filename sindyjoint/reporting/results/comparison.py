@@ -15,8 +15,9 @@ from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, GivenModel
 from sindyjoint.judgement.headlines import judge_comparison
-from sindyjoint.reporting.equation import interval_text, mathml, superscripted
+from sindyjoint.reporting.equation import interval_text, superscripted
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.results.discovery_terms import dependence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened

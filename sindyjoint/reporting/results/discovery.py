@@ -17,7 +17,8 @@ from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
-from sindyjoint.reporting.equation import mathml, model_table, terms_csv
+from sindyjoint.reporting.equation import model_table, terms_csv
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
 from sindyjoint.reporting.results.discovery_data import Loop, ReportData, gather
 from sindyjoint.reporting.results.discovery_states import loops_payload, map_payload

@@ -12,8 +12,9 @@ from rich.markup import escape
 from sindyjoint.judgement.joint_laws import JointLaw
 from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.numeric import Array
-from sindyjoint.reporting.equation import mathml, model_table
+from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, each, fixed, plot
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
 from sindyjoint.reporting.tables import Console, TextTable, print_table, tabulate

@@ -12,7 +12,7 @@ import numpy as np
 from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_verification
-from sindyjoint.reporting.equation import mathml, model_table
+from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import (
     Axes,
     Curve,
@@ -26,6 +26,7 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
+from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, section
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (

@@ -15,6 +15,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
@@ -65,9 +66,7 @@ class Answer:
     @cached_property
     def factors(self) -> Factors:
         """Of the derivatives of the balance by the angles."""
-        from scipy.linalg import lu_factor
-
-        return lu_factor(self.balance.residual(self.angles)[1], check_finite=False)
+        return scipy.linalg.lu_factor(self.balance.residual(self.angles)[1], check_finite=False)
 
     def moved(self, out: Array) -> Array:
         """Return how the angles move where the balance is out by so much, to first order."""

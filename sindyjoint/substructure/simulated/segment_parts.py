@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import BASE, RigTest, load_row, sensor_rows
@@ -40,18 +41,14 @@ def noise_between_samples(signal: Array) -> float:
 
 def slow_lines(samples: int, highest: float) -> Array:
     """Return the functions of the cosine transform up to a share of the rate, orthonormal, shape (samples, lines)."""
-    from scipy.fft import idct
-
-    return np.asarray(idct(np.eye(samples, int(2 * highest * samples)), norm="ortho", axis=0))
+    return np.asarray(scipy.fft.idct(np.eye(samples, int(2 * highest * samples)), norm="ortho", axis=0))
 
 
 def without_slow_lines(signal: Array, highest: float) -> Array:
     """Return a signal without what lies below a share of the rate."""
-    from scipy.fft import dct, idct
-
-    parts = dct(signal, norm="ortho")
+    parts = scipy.fft.dct(signal, norm="ortho")
     parts[: int(2 * highest * signal.size)] = 0.0
-    return np.asarray(idct(parts, norm="ortho"))
+    return np.asarray(scipy.fft.idct(parts, norm="ortho"))
 
 
 def kept(samples: int) -> int:
@@ -78,12 +75,10 @@ def carried(test: RigTest) -> Array:
 
 def moves_of(reduced: Structure, motion: State, top: float) -> tuple[State, ...]:
     """Return moves of a state, of the RMS of a motion: angle and rate of each mode up to a frequency, Hz."""
-    from scipy.linalg import eigh
-
     joints = np.arange(reduced.n_joints)
     stiffness = reduced.stiffness.copy()
     stiffness[joints, joints] += reduced.tangent_stiffness()
-    squared, shapes = eigh(stiffness, reduced.mass)
+    squared, shapes = scipy.linalg.eigh(stiffness, reduced.mass)
     shapes = shapes[:, : max(1, np.count_nonzero(squared < (2 * np.pi * top) ** 2))]
     still, none = np.zeros(len(shapes)), np.zeros_like(motion[2][0])
     moves: list[State] = []

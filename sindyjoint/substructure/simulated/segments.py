@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.mechanics.excitation import sampled
@@ -383,8 +384,6 @@ class SegmentedRun:
 
     def _compared(self, span: tuple[int, int], shown: Array) -> Array:
         """Return what the sensors show less measured in their noise, up to the frequency that is compared, (rows,)."""
-        from scipy.fft import dct
-
         first, stop = span
         weighed = (shown - self.measured[:, first:stop]) / self.sigma[:, None]
-        return np.asarray(dct(weighed, norm="ortho", axis=1)[:, : kept(stop - first)].ravel())
+        return np.asarray(scipy.fft.dct(weighed, norm="ortho", axis=1)[:, : kept(stop - first)].ravel())

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
@@ -96,12 +97,10 @@ class MeasuredRun:
 
     def _in_band(self, shown: Array) -> Array:
         """Return signals without their mean and without what lies above the band of the recovery."""
-        from scipy.fft import dct, idct
-
-        parts = dct(shown, norm="ortho", axis=1)
+        parts = scipy.fft.dct(shown, norm="ortho", axis=1)
         parts[:, 0] = 0.0
         parts[:, int(2 * LIMITS.band * shown.shape[1]) :] = 0.0
-        return np.asarray(idct(parts, norm="ortho", axis=1))
+        return np.asarray(scipy.fft.idct(parts, norm="ortho", axis=1))
 
     @property
     def highest(self) -> float:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import Maybe, same
@@ -157,9 +158,7 @@ class NextJoint:
     @property
     def interval95(self) -> tuple[float, float]:
         """In which it lies in 95 of 100 cases."""
-        from scipy.special import stdtrit
-
-        half = float(stdtrit(self.degrees, 0.975)) * self.scale
+        half = float(scipy.special.stdtrit(self.degrees, 0.975)) * self.scale
         return self.mean - half, self.mean + half
 
 
@@ -309,15 +308,13 @@ def random_effects(y: Array, s: Array) -> tuple[float, float, float]:
 
 def _find_root(excess: Callable[[float], float], deviation: Array) -> float:
     """Return the root of the τ² at which a falling function is zero; zero where it is not positive anywhere."""
-    from scipy.optimize import brentq
-
     top = 4.0 * float(np.max(deviation**2)) * max(deviation.size, 4)
     low = 1e-18 * top
     if top == 0 or excess(low) <= 0:
         return 0.0
     while excess(top) > 0:
         top *= 4
-    return float(np.sqrt(brentq(excess, low, top, xtol=1e-15 * top, rtol=1e-12)))
+    return float(np.sqrt(scipy.optimize.brentq(excess, low, top, xtol=1e-15 * top, rtol=1e-12)))
 
 
 def _fit_trends(
@@ -401,6 +398,4 @@ def holm(p: ArrayLike) -> Array:
 
 
 def _compute_two_sided(z: Array, degrees: float) -> Array:
-    from scipy.special import stdtr
-
-    return np.asarray(2 * stdtr(degrees, -np.abs(z)), dtype=float)
+    return np.asarray(2 * scipy.special.stdtr(degrees, -np.abs(z)), dtype=float)

@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
@@ -96,10 +97,8 @@ class HalfCycles:
 
     def white(self, moments: Array) -> Array:
         """Return the same in units of independent noise."""
-        from scipy.linalg.lapack import dtbtrs
-
         rows = self.plain(moments)
-        solution, _ = dtbtrs(self._factor, rows, uplo="L")
+        solution, _ = scipy.linalg.lapack.dtbtrs(self._factor, rows, uplo="L")
         return solution.reshape(rows.shape)
 
 
@@ -117,8 +116,6 @@ def reversals(rate: Array, limit: float) -> NDArray[np.intp]:
 
 def _covariance_factor(transition: Array, noise: Array) -> Array:
     """Return the banded Cholesky factor of the rows' covariance: each is e(end) − Φ·e(start) of errors e."""
-    from scipy.linalg import cholesky_banded
-
     spread = np.diag(noise**2)
     own = spread + transition @ spread @ transition.transpose(0, 2, 1)
     shared = -transition[1:] @ spread
@@ -127,7 +124,7 @@ def _covariance_factor(transition: Array, noise: Array) -> Array:
     banded[1, 0::2] = own[:, 1, 0]
     banded[2, 0:-2:2], banded[1, 1:-2:2] = shared[:, 0, 0], shared[:, 0, 1]
     banded[3, 0:-2:2], banded[2, 1:-2:2] = shared[:, 1, 0], shared[:, 1, 1]
-    return cholesky_banded(banded, lower=True, check_finite=False)
+    return scipy.linalg.cholesky_banded(banded, lower=True, check_finite=False)
 
 
 def transition_steps(slopes: tuple[Array, Array], inertia: float, step: float, angular: float) -> Array:

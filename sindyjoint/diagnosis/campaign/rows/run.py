@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles
@@ -54,10 +55,8 @@ def folded_whitener(
     matrix = np.hstack([block * error for block in carried])
     covariance = matrix @ matrix.T
     covariance[np.diag_indices_from(covariance)] += sigma**2
-    from scipy.linalg import solve_triangular
-
     lower = np.linalg.cholesky(covariance)
-    return solve_triangular(lower, np.eye(sigma.size), lower=True, check_finite=False)
+    return scipy.linalg.solve_triangular(lower, np.eye(sigma.size), lower=True, check_finite=False)
 
 
 def kernel_noise_factor(
@@ -87,8 +86,6 @@ def kernel_noise_factor(
     sigma : ndarray, shape (m,)
         Standard error of each row by independent noise, N·m.
     """
-    from scipy.linalg import cholesky_banded
-
     cutoff = min(BEYOND * states.bandwidth, WIDEST * states.sample_rate)
     low, first, second = smoothing_kernels(cutoff, states.sample_rate)
     longest = low.size - 1
@@ -118,7 +115,7 @@ def kernel_noise_factor(
         row = sum(one[: lag.size] * other[band:] * correlation[place] for one, other, correlation in pairs)
         banded[band, : lag.size] = np.where(inside, row, 0.0)
     banded[0] += sigma**2
-    return cholesky_banded(banded, lower=True, check_finite=False), banded[0]
+    return scipy.linalg.cholesky_banded(banded, lower=True, check_finite=False), banded[0]
 
 
 # A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
@@ -194,9 +191,7 @@ class GapRun:
             return self.half_cycles.white(rows)
         if self.folded:
             return self.factor @ rows
-        from scipy.linalg.lapack import dtbtrs
-
-        solution, _ = dtbtrs(self.factor, rows, uplo="L")
+        solution, _ = scipy.linalg.lapack.dtbtrs(self.factor, rows, uplo="L")
         return solution.reshape(rows.shape)
 
     @property
