@@ -99,7 +99,7 @@ def row_bootstrap(found, replicates=200, seed=0):
 
 def one_coverage(seed: int, noise: float, drive: str | None, states: str, samples=None) -> dict:
     from sindyjoint.errors import SindyJointError
-    from sindyjoint.judgement.independence import frequency_tests
+    from sindyjoint.judgement.discovery import frequency_tests
 
     plan = plan_of(seed, drive)
     try:
@@ -172,7 +172,7 @@ def _row(label: str, values, digits: int = 1) -> None:
 
 
 def one_power(seed: int, noise: float, effect: str, drive: str | None) -> dict:
-    from sindyjoint.judgement.independence import frequency_tests
+    from sindyjoint.judgement.discovery import frequency_tests
 
     plan = plan_of(seed, drive)
     campaign = (

@@ -32,7 +32,7 @@ SOUND = ("sound", "undeclared")
 
 def one(test, kind: str, seed: int) -> dict:
     """Return what the check finds with a fault put in, or of a sound test."""
-    from sindyjoint.soundness.check import find_rig_faults
+    from sindyjoint.soundness.check import find_faults
     from tests.soundness.rig_faults import found, inject
 
     run, channel, put = None, None, test
@@ -41,7 +41,7 @@ def one(test, kind: str, seed: int) -> dict:
     elif kind != "sound":
         put, run, channel = inject(kind, test, seed)
     begun = time.process_time()
-    findings = find_rig_faults(put)
+    findings = find_faults(put)
     record = {"kind": kind, "seed": seed, "run": run, "channel": channel, "cpu": time.process_time() - begun}
     record["findings"] = [(f.severity, f.id, f.run, f.channel, f.extent) for f in findings]
     if kind not in SOUND:

@@ -70,9 +70,9 @@ def saved_and_verified(campaign, folder: Path):
 
 def accepted(campaign) -> tuple[str, ...]:
     """Return what the check of the data would stop at: here the figures are compared, whatever they are worth."""
-    from sindyjoint.soundness.check import check_campaign
+    from sindyjoint.soundness.check import check_data
 
-    return tuple(dict.fromkeys(f.id for f in check_campaign(campaign).stopping))
+    return tuple(dict.fromkeys(f.id for f in check_data(campaign).stopping))
 
 
 def row(name: str, campaign) -> tuple[list[str], float]:

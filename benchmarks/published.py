@@ -208,7 +208,7 @@ def found_law(campaign, door: str, refine: bool, folder: Path) -> tuple[str, ...
     """Write the model that a door finds in a campaign; return its terms and elements."""
     if door == "discover":
         from sindyjoint import discover
-        from sindyjoint.judgement.refined import refined
+        from sindyjoint.judgement.discovery import refined
 
         found = discover(campaign, align=True)
         model = (refined(found) if refine else found).model

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from sindyjoint.reporting.style import figure_bytes
     from sindyjoint.response.laws import model_law
     from sindyjoint.states import campaign_states, force_states
-    from sindyjoint.states.rows import regression_rows
+    from sindyjoint.states.record import regression_rows
     from sindyjoint.states.surface import fit_surface, force_state_map
     from sindyjoint.workflows.batch import batch
     from sindyjoint.workflows.check import check
@@ -143,7 +143,7 @@ _HOMES = {
     "plan": "workflows.plan",
     "play": "planning.plan_file",
     "refine": "workflows.verify",
-    "regression_rows": "states.rows",
+    "regression_rows": "states.record",
     "rig_motion": "workflows.simulate",
     "simulate": "workflows.simulate",
     "verify": "workflows.verify",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import comb
 from typing import Literal
 
 import numpy as np
@@ -136,6 +137,16 @@ def without_line(segments: Array) -> Array:
     centred = segments - np.mean(segments, axis=-1, keepdims=True)
     slope = centred @ place / (place @ place)
     return np.asarray(centred - slope[..., None] * place)
+
+
+def noise_by_differences(signal: ArrayLike, order: int) -> float:
+    """Return the RMS of white noise on a signal that is slow beside its rate, steps and spikes apart.
+
+    Differences of an order n hold C(2n, n) times the variance of white noise, and the less of a slow signal the larger
+    n; their median absolute value ignores a few (1.4826 times it is σ for Gaussian noise).
+    """
+    differences = np.diff(np.asarray(signal, dtype=np.float64), order)
+    return float(1.4826 * np.median(np.abs(differences)) / np.sqrt(comb(2 * order, order)))
 
 
 def main_frequency(signal: ArrayLike, sample_rate: float, between_bins: bool = False) -> float:

@@ -27,7 +27,7 @@ from sindyjoint.cli.progress import Progress
 if TYPE_CHECKING:
     from sindyjoint.export import Export
     from sindyjoint.files.drafting.assignment import Question
-    from sindyjoint.soundness.check import Checked
+    from sindyjoint.soundness.check import Check
 
 SHOWN = 8  # findings
 
@@ -89,7 +89,7 @@ def init(
     typer.echo(f"\nnext: {shlex.join(['sindyjoint', 'discover', str(folder), '--out', 'results'])}")
 
 
-def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Checked, Path]:
+def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Check[Any], Path]:
     """Check what was written, and draw all runs beside it."""
     from sindyjoint.documents import refuse_foreign_file
     from sindyjoint.files.atomic import write_bytes

@@ -249,7 +249,7 @@ def _find_terms(
     result = discover(measured, progress=progress.say, **options)
     if refined_with is None:
         return result
-    from sindyjoint.judgement.refined import refined
+    from sindyjoint.judgement.discovery import refined
 
     progress.say("refining on the simulated response")
     return refined(result, refined_with)

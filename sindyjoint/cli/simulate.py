@@ -13,6 +13,7 @@ from sindyjoint.cli.options import (
     AtOption,
     ForceOption,
     default_of,
+    given,
     given_inputs,
     refuse_other_options,
     with_blocks,
@@ -20,10 +21,6 @@ from sindyjoint.cli.options import (
 from sindyjoint.cli.progress import Progress
 
 if TYPE_CHECKING:
-    from sindyjoint.equation.model import JointModel
-    from sindyjoint.mechanics.virtual import VirtualTest
-    from sindyjoint.numeric import Array
-    from sindyjoint.record import Campaign
     from sindyjoint.workflows.simulate import WrittenTest
 
 
@@ -145,25 +142,18 @@ def simulate(
 
     from sindyjoint.equation.model_file import read_model
     from sindyjoint.errors import InputError
-    from sindyjoint.files import write_campaign
-    from sindyjoint.mechanics.sensors import SENSOR_RIG
-    from sindyjoint.mechanics.virtual import virtual_test
-    from sindyjoint.response.laws import model_law
-    from sindyjoint.workflows.simulate import WrittenRun, WrittenTest
+    from sindyjoint.workflows.simulate import WrittenRun, WrittenTest, make_test
 
     known = None if model is None else read_model(model)
     if known is None and at:
         raise InputError(f"--at {at[0]} is given without --model; the paper's joints have no inputs")
-    held = None if known is None else known.at(**given_inputs(known, at))
-    if skew is None:
-        skew = 0.0 if known is None or known.test is None else known.test.total("time shift")
-        if skew:
-            typer.echo(
-                f"the moment lags by {skew:.3g} s, as the model knows of its rig (--skew 0: not)", err=True
-            )
-    test = virtual_test(
-        joint.value if held is None else model_law(held),
-        angle_limit=None if known is None else known.fitted.angle,
+    made = make_test(
+        joint.value,
+        known,
+        None if known is None else given_inputs(known, at),
+        plan=plan,
+        rng=random_state,
+        progress=progress.say,
         noise=noise,
         quantisation=bits,
         raw_channels=raw,
@@ -173,67 +163,20 @@ def simulate(
         sample_rate=sample_rate,
         duration=duration,
         settling=settling,
-        skew=skew,
         accelerometer="" if accelerometer is None else accelerometer.value,
         angle_drift=drift,
+        **given(skew=skew),
     )
-    campaign, channels = _make_campaign(test, held, plan, random_state, progress)
     progress.say("writing the files")
-    sensors = SENSOR_RIG if channels else None
-    manifest = write_campaign(campaign, out, format.value, sensors, channels, force=force)
+    manifest, campaign = made.write(out, format.value, force), made.campaign
     progress.show_details(campaign)
     progress.end()
-    if known is not None:
-        _warn_of_range(known, campaign)
+    for note in made.notes:
+        typer.echo(note, err=True)
     runs = (WrittenRun(run.name, run.frequency, run.level, run.n_samples) for run in campaign.runs)
     _print_record(
         WrittenTest(manifest, campaign.joint.name, tuple(runs)), f"the {campaign.joint.name}", as_json
     )
-
-
-def _make_campaign(
-    test: VirtualTest, model: JointModel | None, plan: Path | None, random_state: int, progress: Progress
-) -> tuple[Campaign, list[dict[str, Array]] | None]:
-    """Return the simulated campaign, its runs those of a plan where one is given, and the raw channels of a rig."""
-    from dataclasses import replace
-
-    import numpy as np
-
-    from sindyjoint.inputs import constant
-    from sindyjoint.mechanics.virtual import campaign_joint, run_tests
-    from sindyjoint.planning.plan_file import play, read_plan
-    from sindyjoint.record import Campaign
-
-    channels = None
-    if plan is not None:
-        listed = read_plan(plan)
-        progress.say(f"simulating {len(listed.runs)} runs")
-        runs = play(test.law, listed.runs, listed.sensors, random_state).runs
-    else:
-        progress.say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
-        made = run_tests(test, np.random.default_rng(random_state))
-        runs = tuple(one.run for one in made)
-        channels = [one.raw for one in made] if test.raw else None
-    if model is None:
-        return Campaign(campaign_joint(test), runs, simulated=True), channels
-    runs = tuple(
-        replace(run, inputs={each.name: constant(each.reference, run.n_samples) for each in model.inputs})
-        for run in runs
-    )
-    joint = replace(model.joint, inertia=model.inertia)
-    return Campaign(joint, runs, simulated=True, inputs=model.inputs), channels
-
-
-def _warn_of_range(model: JointModel, campaign: Campaign) -> None:
-    """Print where the simulated runs leave the range that the model was fitted to."""
-    import numpy as np
-
-    from sindyjoint.equation.model_parts import range_warnings
-
-    for run in campaign.runs:
-        rate = np.gradient(run.angle, 1 / run.sample_rate)
-        for warning in range_warnings(model.fitted, model.joint.motion, run.angle, rate, run.name):
-            typer.echo(warning, err=True)
 
 
 def _print_record(record: WrittenTest, subject: str, as_json: bool) -> None:

@@ -73,11 +73,6 @@ class Problem(Protocol):
         return False
 
     @property
-    def numbers(self) -> int:
-        """Numbers of the law: coefficients of the model and the effects, and nonlinear parameters."""
-        return 0
-
-    @property
     def gap(self) -> Gap:
         """On data left out of the fit, with the effects."""
 

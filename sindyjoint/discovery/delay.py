@@ -4,6 +4,9 @@ A moment that lags by τ is the law at the state τ earlier. Seen as physics it 
 eighth of c1 per millisecond for the paper's joint) and drags τ·2k2·θθ̇ and τ·3k3·θ²θ̇ along, so it is looked for
 before any of these is believed. τ is a parameter of the regression, found by Gauss–Newton steps: the column
 ∂M/∂τ = −dM/dt joins the terms, its coefficient is the step, its standard error that of τ.
+
+A law that lacks a term takes a delay for it: friction that grows with the angle looks like one. The delay therefore
+competes with the candidate terms, and is that of the law they make.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ from numpy.typing import NDArray
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.terms import ResolvedTerm, term_columns
+from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
 from sindyjoint.numeric import Array, convolve, delayed, main_frequency, scaled_least_squares
@@ -30,6 +33,8 @@ from sindyjoint.text import quantities
 
 # Gauss–Newton steps, and evenly spaced rows that suffice for them.
 STEPS, ROWS = 4, 40_000
+# A candidate that explains the moment better than the delay by this likelihood ratio belongs to the law.
+BETTER = 100.0
 
 
 @dataclass(frozen=True)
@@ -45,12 +50,15 @@ class ChannelDelay:
     disagreement : float
         By how many of their errors the delays of single runs differ, at least 1; the standard error is widened by it,
         and by what the law lacks.
+    degrees : float
+        Of freedom, from which the standard error is known.
     """
 
     time: float
     standard_error: float
     residual_rms: float = float("nan")
     disagreement: float = 1.0
+    degrees: float = float("inf")
 
     @property
     def at_limit(self) -> bool:
@@ -63,8 +71,15 @@ class ChannelDelay:
 
     @property
     def significant(self) -> bool:
-        """Whether it stands three standard errors out, and by more than 0.02 ms, the error of the method."""
-        return abs(self.time) > max(POLICY.delay_significance * self.standard_error, POLICY.least_delay)
+        """Whether it stands out as three standard errors do that are known exactly, and by more than 0.02 ms.
+
+        That is the error of the method. Of few degrees of freedom Student's t stands out more by chance.
+        """
+        from scipy.special import ndtr, stdtrit
+
+        chance = ndtr(POLICY.delay_significance)
+        enough = POLICY.delay_significance if np.isinf(self.degrees) else stdtrit(self.degrees, chance)
+        return abs(self.time) > max(float(enough) * self.standard_error, POLICY.least_delay)
 
     @property
     def stands_out(self) -> bool:
@@ -138,15 +153,73 @@ def find_delay(
 ) -> ChannelDelay | None:
     """Return the delay under the paper's law and a constant; None where the data do not carry that law.
 
-    Of the law's coefficients each may depend linearly on every input.
+    Of the law's coefficients each may depend linearly on every input. Candidates of the default catalogue that explain
+    the moment better than the delay does join the law.
     """
     if not any(np.any(s.moment[s.moving]) for s in states) or np.ptp(states[0].moment) == 0:
         return None
     try:
-        return estimate_delay(states, law_of_channels(inertia, inputs), inertia)
+        return competing_delay(states, law_of_channels(inertia, inputs), inertia)
     except (np.linalg.LinAlgError, InputError):
         # Dependent columns (one level of a pure sine): a delay cannot be distinguished from damping there.
         return None
+
+
+def competing_delay(states: Sequence[ForceStates], law: Columns, inertia: float | None) -> ChannelDelay:
+    """Return the delay under a law to which the candidate terms are added that explain the moment better than it."""
+    delay, offered = estimate_delay(states, law, inertia), None
+    while delay.significant and not delay.at_limit:
+        offered = _candidates(states) if offered is None else offered
+        better = _better_than(delay, states, law, inertia, offered)
+        if better is None:
+            break
+        law = _joined(law, columns_of([offered.pop(better)]))
+        delay = estimate_delay(states, law, inertia)
+    return delay
+
+
+def _candidates(states: Sequence[ForceStates]) -> list[ResolvedTerm]:
+    """Return the terms of the default catalogue at the scales of some states."""
+    from sindyjoint.equation.catalogue import DEFAULT, load_catalogue
+
+    angle, rate = (np.concatenate([getattr(s, name)[s.moving] for s in states]) for name in ("angle", "rate"))
+    reference = Reference.of(angle, rate)
+    return [term.resolve(reference) for term in load_catalogue(DEFAULT)]
+
+
+def _joined(law: Columns, more: Columns) -> Columns:
+    return lambda *motion: np.column_stack([law(*motion), more(*motion)])
+
+
+def _better_than(
+    delay: ChannelDelay,
+    states: Sequence[ForceStates],
+    law: Columns,
+    inertia: float | None,
+    offered: Sequence[ResolvedTerm],
+) -> int | None:
+    """Return the place of the candidate that wins most over a delay in its stead, or None where none does.
+
+    A delay of z standard errors explains z² in units of what remains; a candidate as many more times as it makes the
+    sum of squares fall by more.
+    """
+    stride = max(1, sum(s.n_samples for s in states) // ROWS)
+    both = _joined(law, columns_of(offered))
+    rows = [_evaluate_columns(s, both, inertia, stride) for s in states]
+    triangle = Factor.of(np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows])).triangle
+    size = np.linalg.norm(triangle, axis=0)
+    known = triangle.shape[1] - 1 - len(offered)
+    rest = triangle[known:, known:]  # what the law leaves of candidates and moment
+    length = np.linalg.norm(rest[:, :-1], axis=0)
+    free = length > 1e-6 * size[known:-1]  # others are columns of the law
+    falls = np.where(free, (rest[:, -1] @ rest[:, :-1]) ** 2 / np.where(free, length, 1.0) ** 2, 0.0)
+    count = sum(r[1].size for r in rows)
+    own = float(rest[:, -1] @ rest[:, -1]) - count * delay.residual_rms**2
+    if not own > 0:
+        return None
+    won = (falls / own - 1) * (delay.time / delay.standard_error) ** 2
+    best = int(np.argmax(won))
+    return best if won[best] > 2 * np.log(BETTER) else None
 
 
 def align_channels(campaign: Campaign) -> Campaign:
@@ -205,8 +278,11 @@ def estimate_delay(
     if evidence is None:
         return ChannelDelay(time, error, residual)
     apart = _disagreement(evidence, residual)
-    lacking = _error_by_lacking(states, evidence, time, law, inertia, residual)
-    return ChannelDelay(time, float(np.hypot(apart * error, lacking)), residual, apart)
+    lacking, values = _error_by_lacking(states, evidence, time, law, inertia, residual)
+    total = float(np.hypot(apart * error, lacking))
+    # Of the two parts' degrees of freedom that of the sum (Satterthwaite, Biometrics Bulletin 2, 1946).
+    spread = (apart * error) ** 4 / max(fit.effective_degrees[-1], 1.0) + lacking**4 / values
+    return ChannelDelay(time, total, residual, apart, total**4 / spread if spread > 0 else float("inf"))
 
 
 def _error_by_lacking(
@@ -216,8 +292,8 @@ def _error_by_lacking(
     law: Columns,
     inertia: float | None,
     residual_rms: float,
-) -> float:
-    """Return the standard error of a delay by what the law lacks, s.
+) -> tuple[float, float]:
+    """Return the standard error of a delay by what the law lacks, s, and the independent values that it rests on.
 
     What remains beyond the noise has some shape along the period of the motion, the same in every block and run: their
     scatter does not see it. A shape of RMS d with m independent values falls on a column of RMS u, of which the terms
@@ -227,16 +303,20 @@ def _error_by_lacking(
     beyond = float(np.sqrt(max(residual_rms**2 - np.nan_to_num(floor) ** 2, 0.0)))
     unique = abs(float(evidence.pooled.triangle[-2, -2])) / np.sqrt(evidence.pooled.rows)
     if not beyond > 0 or not unique > 0:
-        return 0.0
+        return 0.0, 1.0
     parts = [_evaluate_columns(shifted(s, time), law, inertia, 1)[:2] for s in states]
     X, y = (np.concatenate(column) for column in zip(*parts, strict=True))
     coefficients = scaled_least_squares(X, y, 1e-12)
-    values = [
-        _independent_values(target - columns @ coefficients, s)
-        for (columns, target), s in zip(parts, states, strict=True)
-        if target.size
-    ]
-    return beyond / (unique * float(np.sqrt(np.median(values))))
+    values = float(
+        np.median(
+            [
+                _independent_values(target - columns @ coefficients, s)
+                for (columns, target), s in zip(parts, states, strict=True)
+                if target.size
+            ]
+        )
+    )
+    return beyond / (unique * np.sqrt(values)), values
 
 
 def _independent_values(residual: Array, states: ForceStates) -> float:

@@ -60,16 +60,6 @@ class Asked:
 Method = Callable[[Asked], Path]
 
 
-def _stlsq(asked: Asked) -> Path:
-    """Sequentially thresholded least squares on unique shares, one term at a time, with exchange."""
-    return elimination_path(asked.factor, asked.forced, asked.evidence.parents)
-
-
-def _backward(asked: Asked) -> Path:
-    """Backward elimination: the term whose removal costs least goes, and does not come back."""
-    return backward_path(asked.factor, asked.forced, asked.evidence.parents)
-
-
 def _best_subset(asked: Asked) -> Path:
     """Exact best subset of every size, by branch and bound."""
     from sindyjoint.discovery.best_subset import best_subsets
@@ -77,40 +67,22 @@ def _best_subset(asked: Asked) -> Path:
     return [subset.columns for subset in best_subsets(asked.factor, asked.forced, asked.signs)]
 
 
-def _coefficient_stlsq(asked: Asked) -> Path:
+def _of_pysindy(name: str, **settings: Any) -> Any:
+    """Return a fresh optimiser of pysindy."""
+    import pysindy.optimizers
+
+    return getattr(pysindy.optimizers, name)(unbias=False, **settings)
+
+
+def _pysindy_stlsq(threshold: float) -> Any:
     """STLSQ of pysindy on scaled columns, all coefficients below the threshold removed at once."""
-    return _threshold_path(asked, _pysindy_stlsq)
+    return _of_pysindy("STLSQ", threshold=threshold, alpha=0.0)
 
 
-def _sr3(asked: Asked) -> Path:
+def _pysindy_sr3(threshold: float) -> Any:
     """SR3 of pysindy with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
-    from pysindy.optimizers import SR3
-
-    def build(threshold: float) -> Any:
-        return SR3(
-            reg_weight_lam=threshold**2 / 2,
-            regularizer="L0",
-            relax_coeff_nu=1.0,
-            unbias=False,
-            max_iter=300,
-            tol=1e-9,
-        )
-
-    return _threshold_path(asked, build)
-
-
-def _ssr(asked: Asked) -> Path:
-    """SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time."""
-    from pysindy.optimizers import SSR
-
-    return _history_path(asked, SSR(alpha=0.0, unbias=False, max_iter=asked.factor.n_columns))
-
-
-def _frols(asked: Asked) -> Path:
-    """FROLS of pysindy, forward regression by error reduction ratio (Billings 2013)."""
-    from pysindy.optimizers import FROLS
-
-    return _history_path(asked, FROLS(alpha=0.0, unbias=False, max_iter=asked.factor.n_columns))
+    settings = {"regularizer": "L0", "relax_coeff_nu": 1.0, "max_iter": 300, "tol": 1e-9}
+    return _of_pysindy("SR3", reg_weight_lam=threshold**2 / 2, **settings)
 
 
 def _ensemble(asked: Asked) -> Path:
@@ -141,7 +113,7 @@ def _lasso_lars(asked: Asked) -> Path:
     Efron, Hastie, Johnstone and Tibshirani, Annals of Statistics 32(2), 2004. Set sizes are met more than once; all
     are kept.
     """
-    from sklearn.linear_model import LassoLarsIC
+    from sklearn.linear_model import LassoLarsIC, lars_path
 
     # LassoLarsIC wants the noise variance where rows are no more than columns, as on a factor: that of the full fit.
     corner = asked.factor.normalised()[0].triangle[-1, -1]
@@ -149,20 +121,22 @@ def _lasso_lars(asked: Asked) -> Path:
     columns, target = asked.problem
     fit = LassoLarsIC(criterion="bic", fit_intercept=False, noise_variance=noise)
     _quiet(lambda: fit.fit(columns, target[:, 0]))
-    from sklearn.linear_model import lars_path
-
     path = _quiet(lambda: lars_path(columns, target[:, 0], method="lasso")[2])
     return [asked.all_columns, _nonzero(fit.coef_, asked), *(_nonzero(c, asked) for c in path.T)]
 
 
 METHODS: dict[str, Method] = {
-    "stlsq": _stlsq,
+    # Sequentially thresholded least squares on unique shares, one term at a time, with exchange.
+    "stlsq": lambda asked: elimination_path(asked.factor, asked.forced, asked.evidence.parents),
     "best_subset": _best_subset,
-    "backward": _backward,
-    "coefficient_stlsq": _coefficient_stlsq,
-    "sr3": _sr3,
-    "ssr": _ssr,
-    "frols": _frols,
+    # Backward elimination: the term whose removal costs least goes, and does not come back.
+    "backward": lambda asked: backward_path(asked.factor, asked.forced, asked.evidence.parents),
+    "coefficient_stlsq": lambda asked: _threshold_path(asked, _pysindy_stlsq),
+    "sr3": lambda asked: _threshold_path(asked, _pysindy_sr3),
+    # SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time.
+    "ssr": lambda asked: _history_path(asked, "SSR"),
+    # FROLS of pysindy, forward regression by error reduction ratio (Billings 2013).
+    "frols": lambda asked: _history_path(asked, "FROLS"),
     "ensemble": _ensemble,
     "lasso_lars": _lasso_lars,
 }
@@ -295,12 +269,6 @@ def obedient(factor: Factor, columns: Sequence[int], signs: Mapping[int, int]) -
     return tuple(kept)
 
 
-def _pysindy_stlsq(threshold: float) -> Any:
-    from pysindy.optimizers import STLSQ
-
-    return STLSQ(threshold=threshold, alpha=0.0, unbias=False)
-
-
 def _resampled_blocks(asked: Asked) -> Factor:
     """Return the normalised factor of blocks drawn with replacement, as many of each run as it has."""
     drawn = []
@@ -337,7 +305,8 @@ def _threshold_path(asked: Asked, build: Callable[[float], Any], thresholds: Arr
     return path
 
 
-def _history_path(asked: Asked, optimiser: Any) -> Path:
+def _history_path(asked: Asked, name: str) -> Path:
+    optimiser = _of_pysindy(name, alpha=0.0, max_iter=asked.factor.n_columns)
     _quiet(lambda: optimiser.fit(*asked.problem))
     return [asked.all_columns, *(_nonzero(c, asked) for c in optimiser.history_)]
 

@@ -23,7 +23,7 @@ from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, MissingExtraError
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
-from sindyjoint.states.rows import group_labels
+from sindyjoint.states.record import group_labels
 
 # Degree of pysindy's test functions (1 − s²)ᵖ, its default.
 DEGREE = 4

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.export import Export
@@ -93,7 +94,8 @@ class _Elements:
         self.stick = GIVE * parts.model.fitted.angle
         self.constants = tuple(t for t in parts.elastic if not t.expression.free_symbols)
         self.springs = tuple(t for t in parts.elastic if t not in self.constants)
-        self.linear = bool(self.springs) and parts.is_linear_spring
+        theta = variable_symbols()[0]
+        self.linear = bool(self.springs) and all(t.expression == theta for t in parts.elastic)
         nodes = parts.elastic_nodes(POINTS)
         values, middle = total(self.springs, nodes, 0.0), nodes.size // 2
         offset = float(values[middle])  # COMBIN39 passes through the origin

@@ -9,10 +9,9 @@ import keyword
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from string import Template
 from typing import Any
 
 import sympy
@@ -32,6 +31,7 @@ from sindyjoint.export.fidelity import (
     ascii_line,
     comment,
     fidelity_table,
+    filled_in,
     number,
     preamble,
     words_of,
@@ -147,12 +147,7 @@ def law_of(model: JointModel) -> Law:
     return Law(numbers, moment, tuple(states), tuple(rates), tuple(limits), inputs)
 
 
-def law_of_elements(model: JointModel) -> Law:
-    """Return the elements of a model alone."""
-    return law_of(replace(model, terms=(), covariance=()))
-
-
-def filled(file: str, model: JointModel, printer: CodePrinter, infinity: str, law: Law, **own: str) -> str:
+def code(file: str, model: JointModel, printer: CodePrinter, infinity: str, law: Law, **own: Any) -> str:
     """Return the text of a template of code with the numbers and the law of a model.
 
     Parameters
@@ -166,26 +161,29 @@ def filled(file: str, model: JointModel, printer: CodePrinter, infinity: str, la
         As the language writes it.
     law : Law
         Of the model.
-    **own : str
-        What only this template holds.
+    **own : object
+        What only this template asks for.
     """
     # What bounds a step or the range does so wherever the inputs were tested.
     held = corners(model)
     below, above = zip(*map(softening_limits, held), strict=True)
-    low, high = written(max(below), infinity), written(min(above), infinity)
     stiffness, damping = (max(values) for values in zip(*map(steepness, held), strict=True))
     cycles = Cycles.of(model)
     fast = [speeds(element, cycles) for element in model.elements]
-    return template(file).substitute(
+    return filled_in(
+        file,
+        law=law,
         inertia=number(model.inertia),
         inertia_unit=words_of(model).inertia_unit,
-        low=low,
-        high=high,
+        low=written(max(below), infinity),
+        high=written(min(above), infinity),
         stiffness=number(stiffness + sum(k for k, _ in fast)),
         damping=number(damping),
         relaxation=number(max((decay for _, decay in fast), default=0.0)),
         share=number(SHARE_OF_SLIDERS if any(map(math.isfinite, law.limits)) else SHARE),
-        law=printer.doprint(law.moment),
+        moment=printer.doprint(law.moment),
+        rates=[printer.doprint(rate) for rate in law.rates],
+        limits=[written(limit, infinity) for limit in law.limits],
         **own,
     )
 
@@ -211,8 +209,15 @@ def input_identifier(name: str) -> str:
 @cache
 def _words_in_use() -> frozenset[str]:
     """Return every word of the templates, and of their languages."""
-    files = ("joint.h.txt", "joint.py.txt", "joint_fmu.py.txt")
-    words = {word for file in files for word in re.findall(r"[A-Za-z]\w*", template(file).template)}
+    folder = files("sindyjoint.export").joinpath("templates")
+    texts = [
+        folder.joinpath(name).read_text(encoding="utf-8")
+        for name in ("joint.h.j2", "joint.py.j2", "joint_fmu.py.j2")
+    ]
+    # What the templates ask for themselves is no word of the code.
+    words = {
+        w for text in texts for w in re.findall(r"[A-Za-z]\w*", re.sub(r"(?s)\{[{%].*?[%}]\}", " ", text))
+    }
     return frozenset({*words, *keyword.kwlist, *_C_WORDS.split()})
 
 
@@ -254,11 +259,6 @@ _RESERVED = {
         "STATE_NAMES", "LIMITS",
     )
 }  # fmt: skip
-
-
-def template(name: str) -> Template:
-    """Return a template that ships with the package."""
-    return Template(files("sindyjoint.export").joinpath("templates", name).read_text(encoding="utf-8"))
 
 
 def bounds(model: JointModel) -> str:
@@ -307,38 +307,19 @@ def code_notes(model: JointModel) -> tuple[str, ...]:
 def export_c(model: JointModel) -> Export:
     """Write ``joint.h``: a C99 header with the law and exact stick-slip steps."""
     rows, notes = exact_rows(model, "C expression"), code_notes(model)
-    law, printer = law_of(model), CPrinter()
-    stateful = bool(law.states)
-    limits = ", ".join(written(limit, "HUGE_VAL") for limit in law.limits)
-    # What inputs the functions take, and their values of reference.
-    values = ", ".join(number(each.reference) for _, each in law.inputs)
-    head = f"static const double JOINT_REFERENCE[] = {{{values}}}; /* of the inputs, last arguments of functions */"
-    lines = [head, *(block_comment(input_line(*each)) for each in law.inputs), ""]
-    references = "\n".join(lines) if law.inputs else ""
-    text = filled(
-        "joint.h.txt",
+    law = law_of(model)
+    text = code(
+        "joint.h.j2",
         model,
-        printer,
+        CPrinter(),
         "HUGE_VAL",
         law,
         comment=block_comment(comment(preamble(model, "C", rows, notes), "")),
         name=string_literal(one_line(model.joint.name)),
-        coefficients="\n".join(
-            f"static const double {name} = {number(value)}; {block_comment(what)}"
-            for name, value, what in law.numbers
-        ),
-        count=str(len(law.states)),
-        names=", ".join([*(string_literal(one_line(state)) for state in law.states), "0"]),
-        limits=", ".join([limits, "0"] if stateful else ["0"]),
-        rates="\n".join(f"    out[{j}] = {printer.doprint(rate)};" for j, rate in enumerate(law.rates)),
-        read=", const double *z" if stateful else "",
-        write=", double *z" if stateful else "",
-        give=", z" if stateful else "",
-        z="z" if stateful else "0",
-        declare="".join(f", double {name}" for name, _ in law.inputs),
-        inputs="".join(f", {name}" for name, _ in law.inputs),
-        unused="".join(f" (void){name};" for name, _ in law.inputs),
-        references=references,
+        # Empty lists are none in C: the last entry stands for the end.
+        names=[*(string_literal(one_line(state)) for state in law.states), "0"],
+        block_comment=block_comment,
+        input_line=input_line,
     )
     return Export("c", {"joint.h": text}, rows, notes)
 

@@ -297,7 +297,7 @@ def fidelity_table(
     ----------
     model : JointModel
     cycles : Cycles
-    represented : mapping of str to :class:`~sindyjoint.export.parts.Represented`
+    represented : mapping of str to :class:`~sindyjoint.export.fidelity.Represented`
         By id; every term and every element must be there.
     total : ndarray, shape (levels, phases), optional
         Moment of the exported form as written, rounding included; otherwise the sum over the terms.

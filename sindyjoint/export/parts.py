@@ -126,11 +126,6 @@ class Parts:
         """Of the spring that stands for sticking Coulomb friction, N·m/rad; zero without friction."""
         return max(self.friction, 0.0) / (GIVE * self.model.fitted.angle)
 
-    @property
-    def is_linear_spring(self) -> bool:
-        """Whether the elastic part is one stiffness."""
-        return all(term.expression == variable_symbols()[0] for term in self.elastic)
-
     def elastic_nodes(self, count: int) -> Array:
         """Angles of a table over the tested range: an odd ``count``, zero in the middle."""
         half = np.linspace(0, 1, count // 2 + 1)[1:]

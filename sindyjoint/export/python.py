@@ -15,21 +15,19 @@ from sindyjoint.export import Export
 from sindyjoint.export.code import (
     PythonPrinter,
     bounds,
+    code,
     code_notes,
     exact_rows,
-    filled,
     identifiers,
     input_line,
     law_of,
-    template,
-    written,
 )
 from sindyjoint.export.fidelity import (
     Fidelity,
     comment,
     fidelity_lines,
+    filled_in,
     not_carried,
-    number,
     preamble,
     words_of,
 )
@@ -41,58 +39,21 @@ def export(model: JointModel) -> Export:
     return Export("python", {"joint.py": _source(model, rows, "Python")}, rows, code_notes(model))
 
 
-# What the template says of internal states; nothing, for a law that has none.
-_DOCUMENT = "\n\n    state lists the internal states in the order of STATES; without it they are zero."
-STATEFUL = {
-    "argument": ", state",
-    "start": ", state=None",
-    "document": _DOCUMENT,
-    "advanced": f"{_DOCUMENT}\n    It is advanced in place.",
-    "unpack": "    z = state or [0.0] * len(STATES)\n",
-    "copy": "list(state or [0.0] * len(STATES))",
-    "keep": "    if state is not None:\n        state[:] = z\n",
-    "inside": ", z",
-    "states_inside": ", states",
-    "begin": "    state = [0.0] * len(STATES) if state is None else state\n",
-}
-
-
 def _source(model: JointModel, rows: tuple[Fidelity, ...], target: str) -> str:
     """Return the text of the module."""
     law = law_of(model)
-    printer = PythonPrinter({"fully_qualified_modules": True})
-    rates = ", ".join(printer.doprint(rate) for rate in law.rates)
-    limits = ", ".join(written(limit, "math.inf") for limit in law.limits)
-    given = STATEFUL if law.states else dict.fromkeys(STATEFUL, "") | {"copy": "[]"}
-    given = {**dict.fromkeys(("references", "inner", "hand", "bind"), ""), **given}
-    if law.inputs:
-        defaults = "".join(f", {name}={number(each.reference)}" for name, each in law.inputs)
-        passed = "".join(f", {name}={name}" for name, _ in law.inputs)
-        lines = ["Inputs of the law, keywords of its functions:", *(input_line(*each) for each in law.inputs)]
-        given |= {
-            "start": given["start"] + defaults,
-            "argument": given["argument"] + passed,
-            "inside": given["inside"] + ", **u",
-            "states_inside": given["states_inside"] + ", **u",
-            "inner": ", u",
-            "hand": ", u",
-            "bind": f"    u = dict({passed.removeprefix(', ')})\n",
-            "references": comment(lines, "#"),
-        }
-    return filled(
-        "joint.py.txt",
+    lines = ["Inputs of the law, keywords of its functions:", *(input_line(*each) for each in law.inputs)]
+    return code(
+        "joint.py.j2",
         model,
-        printer,
+        PythonPrinter({"fully_qualified_modules": True}),
         "math.inf",
         law,
-        coefficients="\n".join(f"{name} = {number(value)}  # {what}" for name, value, what in law.numbers),
         comment=comment(preamble(model, target, rows, code_notes(model)), "#"),
+        references=comment(lines, "#") if law.inputs else "",
         name=ascii(one_line(model.joint.name)),
         motion=ascii(model.joint.motion),
         states=ascii([one_line(name) for name in law.states]),
-        limits=f"[{limits}]",
-        rates=f"[{rates}]",
-        **given,
     )
 
 
@@ -128,12 +89,12 @@ def export_fmu(model: JointModel) -> Export:
     if inputs:
         notes.append("further inputs, SI: " + "; ".join(input_line(*each) for each in inputs))
     names = identifiers(states)
-    text = template("joint_fmu.py.txt").substitute(
+    text = filled_in(
+        "joint_fmu.py.j2",
+        law=law,
         states=ascii([name.replace("JOINT_", "state_", 1) for name in names]),
         inputs=ascii({name: each.reference for name, each in inputs}),
-        given=(", self._states" if states else "") + (", **self._inputs" if inputs else ""),
-        call=(", None, self._states" if states else "") + (", **self._inputs" if inputs else ""),
-        law=_source(model, rows, "FMI 2.0"),
+        module=_source(model, rows, "FMI 2.0"),
         description=ascii(one_line(model.joint.name)),
         guid=ascii(digest[:32]),
         angle=ascii(f"{words.angle}, {words.angle_unit}"),

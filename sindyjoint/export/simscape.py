@@ -6,6 +6,7 @@ Elements with internal states are a custom component beside them, in a file of i
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
-from sindyjoint.export.code import DIRECTION, law_of_elements, template
+from sindyjoint.export.code import DIRECTION, law_of
 from sindyjoint.export.fidelity import (
     Cycles,
     Represented,
@@ -24,6 +25,7 @@ from sindyjoint.export.fidelity import (
     ascii_line,
     comment,
     fidelity_table,
+    filled_in,
     number,
     preamble,
     words_of,
@@ -162,10 +164,11 @@ class SimscapePrinter(StrPrinter):
 def _component(model: JointModel, head: str) -> str:
     """Return the file of the component, headed by a comment."""
     rotation = model.joint.motion == "rotation"
-    law = law_of_elements(model)
+    law = law_of(replace(model, terms=(), covariance=()))  # the elements alone
     load, unit, angle, rate = ("t", "N*m", "rad", "w") if rotation else ("f", "N", "m", "v")
-    states = [f"z{index + 1}" for index in range(len(law.states))]
-    return template("elements.ssc.txt").substitute(
+    limits = [limit if math.isfinite(limit) else None for limit in law.limits]
+    return filled_in(
+        "elements.ssc.j2",
         name=NAME,
         head=head.rstrip("\n"),
         domain="rotational.rotational" if rotation else "translational.translational",
@@ -173,29 +176,11 @@ def _component(model: JointModel, head: str) -> str:
         unit=unit,
         angle=angle,
         rate=rate,
-        parameters="\n".join(
-            f"    {constant} = {{{number(value)}, '1'}}; % {what}" for constant, value, what in law.numbers
-        ),
-        states="\n".join(
-            f"    {z} = {{value = {{0, '1'}}, priority = priority.high}}; % {ascii_line(what)}"
-            for z, what in zip(states, law.states, strict=True)
-        ),
-        rates="\n".join(
-            f"        {line}"
-            for z, formula, limit in zip(states, law.rates, law.limits, strict=True)
-            for line in _rate(z, _written(formula), limit)
-        ),
+        law=law,
+        rates=list(zip(map(_written, law.rates), limits, strict=True)),
         moment=_written(law.moment),
+        ascii_line=ascii_line,
     )
-
-
-def _rate(state: str, formula: str, limit: float) -> list[str]:
-    """Return the equation of a state, which stops at its limit."""
-    free = f"der({state}) == ({formula})*{{1, '1/s'}};"
-    if not math.isfinite(limit):
-        return [free]
-    full = f"if abs({state}) >= {number(limit)} && {state}*omega > 0"
-    return [full, f"    der({state}) == {{0, '1/s'}};", "else", f"    {free}", "end"]
 
 
 def _written(expression: Any) -> str:

@@ -11,20 +11,29 @@ import numpy as np
 
 from sindyjoint.described import Shown, same
 from sindyjoint.discovery.delay import ChannelDelay
+from sindyjoint.discovery.frequency import FrequencyTest, GroupEstimates, frequency_test, group_estimates
+from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import in_words, inseparable
-from sindyjoint.equation.calibration import gain_moves
+from sindyjoint.equation.calibration import gain_moves, with_gain_uncertainty
+from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
+from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.judgement.headline import Excitations, is_of_the_paper, of_discovery
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
+from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
 from sindyjoint.judgement.versions import versions
 from sindyjoint.record import Campaign
+from sindyjoint.response.drive import prescribed
+from sindyjoint.response.output_error_runs import Nuisance as Kind
+from sindyjoint.response.refinement import Refinement, refine
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates
-from sindyjoint.states.build import content_hash, run_hash
-from sindyjoint.text import in_words_of
+from sindyjoint.states.build import content_hash, run_hash, with_later_motion
+from sindyjoint.states.record import group_labels
+from sindyjoint.text import in_words_of, spelled
 from sindyjoint.trust import Light, Trust
 
 if TYPE_CHECKING:
@@ -119,7 +128,7 @@ class Discovery(Shown):
     regressor: TermRegression = field(repr=False)
     campaign: Campaign = field(repr=False)
     soundness: Soundness = Soundness()
-    stopped: Check | None = field(repr=False, default=None)
+    stopped: Check[Campaign] | None = field(repr=False, default=None)
     measured: Campaign | None = field(repr=False, default=None)
     paper: bool = False
     lag: float = 0.0
@@ -178,9 +187,9 @@ class Discovery(Shown):
         )  # fmt: skip
 
 
-def stopped_by_data(checked: Check, regressor: TermRegression) -> Discovery:
+def stopped_by_data(checked: Check[Campaign], regressor: TermRegression) -> Discovery:
     """Return the result on data of which no model is made."""
-    campaign = checked.campaign
+    campaign = checked.measured
     runs = checked.usable.identification_runs
     moment = float(np.sqrt(np.mean(np.concatenate([run.moment for run in runs]) ** 2))) if runs else 0.0
     unknown = float("nan")
@@ -234,3 +243,125 @@ def fitted_to(model: JointModel, campaign: Campaign, earlier: Sequence[str] = ()
     runs = {*earlier, *map(run_hash, campaign.identification_runs)}
     fitted = replace(model.fitted, data=content_hash(campaign), versions=versions(), seen=tuple(sorted(runs)))
     return replace(model, fitted=fitted)
+
+
+# What the estimated errors of the channels are in the record of a test, by what the response is.
+STORED: dict[tuple[str, str], tuple[str, Enters, str]] = {
+    ("delay", "angle"): ("channel_delay", "time shift", "tau"),
+    ("gain", "angle"): ("angle_gain", "angle gain", "g"),
+    ("gain", "moment"): ("moment_gain", "moment gain", "g"),
+    ("offset", "angle"): ("angle_offset", "angle zero", "theta_0"),
+}
+
+
+def refined(result: Discovery, nuisance: Sequence[Kind] = (), **options: object) -> Discovery:
+    """Return a discovery whose coefficients are refined on the simulated response, with the notes of that."""
+    if not result.found:
+        return result
+    # The states are those of channels that were aligned.
+    runs = tuple(with_later_motion(run, result.lag) for run in result.campaign.runs) if result.lag else ()
+    campaign = result.campaign.with_runs(runs) if runs else result.campaign
+    refinement = refine(
+        result.model,
+        campaign,
+        states=result.states,
+        nuisance=nuisance,
+        **options,  # type: ignore[arg-type]
+    )
+    apart = _warn_of_disagreement(result.model, refinement.model) if refinement.refined else ()
+    # The intervals of a refinement hold noise alone.
+    refined_model, lost = refinement.model, list[str]()
+    if refinement.refined:
+        estimated, lost = estimated_errors(refinement, result.states)
+        measured = result.measured or result.campaign
+        known = result.model.test or TestNuisances(content_hash(measured), measured.joint.name)
+        test = replace(known, nuisances=(*known.nuisances, *estimated))
+        refined_model = replace(refined_model, test=test or None)
+        plain = replace(refined_model, fitted=replace(refined_model.fitted, gains=()))
+        refined_model = with_gain_uncertainty(plain, result.campaign.gain_uncertainty)
+    return replace(
+        result,
+        model=refined_model,
+        warnings=(*result.warnings, *refinement.notes, *lost, *apart),
+    )
+
+
+def estimated_errors(result: Refinement, states: Sequence[ForceStates]) -> tuple[list[Nuisance], list[str]]:
+    """Return errors of channels that a refinement estimated, and what is said of those that no one channel has."""
+    responses = {"moment" if prescribed(s, spurious=True) else "angle" for s in states}
+    found, lost = [], []
+    for name, (value, error) in result.nuisance.items():
+        # Of angle and moment together a number is of neither; a delay lies between them.
+        channel = "angle" if name == "delay" else "".join(responses)
+        if (name, channel) not in STORED:
+            lost.append(f"the {name} that was estimated is not applied where model and campaign are compared")
+            continue
+        id, enters, symbol = STORED[name, channel]
+        unit = {"delay": "s", "gain": "1"}.get(
+            name, "rad" if result.model.joint.motion == "rotation" else "m"
+        )
+        ends = (value - 1.96 * error, value + 1.96 * error)
+        found.append(Nuisance(id, enters, Value(symbol, value, error, ends, unit)))
+    return found, lost
+
+
+def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, ...]:
+    """Return a warning for terms that regression and simulation give values that their errors do not reconcile."""
+    apart = []
+    for term in after.terms:
+        if term.id not in before:
+            continue
+        other = before[term.id]
+        error = float(np.hypot(term.standard_error, other.standard_error))
+        if abs(term.coefficient - other.coefficient) > POLICY.refined_apart * error:
+            apart.append(
+                f"{spelled(term.id)} ({other.coefficient:.4g} ± {other.standard_error:.2g} by regression, "
+                f"{term.coefficient:.4g} ± {term.standard_error:.2g} on the response)"
+            )
+    if not apart:
+        return ()
+    return (
+        f"regression and simulated response disagree by more than {POLICY.refined_apart:g} standard errors: "
+        f"{'; '.join(apart)}; the model lacks something, or samples are too few for derivatives",
+    )
+
+
+def frequency_tests(
+    discovery: Discovery, margin: float = DISCOVERY.frequency_margin
+) -> tuple[FrequencyTest, ...]:
+    """Test every term of a discovered model.
+
+    Parameters
+    ----------
+    discovery : Discovery
+        Of a campaign with three or more excitation frequencies; otherwise nothing is returned.
+    margin : float
+        Relative change over the band that would not matter.
+    """
+    frequency = frequency_of_groups(discovery.states)
+    if len(set(frequency.values())) < 3 or not discovery.model.terms:
+        return ()
+    found = estimates_by_group(discovery)
+    values, errors = found.coefficients, found.standard_errors
+    hertz = [frequency[group] for group in found.groups]
+    return tuple(
+        frequency_test(term, hertz, values[:, i], errors[:, i], found.degrees, margin)
+        for i, term in enumerate(found.ids)
+    )
+
+
+def estimates_by_group(discovery: Discovery) -> GroupEstimates:
+    """Return fits of the model's terms to each single group."""
+    evidence = discovery.regressor.evidence_
+    columns = [evidence.ids.index(term) for term in discovery.model.ids if term in evidence.ids]
+    return group_estimates(evidence, columns)
+
+
+def frequency_of_groups(states: Sequence[ForceStates]) -> dict[str, float]:
+    """Return the excitation frequency of each group, Hz; empty where runs have none."""
+    if any(state.frequency is None for state in states):
+        return {}
+    return {
+        label: float(state.frequency or 0.0)
+        for label, state in zip(group_labels(states), states, strict=True)
+    }

@@ -16,7 +16,7 @@ from sindyjoint.judgement.headline import (
 )
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
-from sindyjoint.soundness.check import Checked, RigCheck
+from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import ORDER, Colour, Light, Trust
@@ -38,7 +38,7 @@ MOST_STEPS = 2
 NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown": "poor"}
 
 
-def judge_check(check: Checked) -> Trust:
+def judge_check(check: Check) -> Trust:
     """Return whether a model can be made of some data, and what to do with them."""
     soundness, runs = check.soundness, check.excitations
     tested = Excitations(
@@ -46,7 +46,7 @@ def judge_check(check: Checked) -> Trust:
         tuple(level for _, level in runs if level is not None),
         len(runs),
     )
-    subject = "RIG" if isinstance(check, RigCheck) else "CAMPAIGN"
+    subject = "RIG" if check.words.structure else "CAMPAIGN"
     stops, biases = _faults(soundness, "stops"), _faults(soundness, "biases")
     left_out = all(f.masked for f in soundness.findings if f.severity == "biases")
     accepted = "; accepted" if stops and not soundness.stopping else ""

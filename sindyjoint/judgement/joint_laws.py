@@ -18,15 +18,15 @@ from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.judgement.discovery import Discovery, fitted_to
-from sindyjoint.judgement.rig_verdict import (
+from sindyjoint.judgement.term_search import campaign_model
+from sindyjoint.judgement.verdict import (
     few_rows,
+    judge,
     of_many_rows,
     of_one_run,
     of_slight_terms,
     within_the_states,
 )
-from sindyjoint.judgement.term_search import campaign_model
-from sindyjoint.judgement.verdict import judge
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS

@@ -1,9 +1,11 @@
-"""A joint's law over each declared input: its coefficients at three values, and which of them do not depend on it."""
+"""A joint's law over its declared inputs: at each level, at three values, and what does not depend on them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +13,16 @@ from sindyjoint.described import Maybe
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.frequency import Axis, FrequencyTest, frequency_test, group_estimates
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.model import JointModel
+from sindyjoint.equation.catalogue import load_catalogue
+from sindyjoint.equation.formula import variable_symbols
+from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import Input, run_levels
 from sindyjoint.states import ForceStates
+from sindyjoint.text import spelled
+
+if TYPE_CHECKING:
+    import sympy
+
 
 # Estimates at so many levels separate a trend from scatter.
 FEWEST_LEVELS = 3
@@ -158,3 +167,72 @@ def level_tests(
         for i, term in enumerate(plain)
         if np.all(found.standard_errors[:, i] > 0)
     )
+
+
+# Standard errors by which a coefficient is of another sign at the other end of the range.
+SIGNS = 2.0
+
+
+@dataclass(frozen=True)
+class LevelLaw:
+    """What a model is where its inputs stand still.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        Of its terms there, without inertia; a dependence goes by the term of the paper that it changes.
+    dependences : tuple of (str, str)
+        Ids of terms of the paper that depend on an input, and that input.
+    """
+
+    ids: tuple[str, ...]
+    dependences: tuple[tuple[str, str], ...]
+
+    def words(self, model: JointModel) -> str:
+        """Return which coefficients depend on what; empty where none does."""
+        labels = {each.name: each.label for each in model.inputs}
+        parts = []
+        for name in dict.fromkeys(name for _, name in self.dependences):
+            terms = [spelled(term, model.joint.motion) for term, own in self.dependences if own == name]
+            listed = terms[0] if len(terms) == 1 else ", ".join(terms[:-1]) + " and " + terms[-1]
+            parts.append(f"{listed} depend{'s' * (len(terms) == 1)} on {labels.get(name, name)}")
+        return ", ".join(parts)
+
+
+def law_at_levels(model: JointModel) -> LevelLaw:
+    """Return the terms that a model has at each level of its inputs, and which of them depend on one."""
+    ids, dependences = [], []
+    for term in model.terms:
+        changes = changed_term(term.expression) if term.inputs else None
+        ids.append(changes or term.id)
+        dependences += [(changes, name) for name in term.inputs] if changes else []
+    return LevelLaw(
+        tuple(name for name in dict.fromkeys(ids) if name != INERTIA), tuple(dict.fromkeys(dependences))
+    )
+
+
+def vanishing(model: JointModel, law: LevelLaw) -> tuple[tuple[str, str], ...]:
+    """Return terms of which the coefficient changes its sign over the tested range of an input, and that input."""
+    tested = {each.name: each.tested for each in model.inputs if each.tested is not None}
+    found = []
+    for term, name in law.dependences:
+        if name not in tested:
+            continue
+        ends = [model.at(**{name: value}) for value in tested[name]]
+        low, high = (held[term] if term in held else None for held in ends)
+        if low is None or high is None or low.coefficient * high.coefficient >= 0:
+            continue
+        if all(abs(each.coefficient) > SIGNS * each.standard_error for each in (low, high)):
+            found.append((term, name))
+    return tuple(found)
+
+
+def changed_term(expression: sympy.Expr) -> str | None:
+    """Return the term of the paper that a dependence is where its inputs stand still; None where it is none."""
+    _, form = expression.as_independent(*variable_symbols(), as_Add=False)
+    return _paper_forms().get(form)
+
+
+@cache
+def _paper_forms() -> dict[sympy.Expr, str]:
+    return {term.expression: term.id for term in load_catalogue("paper")}

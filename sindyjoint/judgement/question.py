@@ -11,18 +11,38 @@ import numpy as np
 import scipy
 
 from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find, pooled_error
-from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
 from sindyjoint.discovery.methods import NOT_GIVEN
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.equation.candidates import rate_free
-from sindyjoint.equation.catalogue import as_catalogue
+from sindyjoint.equation.catalogue import as_catalogue, load_catalogue
+from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import run_levels
-from sindyjoint.judgement.against_paper import wanted_terms
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, SizeScore
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.judgement.over_inputs import changed_term
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side
 from sindyjoint.states import regression_rows
+from sindyjoint.states.build import with_later_motion
+
+
+def wanted_terms(found: Discovery) -> tuple[str, ...]:
+    """Return the paper's terms that the samples can show."""
+    without_time = found.campaign.quasi_static
+    paper = rate_free(load_catalogue("paper")).ids if without_time else PAPER_TERMS
+    return tuple(term for term in PAPER_TERMS if term in paper)
+
+
+def against_paper(found: Discovery, choice: Choice) -> Choice:
+    """Return a choice that knows which terms of the paper it is held against, and which of its own change those."""
+    changes = {
+        item.id: changed_term(item.term.expression) for item in found.regressor.terms_ if item.term.inputs
+    }
+    own = tuple((name, term) for name in choice.ids if (term := changes.get(name)) is not None)
+    return replace(choice, wanted=wanted_terms(found), dependences=own)
+
 
 # Over the angles of such joints sin θ is θ: no test distinguishes gravity from stiffness.
 NEVER_VISIBLE = ("gravity_moment",)
@@ -264,3 +284,56 @@ def hold_out_groups(question: Question) -> dict[str, CrossValidation]:
         if len(named) == len(evidence.runs) and len(set(named)) > 1:
             result[each.label] = question.left_out(evidence, named)
     return result
+
+
+def add_responses(found: Discovery, evidence: Evidence, choices: tuple[Choice, ...]) -> tuple[Choice, ...]:
+    """Add the error of the simulated response of held-out frequencies, each distinct set of terms once."""
+    known: dict[tuple[str, ...], tuple[float, str]] = {(): (float("nan"), "no model")}
+    for choice in choices:
+        if choice.ids not in known:
+            known[choice.ids] = response_error(found, evidence, choice.ids)
+    return tuple(
+        replace(choice, response=known[choice.ids][0], not_simulated=known[choice.ids][1])
+        for choice in choices
+    )
+
+
+def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -> tuple[float, str]:
+    """Return the error of a set of terms, and why there is none; each run under the fit to the other groups."""
+    from sindyjoint.response.laws import law_in_run
+    from sindyjoint.response.run import simulate_run
+
+    # The groups of a single run are parts of it, and a part has no steady response to compare with.
+    if len(found.states) < 2:
+        return float("nan"), "one run only: no other one can be held out"
+    columns = [evidence.ids.index(name) for name in ids]
+    runs = {run.name: with_later_motion(run, found.lag) for run in found.campaign.identification_runs}
+    states = {state.run: state for state in found.states}
+    errors = []
+    for group in evidence.groups:
+        fit = fit_columns(evidence.only([other for other in evidence.groups if other != group]), columns)
+        try:
+            fitted = _fitted_model(found, ids, fit)
+            laws = {
+                run.name: law_in_run(fitted, states[run.name]) for run in evidence.runs if run.group == group
+            }
+        except InputError as cause:
+            return float("nan"), str(cause)
+        for run in evidence.runs:
+            if run.group == group:
+                simulated = simulate_run(laws[run.name], runs[run.name], states[run.name], response_only=True)
+                if simulated.failure:
+                    return float("nan"), f"run {run.name!r}: {simulated.failure}"
+                errors.append(simulated.response_nrmse)
+    return float(np.sqrt(np.mean(np.square(errors)))), ""
+
+
+def _fitted_model(found: Discovery, ids: tuple[str, ...], fit: Fit) -> JointModel:
+    """Return the model of some of the candidates with the coefficients of a fit and given ones."""
+    resolved = {term.id: term for term in found.regressor.terms_}
+    terms = model_terms(
+        [resolved[name] for name in ids], fit.coefficients, fit.covariance, fit.unique_share, fit.effective_degrees,
+        found.campaign.joint.motion,
+    )  # fmt: skip
+    given = tuple(term for term in found.model.terms if term.id in (found.regressor.fixed or {}))
+    return replace(found.model, terms=(*terms, *given), covariance=())

@@ -21,7 +21,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.response.compared import corrected
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.verify_campaign import seen_runs
-from sindyjoint.soundness.check import Check, Checked
+from sindyjoint.soundness.check import Check
 from sindyjoint.states import campaign_states
 from sindyjoint.states.build import content_hash, with_lags
 from sindyjoint.text import spelled
@@ -61,7 +61,7 @@ class Tested:
     """
 
     campaign: Campaign
-    checked: Check
+    checked: Check[Campaign]
     delay: ChannelDelay | None
     lags: tuple[InputLag, ...]
     hidden: Any
@@ -106,7 +106,7 @@ class Tested:
         return with_gain_uncertainty(known, self.campaign.gain_uncertainty)
 
 
-def no_surer_than(result: Diagnosis, checked: Checked, aligned: bool = False) -> Diagnosis:
+def no_surer_than(result: Diagnosis, checked: Check[Any], aligned: bool = False) -> Diagnosis:
     """Return a diagnosis that says what was found of its data, and is undecided where these are unsound."""
     warnings = (*checked.warned(aligned), *result.warnings)
     result = replace(result, soundness=checked.soundness, warnings=warnings)
@@ -118,13 +118,13 @@ def no_surer_than(result: Diagnosis, checked: Checked, aligned: bool = False) ->
     return replace(result, verdict=UNDECIDED, reason=reason)
 
 
-def stopped(checked: Check, model: JointModel | None) -> Diagnosis:
+def stopped(checked: Check[Campaign], model: JointModel | None) -> Diagnosis:
     """Return the diagnosis of data that nothing is concluded from."""
     unknown = float("nan")
     gap = Gap(unknown, unknown)
     if model is None:
-        fitted = Fitted(unknown, unknown, unknown, unknown, 0, len(checked.campaign.runs), unknown, unknown)
-        model = JointModel(checked.campaign.joint, (), (), fitted)
+        fitted = Fitted(unknown, unknown, unknown, unknown, 0, len(checked.measured.runs), unknown, unknown)
+        model = JointModel(checked.measured.joint, (), (), fitted)
     return Diagnosis(
         verdict=UNDECIDED,
         reason=checked.reason,

@@ -29,7 +29,7 @@ from sindyjoint.response.run import along_motion, cut_states, settling
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, one_after_another, states_of
 from sindyjoint.states.floor import Floor, larger_moment, moment_floor
-from sindyjoint.states.rows import group_labels
+from sindyjoint.states.record import group_labels
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import Colour, Light
 

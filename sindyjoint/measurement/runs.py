@@ -21,7 +21,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.inputs import signals_of
 from sindyjoint.measurement.policy import POLICY
 from sindyjoint.measurement.sensors import fuse
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, noise_by_differences
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, MINIMUM_SAMPLES, Run, checked_signal
 from sindyjoint.rig import SensorNoise
 
@@ -166,7 +166,7 @@ class Path:
 
 
 def white_noise(values: Array) -> float:
-    """Return the RMS of white noise on a slow signal, by the median of its third differences: σ = |Δ³| / √20.
+    """Return the RMS of white noise on a slow signal, by its third differences.
 
     Zero where these are no noise, of which 77 % change sign from one to the next.
     """
@@ -174,7 +174,7 @@ def white_noise(values: Array) -> float:
     sign = np.sign(third[third != 0])
     if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < POLICY.noise_changes:
         return 0.0
-    return float(1.4826 * np.median(np.abs(third)) / np.sqrt(20))
+    return noise_by_differences(values, 3)
 
 
 def reversals(angle: Array, threshold: float) -> NDArray[np.intp]:

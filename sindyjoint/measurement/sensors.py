@@ -21,7 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sindyjoint.numeric import Array, scaled_least_squares
+from sindyjoint.numeric import Array, noise_by_differences, scaled_least_squares
 from sindyjoint.rig import Fusion, SensorNoise
 
 # Noise below this share of a channel's RMS counts as so much: beyond, rounding decides.
@@ -321,10 +321,9 @@ def rough_noise(signal: Array) -> float:
 
     The median of third differences ignores steps, that of the top third of the band lines.
     """
-    third = np.diff(signal, 3)
     power = np.abs(np.fft.rfft((signal - np.mean(signal)) * np.hanning(signal.size))) ** 2
     top = power[2 * power.size // 3 :] / np.sum(np.hanning(signal.size) ** 2)
-    return float(min(1.4826 * np.median(np.abs(third)) / np.sqrt(20.0), np.sqrt(np.median(top) / np.log(2))))
+    return float(min(noise_by_differences(signal, 3), np.sqrt(np.median(top) / np.log(2))))
 
 
 def moving_size(

@@ -131,10 +131,6 @@ class Excitation:
         """Return the same excitation times a factor."""
         return replace(self, scale=self.scale * factor)
 
-    def faded_in(self, ramp: float) -> Excitation:
-        """Return the same excitation faded in over `ramp` seconds."""
-        return replace(self, ramp=ramp)
-
 
 def _check_positive(**values: float) -> None:
     for name, value in values.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from inspect import signature
 from typing import Any, Literal
 
@@ -146,7 +146,7 @@ class VirtualTest:
     def _excitation(self, amplitude: float, frequency: float) -> Excitation:
         # A rig near its resonance overshoots when the moment starts at once: it is faded in over three periods.
         ramp = 3.0 / frequency if self.drive == "rig" else 0.0
-        return tones(self.waveform, amplitude, frequency).faded_in(ramp)
+        return replace(tones(self.waveform, amplitude, frequency), ramp=ramp)
 
     def amplitude(self, frequency: float, level: float) -> float:
         """Amplitude of the drive that reaches the level's peak angle: a moment, N·m, or the angle, rad.
@@ -227,16 +227,11 @@ class VirtualTest:
         return np.asarray(self.angle_drift * np.std(angle) * (walk + line))
 
 
-@dataclass(frozen=True)
-class VirtualRun:
-    """A run of a virtual test with the raw channels it was computed from (empty unless asked for)."""
+def run_tests(test: VirtualTest, generator: np.random.Generator) -> list[tuple[Run, dict[str, Array]]]:
+    """Make every run of the plan, frequency by frequency, level by level.
 
-    run: Run
-    raw: dict[str, Array]
-
-
-def run_tests(test: VirtualTest, generator: np.random.Generator) -> list[VirtualRun]:
-    """Make every run of the plan, frequency by frequency, level by level."""
+    Beside each stand the raw channels that it was computed from, empty unless asked for.
+    """
     runs = []
     for frequency in test.frequencies:
         for level in test.levels:
@@ -254,7 +249,7 @@ def run_tests(test: VirtualTest, generator: np.random.Generator) -> list[Virtual
                 frequency=frequency,
                 level=f"{level:g}",
             )
-            runs.append(VirtualRun(run, raw))
+            runs.append((run, raw))
     return runs
 
 
@@ -340,7 +335,7 @@ def virtual_campaign(
     ('4Hz-0.5', True)
     """
     test = virtual_test(joint, **options)
-    runs = [made.run for made in run_tests(test, np.random.default_rng(rng))]
+    runs = [run for run, _ in run_tests(test, np.random.default_rng(rng))]
     return Campaign(campaign_joint(test, name), tuple(runs), simulated=True)
 
 

@@ -27,7 +27,7 @@ from sindyjoint.states import Harmonics
 from sindyjoint.states.harmonics import significant_harmonics
 from sindyjoint.states.periodic import BAND_SHARE, MAXIMUM_HARMONICS, REPLICATES, reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
-from sindyjoint.states.rows import moving_mask, rate_limit
+from sindyjoint.states.record import moving_mask, rate_limit
 
 
 @dataclass(frozen=True)

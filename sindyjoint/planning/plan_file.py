@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -52,14 +51,6 @@ class _PlanEntry(StrictTable):
     run: Annotated[list[_RunEntry], Field(min_length=1)]
 
 
-@dataclass(frozen=True)
-class RunList:
-    """What ``plan.toml`` holds."""
-
-    runs: tuple[PlannedRun, ...]
-    sensors: Sensors
-
-
 def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
     """Return runs and sensors as the text of ``plan.toml``."""
     lines = [
@@ -88,8 +79,8 @@ def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
     return "\n".join(lines) + "\n"
 
 
-def read_plan(path: str | Path) -> RunList:
-    """Read ``plan.toml``, or that of a folder.
+def read_plan(path: str | Path) -> tuple[tuple[PlannedRun, ...], Sensors]:
+    """Read the runs and the sensors of ``plan.toml``, or of that of a folder.
 
     Raises
     ------
@@ -121,7 +112,7 @@ def read_plan(path: str | Path) -> RunList:
             if text is not None:
                 given[of], _ = _parse(text, name, f"{place}: {key}")
     rate = parse_quantity(entry.sensors.rate, "Hz", f"{place}: rate")
-    return RunList(tuple(runs), Sensors(rate, entry.sensors.noise, **given))
+    return tuple(runs), Sensors(rate, entry.sensors.noise, **given)
 
 
 def _parse(text: str, channel: str, where: str) -> tuple[float, str]:

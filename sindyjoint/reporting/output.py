@@ -34,7 +34,7 @@ from sindyjoint.reporting.registry import (
 from sindyjoint.reporting.style import figure_bytes
 from sindyjoint.reporting.tables import TextTable, json_text
 from sindyjoint.reporting.view import NEXT
-from sindyjoint.soundness.check import check_campaign
+from sindyjoint.soundness.check import check_data
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -108,7 +108,7 @@ def _model_of(result: Any) -> Any:
 
 def _drawn(result: Any) -> Any:
     """Return what is drawn and written of a result: of a campaign, its check."""
-    return check_campaign(result) if isinstance(result, Campaign) else result
+    return check_data(result) if isinstance(result, Campaign) else result
 
 
 def figures_of(result: Any) -> list[str]:

@@ -46,7 +46,7 @@ _SHOWN = {
     "comparison:COMPARISON": ("Comparison",),
     "changed:CHANGED": ("Change",),
     "check:CAMPAIGN": ("Campaign",),
-    "check:CHECK": ("Check", "RigCheck", "CheckData"),
+    "check:CHECK": ("Check", "CheckData"),
     "plan:PLAN": ("Plan",),
     "structure_joints:STRUCTURE_JOINTS": ("RigDiscovery", "StructureFigures", "StructureJoints"),
 }

@@ -11,7 +11,7 @@ __getattr__ = fetched(
             "Instant LawInRun Part draw_models elastic_moment held_laws law_in_run law_terms model_law "
             "parts_of sum_law with_coefficients"
         ),
-        "oscillations": "Oscillation compare_oscillations hilbert_envelope oscillation white_noise",
+        "oscillations": "Oscillation compare_oscillations hilbert_envelope oscillation",
         "output_error": "OutputError",
         "output_error_runs": "Parameter term_columns",
         "refinement": "refine spread_starts undetermined_directions",

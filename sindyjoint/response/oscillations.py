@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import same
-from sindyjoint.numeric import Array, main_frequency
+from sindyjoint.numeric import Array, main_frequency, noise_by_differences
 from sindyjoint.response.policy import POLICY
 
 # Span of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
@@ -50,15 +50,6 @@ class Oscillation:
         return self.time[2:] - self.time[:-2]
 
 
-def white_noise(signal: ArrayLike) -> float:
-    """Return the RMS of white noise on a signal that is smooth over five samples.
-
-    Fourth differences of white noise have 70 times its variance, those of a smooth signal almost none.
-    """
-    fourth = np.diff(np.asarray(signal, dtype=np.float64), 4)
-    return float(1.4826 * np.median(np.abs(fourth)) / np.sqrt(70.0))
-
-
 def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None = None) -> Oscillation | None:
     """Find the turning points of a vibration.
 
@@ -95,7 +86,7 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     smooth = scipy.signal.savgol_filter(values, width, 3)
     # A cubic over w points keeps 9/(4w) of the noise's variance (its value in the middle).
     least = max(
-        POLICY.significance * white_noise(values) * np.sqrt(2.25 / width),
+        POLICY.significance * noise_by_differences(values, 4) * np.sqrt(2.25 / width),
         POLICY.least_half_cycle * float(np.ptp(smooth)),
     )
     maxima, _ = scipy.signal.find_peaks(smooth, prominence=least)

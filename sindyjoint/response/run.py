@@ -36,7 +36,7 @@ from sindyjoint.response.laws import LawInRun
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.policy import POLICY as STATES
-from sindyjoint.states.rows import rate_limit, without_noise_travel
+from sindyjoint.states.record import rate_limit, without_noise_travel
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0

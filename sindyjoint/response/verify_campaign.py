@@ -74,7 +74,8 @@ def verify_campaign(
 
         simulated = simulate(model)
         if free_run is not None and simulated.drive == "motion":
-            warnings.append(f"{run.name}: {_by_motion(campaign)}")
+            why = "its motion was its drive, or the joint has no inertia: the moment of the measured motion is compared"
+            warnings.append(f"{run.name}: {in_words_of(campaign.joint.motion, why)}")
         band = None
         if drawn and simulated.simulated_response is not None:
             band = band_of([simulate(other).simulated_response for other in drawn])
@@ -105,13 +106,6 @@ def beyond_tested(model: JointModel, *states: ForceStates, whose: str = "") -> t
 
 
 GIVEN = "the given model in "
-
-
-def _by_motion(campaign: Campaign) -> str:
-    return in_words_of(
-        campaign.joint.motion,
-        "its motion was its drive, or the joint has no inertia: the moment of the measured motion is compared",
-    )
 
 
 def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:

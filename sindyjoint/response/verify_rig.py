@@ -17,13 +17,12 @@ from sindyjoint.mechanics.rig_test_file import UNKNOWN
 from sindyjoint.mechanics.rigs import Rig
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.virtual_rig import PulseTest, hinges, virtual_pulse_test, with_laws
-from sindyjoint.numeric import Array, main_frequency, rms
+from sindyjoint.numeric import Array, main_frequency, noise_by_differences, rms
 from sindyjoint.response.laws import model_law
 from sindyjoint.response.oscillations import (
     Oscillation,
     compare_oscillations,
     oscillation,
-    white_noise,
 )
 from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
 
@@ -191,7 +190,7 @@ def _compare_pulse(
         band=band,
         response_nrmse=None if simulated is None else rms(simulated - measured) / scale,
         moment_nrmse=None,
-        noise_floor=white_noise(measured) / scale,
+        noise_floor=noise_by_differences(measured, 4) / scale,
         amplitude_rms_error=None if gap is None else gap.amplitude_rms_error,
         mean_period_difference=None if gap is None else gap.mean_period_difference,
         oscillations=oscillations,

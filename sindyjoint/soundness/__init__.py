@@ -5,7 +5,7 @@ from sindyjoint.hooks import fetched
 __getattr__ = fetched(
     __name__,
     {
-        "check": "Check check_campaign find_faults",
+        "check": "Check check_data find_faults",
         "detectors.course": "step_of",
         "detectors.sizes": "find_disagreement main_line",
         "finding": "Finding Soundness words_of",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -21,8 +21,7 @@ from sindyjoint.soundness.finding import (
     Soundness,
     Words,
     in_order,
-    words_of,
-    words_of_rig,
+    words_of_data,
 )
 from sindyjoint.soundness.law import filters, motions, odd_runs
 from sindyjoint.soundness.law.sensors import find_in_sensors
@@ -36,32 +35,21 @@ from sindyjoint.text import list_some, spelled
 MOST_BROADBAND = 24
 
 
-def find_faults(campaign: Campaign) -> tuple[Finding, ...]:
-    """Return what is wrong with the data of a campaign, the severest first.
+def find_faults(measured: Campaign | RigTest) -> tuple[Finding, ...]:
+    """Return what is wrong with the data of a campaign or of a structure's test, the severest first.
 
-    Samples are looked at first; those that can be left out are, before runs are looked at as a whole, and runs that
-    cannot be used are left out before they are held against each other.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    """
-    with np.errstate(all="ignore"):
-        return in_order(_find_in_campaign(campaign, words_of(campaign.joint.motion)))
-
-
-def find_rig_faults(test: RigTest) -> tuple[Finding, ...]:
-    """Return what is wrong with the data of a structure, the severest first.
-
-    Samples are looked at first; those that can be filled in are, before runs are looked at as a whole, and runs at
-    fault are left out before channels are held against each other.
+    Samples are looked at first; those that can be left out (of a structure, filled in) are, before runs are looked at
+    as a whole; and runs that cannot be used are left out before they, or channels, are held against each other.
 
     Parameters
     ----------
-    test : RigTest
+    measured : Campaign or RigTest
     """
+    words = words_of_data(measured)
     with np.errstate(all="ignore"):
-        return in_order(_find_in_test(test, words_of_rig(test)))
+        if isinstance(measured, RigTest):
+            return in_order(_find_in_test(measured, words))
+        return in_order(_find_in_campaign(measured, words))
 
 
 def _find_in_samples(records: Sequence[Record], words: Words) -> Iterator[Finding]:
@@ -172,11 +160,10 @@ def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Wor
 
 
 Data = TypeVar("Data", Campaign, RigTest)
-C = TypeVar("C", bound="Checked")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Checked(Shown, Generic[Data]):
+class Check(Shown, Generic[Data]):
     """The check of a campaign or of a structure's test.
 
     Parameters
@@ -198,6 +185,11 @@ class Checked(Shown, Generic[Data]):
     warnings: tuple[str, ...] = ()
 
     @property
+    def campaign(self) -> Campaign | None:
+        """As it was read; None of a structure."""
+        return self.measured if isinstance(self.measured, Campaign) else None
+
+    @property
     def name(self) -> str:
         """Of the joint, or of the structure."""
         return self.measured.name if isinstance(self.measured, RigTest) else self.measured.joint.name
@@ -210,7 +202,7 @@ class Checked(Shown, Generic[Data]):
     @property
     def words(self) -> Words:
         """What the channels are called."""
-        return words_of_rig(self.measured) if isinstance(self.measured, RigTest) else words_of(self.motion)
+        return words_of_data(self.measured)
 
     @property
     def recorded(self) -> Sequence[Run | Record]:
@@ -267,30 +259,12 @@ class Checked(Shown, Generic[Data]):
         return [f for f in self.soundness.findings if aligned and f.id == DELAY and f.run is None]
 
 
-class Check(Checked[Campaign]):
-    """The check of a campaign."""
-
-    @property
-    def campaign(self) -> Campaign:
-        """As it was read."""
-        return self.measured
-
-
-class RigCheck(Checked[RigTest]):
-    """The check of a structure's test."""
-
-    @property
-    def test(self) -> RigTest:
-        """As it was read."""
-        return self.measured
-
-
-def check_campaign(campaign: Campaign, accept: Sequence[str] = ()) -> Check:
-    """Return the check of a campaign.
+def check_data(measured: Campaign | RigTest, accept: Sequence[str] = ()) -> Check[Any]:
+    """Return the check of a campaign or of a structure's test.
 
     Parameters
     ----------
-    campaign : Campaign
+    measured : Campaign or RigTest
         Of runs too long for memory, the first segment is checked, and nothing is left out of them.
     accept : sequence of str
         Ids of findings that no longer stop the work.
@@ -301,33 +275,14 @@ def check_campaign(campaign: Campaign, accept: Sequence[str] = ()) -> Check:
         For an id that no finding has.
     """
     check_accepted(accept)
-    soundness = Soundness(find_faults(campaign), tuple(dict.fromkeys(accept)))
-    usable, masked = mask_campaign(campaign, soundness.findings)
-    faults = list_faults(soundness, words_of(campaign.joint.motion), campaign.joint.motion)
-    return Check(campaign, soundness, usable, (*faults, *masked, *_list_unchecked(campaign)))
-
-
-def check_rig_test(test: RigTest, accept: Sequence[str] = ()) -> RigCheck:
-    """Return the check of a structure's test.
-
-    Parameters
-    ----------
-    test : RigTest
-        With runs.
-    accept : sequence of str
-        Ids of findings that no longer stop the work.
-
-    Raises
-    ------
-    UnknownNameError
-        For an id that no finding has.
-    """
-    check_accepted(accept)
-    soundness = Soundness(find_rig_faults(test), tuple(dict.fromkeys(accept)))
-    usable, filled = fill_test(test, soundness.findings)
-    return RigCheck(
-        test, soundness, usable, (*list_faults(soundness, words_of_rig(test), test.motion), *filled)
-    )
+    soundness = Soundness(find_faults(measured), tuple(dict.fromkeys(accept)))
+    words = words_of_data(measured)
+    if isinstance(measured, RigTest):
+        filled, changed = fill_test(measured, soundness.findings)
+        return Check(measured, soundness, filled, (*list_faults(soundness, words, measured.motion), *changed))
+    usable, masked = mask_campaign(measured, soundness.findings)
+    faults = list_faults(soundness, words, measured.joint.motion)
+    return Check(measured, soundness, usable, (*faults, *masked, *_list_unchecked(measured)))
 
 
 def check_accepted(accept: Sequence[str]) -> None:
@@ -337,7 +292,7 @@ def check_accepted(accept: Sequence[str]) -> None:
             raise UnknownNameError(f"accept is {name!r}; expected one of {', '.join(KINDS)}")
 
 
-def require_sound(check: C) -> C:
+def require_sound(check: Check[Data]) -> Check[Data]:
     """Return a check under which the work may go on.
 
     Raises

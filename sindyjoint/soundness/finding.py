@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 
 from sindyjoint.described import same
 from sindyjoint.mechanics.rig_test import BASE, DRIVE, RigTest
-from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Motion
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
 
 #: Stretches of samples at fault, from inclusive to exclusive.
 Spans = tuple[tuple[int, int], ...]
@@ -312,7 +312,9 @@ def words_of(motion: Motion) -> Words:
     return Words(units | {MEASURED_ANGLE: angle, MEASURED_RATE: f"{angle}/s"}, names)
 
 
-def words_of_rig(test: RigTest) -> Words:
-    """Return what the channels of a structure's test are called."""
-    drive = "m/s^2" if test.at == BASE else "N"
-    return Words({DRIVE: drive} | {s.name: OF_QUANTITY[s.quantity] for s in test.sensors}, {}, True)
+def words_of_data(measured: Campaign | RigTest) -> Words:
+    """Return what the channels of a campaign, or of a structure's test, are called."""
+    if not isinstance(measured, RigTest):
+        return words_of(measured.joint.motion)
+    drive = "m/s^2" if measured.at == BASE else "N"
+    return Words({DRIVE: drive} | {s.name: OF_QUANTITY[s.quantity] for s in measured.sensors}, {}, True)

@@ -2,8 +2,7 @@
 
 from sindyjoint.states.build import campaign_states, force_states, one_after_another, states_of
 from sindyjoint.states.floor import transfer_noise
-from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
-from sindyjoint.states.rows import RegressionRows, regression_rows
+from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, RegressionRows, regression_rows
 
 __all__ = [
     "ForceStates",

@@ -11,8 +11,7 @@ from sindyjoint.numeric import Array, convolve, filtered_inputs, smoothing_kerne
 from sindyjoint.record import Run
 from sindyjoint.rig import Fusion
 from sindyjoint.states.policy import POLICY
-from sindyjoint.states.record import ForceStates, NoiseFloor
-from sindyjoint.states.rows import moving_mask, rate_limit, within
+from sindyjoint.states.record import ForceStates, NoiseFloor, moving_mask, rate_limit, within
 
 BLOCKS = 32
 # A signal far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls

@@ -20,8 +20,7 @@ from sindyjoint.states.harmonics import (
     steady_start,
 )
 from sindyjoint.states.policy import POLICY
-from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
-from sindyjoint.states.rows import moving_mask, rate_limit
+from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, moving_mask, rate_limit
 
 REPLICATES = 8
 # Harmonics above this share of the sampling rate are never used: anti-alias filters live there.

@@ -18,8 +18,7 @@ from sindyjoint.states.broadband import BLOCKS, dwells
 from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
 from sindyjoint.states.periodic import reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
-from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor
-from sindyjoint.states.rows import moving_mask, rate_limit
+from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, moving_mask, rate_limit
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, solve_channels

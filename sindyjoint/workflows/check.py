@@ -13,7 +13,7 @@ from sindyjoint.mechanics.rig_file import is_rig_test
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import Check, RigCheck, check_accepted, check_campaign, check_rig_test
+from sindyjoint.soundness.check import Check, check_accepted, check_data
 
 
 @checks_options()
@@ -24,7 +24,7 @@ def check(
     *,
     rng: RNG = None,
     progress: Callable[[str], None] | None = None,
-) -> Check | RigCheck:
+) -> Check[Any]:
     """Check whether the data of a campaign, or of a structure's test, are sound.
 
     Parameters
@@ -41,7 +41,7 @@ def check(
 
     Returns
     -------
-    Check or RigCheck
+    Check
         With ``soundness`` (verdict and findings) and ``usable``, the campaign without the samples that are left out (of
         a structure, with these filled in).
 
@@ -66,10 +66,10 @@ def check(
 
         test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
         say("checking the data")
-        return check_rig_test(test, accept)
+        return check_data(test, accept)
     opened = the_campaign(campaign, rng, LONGEST)
     say("checking the data")
-    return check_campaign(opened, accept)
+    return check_data(opened, accept)
 
 
 def the_campaign(

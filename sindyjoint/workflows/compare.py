@@ -20,17 +20,16 @@ from sindyjoint.equation.model import JointModel, model_terms
 from sindyjoint.equation.model_file import as_model, read_model
 from sindyjoint.errors import InputError, UnknownNameError, checks_options
 from sindyjoint.files.campaign import LONGEST
-from sindyjoint.judgement.against_paper import against_paper
 from sindyjoint.judgement.changed import Change, check_margin, compare_models
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
-from sindyjoint.judgement.discovery import Discovery, undetermined
+from sindyjoint.judgement.discovery import Discovery, frequency_tests, undetermined
 from sindyjoint.judgement.headlines import judge_comparison
-from sindyjoint.judgement.held_out_response import add_responses
-from sindyjoint.judgement.independence import frequency_tests
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.question import (
     WEAK,
     Question,
+    add_responses,
+    against_paper,
     by_group,
     by_level,
     by_library,

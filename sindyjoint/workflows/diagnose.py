@@ -25,7 +25,7 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import RNG
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.check import check_accepted, check_campaign, check_rig_test, require_sound
+from sindyjoint.soundness.check import check_accepted, check_data, require_sound
 from sindyjoint.substructure.recovery import recover
 from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.discover import discover_rig, laws_of_rig
@@ -141,7 +141,7 @@ def diagnose(
                 raise InputError(f"align: {NO_DELAY}" if align else f"refine: {NO_RESPONSE}")
             model = model if model is None else without_rate(model)[0]
         say("checking the data")
-        checked = check_campaign(campaign, accept)
+        checked = check_data(campaign, accept)
         if checked.stopping:
             return replace(stopped(checked, model), hidden=hidden)
         say("force states")
@@ -336,7 +336,7 @@ def diagnose_rig(
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)
     given = models is not None
     say("checking the data")
-    checked = require_sound(check_rig_test(test, accept))
+    checked = require_sound(check_data(test, accept))
     test = checked.usable
     own, others = divide_runs(test)
     if models is None:

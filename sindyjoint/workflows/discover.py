@@ -39,8 +39,7 @@ from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import (
     check_accepted,
-    check_campaign,
-    check_rig_test,
+    check_data,
     require_sound,
 )
 from sindyjoint.soundness.warnings import list_warnings
@@ -142,7 +141,7 @@ def discover(
         catalogue, correct = rate_free(catalogue), False
     regressor = TermRegression(catalogue, motion=campaign.joint.motion, random_state=rng, **options)
     say("checking the data")
-    checked = check_campaign(campaign, accept)
+    checked = check_data(campaign, accept)
     if checked.stopping:
         return stopped_by_data(checked, regressor)
     make_states = partial(campaign_states, method=states, bandwidth=bandwidth)  # type: ignore[arg-type]
@@ -307,7 +306,7 @@ def discover_rig(
         raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
     catalogue_of(library)  # before work that takes seconds
     say("checking the data")
-    checked = require_sound(check_rig_test(test, accept))
+    checked = require_sound(check_data(test, accept))
     return of_data(laws_of_rig(checked.usable, library, refine, say, random_state=rng, **options), checked)
 
 
@@ -347,8 +346,7 @@ def laws_of_rig(
     passing = not any(each.spectra.repeats for each in recoveries)
     if not found.found or not (passing if refine is None else refine):
         return with_narrow_intervals(found) if passing and found.found else found
-    from sindyjoint.judgement.rig_discovery import described, with_refinement
-    from sindyjoint.judgement.rig_refinement import refine_rig
+    from sindyjoint.judgement.rig_discovery import described, refine_rig, with_refinement
 
     models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
     state = options.get("random_state")

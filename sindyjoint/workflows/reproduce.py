@@ -235,7 +235,7 @@ def _reproduce_joint(table: PaperTable, generator: np.random.Generator) -> Joint
         test = virtual_test(
             _build_law(table, frequency), noise=NOISE, raw_channels=True, frequencies=(frequency,)
         )
-        runs += [made.run for made in run_tests(test, generator)]
+        runs += [run for run, _ in run_tests(test, generator)]
     joint = replace(campaign_joint(test), name=table.joint)
     campaign = Campaign(joint, tuple(runs), simulated=True)
     states = campaign_states(campaign)
@@ -262,7 +262,7 @@ def _simulate_rings(law: PaperLaw, generator: np.random.Generator, **options: An
         law, noise=NOISE, raw_channels=True, frequencies=(MAP_FREQUENCY,), levels=MAP_LEVELS, duration=MAP_DURATION,
         **options,
     )  # fmt: skip
-    runs = tuple(made.run for made in run_tests(test, generator))
+    runs = tuple(run for run, _ in run_tests(test, generator))
     return campaign_states(Campaign(campaign_joint(test), runs, simulated=True))
 
 

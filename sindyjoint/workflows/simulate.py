@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from sindyjoint.described import Described, Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model
+from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError, checks_options
+from sindyjoint.files import write_campaign
+from sindyjoint.inputs import constant
 from sindyjoint.mechanics.rigs import Rig, load_rig
+from sindyjoint.mechanics.sensors import SENSOR_RIG
 from sindyjoint.mechanics.transient import Response
+from sindyjoint.mechanics.virtual import campaign_joint, named_joint, plan_options, run_tests, virtual_test
 from sindyjoint.mechanics.virtual_rig import hinges
 from sindyjoint.numeric import RNG, Array
+from sindyjoint.planning.plan_file import play, read_plan
+from sindyjoint.record import Campaign
+from sindyjoint.response.laws import model_law
 from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, joint_range_warnings
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
-    from sindyjoint.record import Campaign
 
 
 @dataclass(frozen=True)
@@ -62,16 +70,85 @@ class WrittenTest(Described):
     runs: tuple[WrittenRun, ...]
 
 
-def _options() -> tuple[str, ...]:
-    from sindyjoint.mechanics.virtual import plan_options
+class MadeTest(NamedTuple):
+    """A virtual test that is not written yet.
 
-    return plan_options()
+    Parameters
+    ----------
+    campaign : Campaign
+    channels : list of dict of str to ndarray, or None
+        Of each run those of strain gauges and laser spots, where they were asked for.
+    notes : tuple of str
+        What the model knows of its rig, and where the runs leave what it was tested to.
+    """
+
+    campaign: Campaign
+    channels: list[dict[str, Array]] | None
+    notes: tuple[str, ...]
+
+    def write(self, out: Path, format: str, force: bool) -> Path:
+        """Write manifest and run files, and return where the manifest is."""
+        sensors = SENSOR_RIG if self.channels else None
+        return write_campaign(self.campaign, out, format, sensors, self.channels, force=force)
 
 
-@checks_options(_options)
+def make_test(
+    joint: str | Law,
+    model: JointModel | str | Path | None = None,
+    at: Mapping[str, float] | None = None,
+    *,
+    plan: str | os.PathLike[str] | None = None,
+    rng: RNG = 0,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> MadeTest:
+    """Make a virtual test; parameters are those of :func:`simulate`, which writes it, too."""
+    say = progress or (lambda stage: None)
+    known, notes = None if model is None else as_model(model), []
+    if known is None and at:
+        raise InputError("inputs are given (at) without a model; the paper's joints have none")
+    if known is not None:
+        held = known.at(**(at or {}))
+        joint, options = model_law(held), {"angle_limit": known.fitted.angle, **options}
+        lag = 0.0 if known.test is None else known.test.total("time shift")
+        if lag and "skew" not in options:
+            options["skew"] = lag
+            notes.append(f"the moment lags by {lag:.3g} s, as the model knows of its rig (skew = 0: not)")
+    channels = None
+    if plan is not None:
+        planned, sensors = read_plan(Path(plan))
+        say(f"simulating {len(planned)} runs")
+        campaign = play(named_joint(joint), planned, sensors, rng)
+    else:
+        test = virtual_test(joint, **options)
+        say(f"simulating {len(test.frequencies) * len(test.levels)} runs")
+        made = run_tests(test, np.random.default_rng(rng))
+        campaign = Campaign(campaign_joint(test), tuple(run for run, _ in made), simulated=True)
+        channels = [raw for _, raw in made] if test.raw else None
+    if known is not None:
+        campaign = _of_model(campaign, held)
+        for run in campaign.runs:
+            rate = np.gradient(run.angle, 1 / run.sample_rate)
+            notes += range_warnings(known.fitted, known.joint.motion, run.angle, rate, run.name)
+    return MadeTest(campaign, channels, tuple(notes))
+
+
+def _of_model(campaign: Campaign, model: JointModel) -> Campaign:
+    """Return a simulated campaign as one of a model's joint, its inputs at their reference."""
+    runs = tuple(
+        replace(run, inputs={each.name: constant(each.reference, run.n_samples) for each in model.inputs})
+        for run in campaign.runs
+    )
+    joint = replace(model.joint, inertia=model.inertia)
+    return Campaign(joint, runs, simulated=True, inputs=model.inputs)
+
+
+@checks_options(plan_options)
 def simulate(
     joint: str | Law = "inter-panel",
     *,
+    model: JointModel | str | Path | None = None,
+    at: Mapping[str, float] | None = None,
     plan: str | os.PathLike[str] | None = None,
     out: str | os.PathLike[str] | None = None,
     format: str = "csv",
@@ -84,6 +161,10 @@ def simulate(
     Parameters
     ----------
     joint : {"inter-panel", "panel-root"} or Law
+    model : JointModel or path-like, optional
+        The joint to test instead. Levels are then fractions of the largest angle that it was fitted to.
+    at : mapping of str to float, optional
+        Values of its inputs, SI; those not given are at their reference.
     plan : path-like, optional
         ``plan.toml``, or a folder with one: its runs, rate and noise are played, and no other options are taken.
     out : path-like, optional
@@ -117,20 +198,14 @@ def simulate(
     >>> [run.name for run in test.runs]
     ['3Hz-0.9', '3Hz-0.5', '5Hz-0.9', '5Hz-0.5']
     """
-    from sindyjoint.files import write_campaign
-    from sindyjoint.mechanics.virtual import named_joint, virtual_campaign
-    from sindyjoint.planning.plan_file import play, read_plan
-
-    if plan is None:
-        campaign = virtual_campaign(joint, rng=rng, **options)
-    elif options:
+    if plan is not None and options:
         raise InputError(f"a plan and {', '.join(options)} were given; expected one of them: edit the plan")
-    else:
-        listed = read_plan(Path(plan))
-        campaign = play(named_joint(joint), listed.runs, listed.sensors, rng)
+    made = make_test(joint, model, at, plan=plan, rng=rng, **options)
+    for note in made.notes:
+        warnings.warn(note, UserWarning, stacklevel=2)
     if out is not None:
-        write_campaign(campaign, out, format, force=force)
-    return campaign
+        made.write(Path(out), format, force)
+    return made.campaign
 
 
 MODES = 4

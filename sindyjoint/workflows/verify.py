@@ -18,10 +18,9 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, MissingInputError, checks_options, refuse
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
-from sindyjoint.judgement.discovery import fitted_to
+from sindyjoint.judgement.discovery import estimated_errors, fitted_to
 from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.policy import POLICY
-from sindyjoint.judgement.refined import estimated_errors
 from sindyjoint.judgement.trust import assess
 from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import RigTest
@@ -34,7 +33,7 @@ from sindyjoint.response.refinement import refine as refine_response
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
-from sindyjoint.soundness.check import check_campaign, check_rig_test, require_sound
+from sindyjoint.soundness.check import check_data, require_sound
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
 from sindyjoint.states.build import content_hash
@@ -180,7 +179,7 @@ def verify(
         from sindyjoint.substructure.simulated.verified import verify_runs
 
         say("checking the data")
-        found = require_sound(check_rig_test(against, accept))
+        found = require_sound(check_data(against, accept))
         result: Verification = _with_check(
             verify_runs(models, found.usable, settings, say), found.soundness, found.warnings
         )
@@ -200,7 +199,7 @@ def _of_campaign(
     say: Callable[[str], None],
 ) -> Verification:
     say("checking the data")
-    checked = require_sound(check_campaign(against, accept))
+    checked = require_sound(check_data(against, accept))
     untimed = ""
     if against.quasi_static:
         if align or settings.free_run is not None:
@@ -383,7 +382,7 @@ def refine(
         raise InputError("the model has no terms: there is nothing to refine; run discover first")
     given = the_campaign(campaign)
     say("checking the data")
-    checked = require_sound(check_campaign(given, accept))
+    checked = require_sound(check_data(given, accept))
     usable, applied, notes = put_right(checked.usable, given, model)
     late, usable = usable, align_channels(usable) if align else usable
     say("force states")

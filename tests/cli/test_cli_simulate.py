@@ -5,6 +5,8 @@ import json
 import numpy as np
 import pytest
 
+import sindyjoint
+from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign
 from tests.doors.asked import ask
 
@@ -45,3 +47,26 @@ def test_every_run_file_says_that_it_is_simulated(tmp_path, format):
     manifest.write_text(text.replace("simulated = true", ""))
     assert load_campaign(made).simulated
     assert load_campaign(made, longest=1000).simulated
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_python_makes_the_files_that_the_command_makes(tmp_path, model_file, raw):
+    plan = {"frequencies": [4], "levels": [0.6], "duration": 2.0, "raw_channels": raw, "rng": 3}
+    options = [
+        "--frequencies",
+        "4",
+        "--levels",
+        "0.6",
+        "--duration",
+        "2",
+        "--random-state",
+        "3",
+        *["--raw"] * raw,
+    ]
+    assert ask("simulate", *options, "--model", str(model_file), "--out", str(tmp_path / "a")).status == 0
+    made = sindyjoint.simulate(model=model_file, out=tmp_path / "b", **plan)
+    files = [sorted(p.name for p in (tmp_path / folder).glob("*.csv")) for folder in "ab"]
+    assert files[0] == files[1] and len(files[0]) == 1 and made.simulated
+    assert (tmp_path / "a" / files[0][0]).read_bytes() == (tmp_path / "b" / files[0][0]).read_bytes()
+    with pytest.raises(InputError, match="without a model"):
+        sindyjoint.simulate(at={"temperature": 20.0}, **plan)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis.campaign.gap import processing_error
 from sindyjoint.diagnosis.campaign.processing import processing_errors
-from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from tests.diagnosis.hidden_effects import hide_in_noise
 from tests.diagnosis.test_diagnosis_budget import work_on
 

@@ -9,14 +9,14 @@ from sindyjoint import diagnose
 from sindyjoint.diagnosis import FittedEffect, load_effects, select_effects
 from sindyjoint.diagnosis.campaign import repair
 from sindyjoint.diagnosis.campaign.explain import counted_from_zero
+from sindyjoint.diagnosis.campaign.gap import response_gap
 from sindyjoint.diagnosis.campaign.repair import refit
-from sindyjoint.diagnosis.campaign.response_gap import response_gap
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.mechanics import FunctionLaw, transfer_moment
 from sindyjoint.record import Run
 from sindyjoint.response import rest_of
 from sindyjoint.states import campaign_states, force_states
-from sindyjoint.states.rows import group_labels
+from sindyjoint.states.record import group_labels
 from tests.diagnosis.hidden_effects import hide
 
 ZERO = ("constant_moment", "angle_offset")

@@ -5,13 +5,13 @@ import pysindy
 
 from sindyjoint import JointRegressor, TermLibrary, UniqueShareSTLSQ, discover
 from sindyjoint.equation import default_candidates
-from sindyjoint.soundness import check_campaign
+from sindyjoint.soundness import check_data
 from sindyjoint.states import campaign_states, regression_rows
 
 
 def prepared(campaign):
     """Return the rows and the candidates that ``discover`` has: faulty samples left out, gravity where it shows."""
-    usable = check_campaign(campaign).usable
+    usable = check_data(campaign).usable
     states = campaign_states(usable)
     largest = max(float(np.abs(s.angle).max()) for s in states)
     return regression_rows(states, campaign.joint.inertia), default_candidates(largest, campaign.joint.motion)

@@ -11,7 +11,7 @@ from sindyjoint.discovery.input_lag import find_lags
 from sindyjoint.equation import JointModel, load_catalogue, with_dependences
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, lagged, levels, run_levels
-from sindyjoint.judgement.at_each_level import changed_term
+from sindyjoint.judgement.over_inputs import changed_term
 from sindyjoint.judgement.verdict import judge
 from sindyjoint.states import campaign_states
 

@@ -260,7 +260,7 @@ def _results(folder: Path, wanted: str) -> dict[str, Target]:
     from sindyjoint.diagnosis import load_effects
     from sindyjoint.discovery.evidence import evidence_bytes
     from sindyjoint.reporting import write_results
-    from sindyjoint.soundness import check_campaign
+    from sindyjoint.soundness import check_data
     from sindyjoint.workflows import FACTORS_FILE, rig_motion
 
     campaign = simulate(random_state=0, duration=1.0, frequencies=(3.0, 5.0))
@@ -272,7 +272,7 @@ def _results(folder: Path, wanted: str) -> dict[str, Target]:
         "verified": lambda: verify(found.model, campaign, draws=2),
         "rigged": lambda: rig_motion("pulse-rig"),
         "diagnosed": lambda: diagnose(campaign, advise=False, effects=load_effects()[:4], max_effects=1),
-        "checked": lambda: check_campaign(campaign),
+        "checked": lambda: check_data(campaign),
     }
     write_results(results[wanted](), folder / wanted)
     (folder / wanted / "SHA256SUMS").unlink()

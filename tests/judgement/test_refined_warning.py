@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import discover
-from sindyjoint.judgement.refined import refined
+from sindyjoint.judgement.discovery import refined
 from sindyjoint.mechanics import virtual_campaign
 from sindyjoint.response import with_coefficients
 

@@ -124,8 +124,8 @@ def test_after_one_run_what_was_thought_before_still_holds(made):
 def test_a_plan_is_played_and_becomes_a_campaign(found, tmp_path):
     path = tmp_path / "plan.toml"
     path.write_text(plan_text(found.runs, replace(found.sensors, angle=2e-6)))
-    listed = read_plan(path)
-    assert listed.runs == found.runs and listed.sensors.angle == 2e-6
+    runs, sensors = read_plan(path)
+    assert runs == found.runs and sensors.angle == 2e-6
     campaign = simulate("inter-panel", plan=tmp_path, out=tmp_path / "made")
     assert campaign.simulated and len(campaign.runs) == len(found.runs)
     for run, planned in zip(campaign.runs, found.runs, strict=True):
@@ -273,9 +273,9 @@ def test_the_rivals_of_a_diagnosis_are_read(tmp_path):
 def test_waveforms_of_several_tones_are_played_and_read_back(tmp_path, waveform, drive, level, unit):
     run = PlannedRun(drive, waveform, 2.0, level, unit, 3.0)
     (tmp_path / "plan.toml").write_text(plan_text([run], Sensors(500.0, 1e-6)))
-    listed = read_plan(tmp_path)
-    assert listed.runs == (run,)
-    made = play(INTER_PANEL, listed.runs, listed.sensors).runs[0]
+    runs, sensors = read_plan(tmp_path)
+    assert runs == (run,)
+    made = play(INTER_PANEL, runs, sensors).runs[0]
     signal = getattr(made, drive)
     assert np.abs(signal).max() == pytest.approx(level, rel=0.01)
     # A period later it is the same, and it has the tones that it is called by.

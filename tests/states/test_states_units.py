@@ -13,7 +13,7 @@ from sindyjoint.states.harmonics import (
     significant_harmonics,
     steady_start,
 )
-from sindyjoint.states.rows import moving_mask, rate_limit, without_noise_travel
+from sindyjoint.states.record import moving_mask, rate_limit, without_noise_travel
 
 SAMPLING = 1000.0
 

@@ -11,8 +11,7 @@ from sindyjoint.cli import main
 from sindyjoint.equation import term_columns
 from sindyjoint.errors import UnsoundError
 from sindyjoint.files import ENCODERS
-from sindyjoint.judgement.rig_verdict import of_many_rows, of_slight_terms, within_the_states
-from sindyjoint.judgement.verdict import Verdict
+from sindyjoint.judgement.verdict import Verdict, of_many_rows, of_slight_terms, within_the_states
 from sindyjoint.substructure import find_slow, joint_states
 from sindyjoint.substructure.law_errors import Source, law_errors
 from sindyjoint.substructure.policy import POLICY

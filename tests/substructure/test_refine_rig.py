@@ -8,7 +8,7 @@ import pytest
 from sindyjoint import discover_rig
 from sindyjoint.diagnosis import runs_problem
 from sindyjoint.equation import Fitted, JointModel, ModelTerm
-from sindyjoint.judgement.rig_refinement import RigRefinement, refine_rig
+from sindyjoint.judgement.rig_discovery import RigRefinement, refine_rig
 from sindyjoint.mechanics import PaperLaw, RigRun, UncertainNumber, between_samples
 from sindyjoint.record import Joint
 from sindyjoint.substructure import (
@@ -138,7 +138,7 @@ def test_only_runs_that_do_not_repeat_are_refined_unasked(monkeypatch, runs, swe
         asked.append(starts)
         return RigRefinement(False, "no start could be simulated", models, None, np.nan, np.nan)
 
-    monkeypatch.setattr("sindyjoint.judgement.rig_refinement.refine_rig", spy)
+    monkeypatch.setattr("sindyjoint.judgement.rig_discovery.refine_rig", spy)
     options = {"library": "paper", "random_state": 0}
     found = discover_rig(rig_test(sweeps), refine=refine, **options)
     assert asked == [starts] * (starts > 0)

@@ -10,7 +10,7 @@ from sindyjoint import compare, diagnose, simulate, verify
 from sindyjoint.errors import InputError, UnknownNameError, UnsoundError
 from sindyjoint.inputs import LongRecord
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.soundness import Finding, check_campaign
+from sindyjoint.soundness import Finding, check_data
 from sindyjoint.workflows.batch import batch
 
 STOP = Finding("reversed_sign", None, "moment", "stops", "in all runs", "k1 negative", "turn the sign")
@@ -75,7 +75,7 @@ def test_of_a_long_run_the_first_segment_is_checked(campaign):
     signal = first.moment.copy()
     signal[700] += 1e3
     long = replace(first, moment=signal, whole=LongRecord("campaign.toml", 0, (0, 4000, 8000)))
-    result = check_campaign(campaign.with_runs((long, *others)))
+    result = check_data(campaign.with_runs((long, *others)))
     assert [f.id for f in result.soundness.findings] == ["spikes"]
     assert result.usable.runs[0] is long
     assert result.warnings[-1] == (

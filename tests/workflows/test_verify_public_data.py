@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from sindyjoint import diagnose, discover, load_campaign, verify
-from sindyjoint.judgement.refined import refined
+from sindyjoint.judgement.discovery import refined
 from sindyjoint.response import refine
 
 DATA = Path(__file__).parents[3] / "shared" / "data"

@@ -23,8 +23,7 @@ from sindyjoint.response.drive import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.periodic import reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
-from sindyjoint.states.record import NoiseFloor
-from sindyjoint.states.rows import moving_mask, rate_limit
+from sindyjoint.states.record import NoiseFloor, moving_mask, rate_limit
 
 #: Waveforms of an angle in words, and what a plan calls them.
 PLANNED: dict[str, str] = {

@@ -19,6 +19,7 @@ from sindyjoint.diagnosis.campaign.gap import (
     kept_misfit,
     locate_gap,
     noise_floor,
+    processing_error,
     run_gaps,
 )
 from sindyjoint.diagnosis.campaign.joint_zero import ZERO, zero_start
@@ -28,7 +29,6 @@ from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, is_element, 
 from sindyjoint.diagnosis.campaign.other_starts import other_starts
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired
-from sindyjoint.diagnosis.campaign.response_gap import processing_error
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
 from sindyjoint.diagnosis.campaign.start import (
     Work,

@@ -40,7 +40,7 @@ from sindyjoint.states import (
 from sindyjoint.states.floor import moment_floor
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics
-from sindyjoint.states.rows import group_labels
+from sindyjoint.states.record import group_labels
 
 # Rows of all runs that are searched; more of them hardly change what is found.
 SEARCHED = 6000

@@ -31,8 +31,7 @@ from sindyjoint.diagnosis.structure.output_error import (
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.virtual_rig import with_laws
-from sindyjoint.numeric import Array, main_frequency
-from sindyjoint.response.oscillations import white_noise
+from sindyjoint.numeric import Array, main_frequency, noise_by_differences
 
 # Step of the differences in the scaled numbers of an effect.
 STEP_EFFECT = 2e-4
@@ -319,7 +318,7 @@ def record_noise(
     (True, True)
     """
     values = np.asarray(displacement, dtype=np.float64)
-    white = white_noise(values)
+    white = noise_by_differences(values, 4)
     frequency = main_frequency(values, sample_rate)
     late = values[-max(int(policy.late_share * values.size), min(values.size, 64)) :]
     width = int(WINDOW_PERIODS * sample_rate / frequency)

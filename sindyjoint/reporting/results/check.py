@@ -31,7 +31,7 @@ from sindyjoint.reporting.tables import (
     terminal_table,
 )
 from sindyjoint.reporting.view import View
-from sindyjoint.soundness.check import Checked, RigCheck
+from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness, words_of
 from sindyjoint.soundness.record import Record
 from sindyjoint.text import quantities, spelled
@@ -94,7 +94,7 @@ class CheckData:
     runs: tuple[CheckedRun, ...]
 
 
-def gather_check(check: Checked) -> CheckData:
+def gather_check(check: Check) -> CheckData:
     """Return what is drawn of a check."""
     channels = sum(len(run.channels) for run in check.recorded)
     segments = int(np.clip(MOST_SEGMENTS // max(channels, 1), FEWEST_SEGMENTS, SEGMENTS))
@@ -102,7 +102,7 @@ def gather_check(check: Checked) -> CheckData:
     return CheckData(check.name, check.motion, check.soundness.verdict, runs)
 
 
-def _gather_run(check: Checked, run: Run | Record, segments: int) -> CheckedRun:
+def _gather_run(check: Check, run: Run | Record, segments: int) -> CheckedRun:
     units = check.words.units if check.words.structure else {}
     extremes = {name: find_extremes(signal, segments) for name, signal in run.channels.items()}
     traces = (
@@ -228,9 +228,9 @@ HEADLINES = {
 CSV_COLUMNS = ("id", "run", "channel", "severity", "masked", "extent", "effect", "remedy")
 
 
-def _check_of(result: Any) -> Checked:
+def _check_of(result: Any) -> Check:
     """Return a check, or that at which a result stopped."""
-    return result if isinstance(result, Checked) else result.stopped
+    return result if isinstance(result, Check) else result.stopped
 
 
 def _tables(result: Any) -> tuple[TextTable, ...]:
@@ -255,7 +255,7 @@ def _page(result: Any, data: CheckData, show: Blocks, folder: Path | None) -> Pa
     why = sentence(check.reason)
     if why and result is not check:
         why += f" So there is no {type(result).__name__.lower()}."
-    what = "structure" if isinstance(check, RigCheck) else "joint"
+    what = "structure" if check.words.structure else "joint"
     named, names = [f.run for f in found if f.run is not None], [run.run for run in data.runs]
     worst = names.index(named[0]) if named and named[0] in names else 0
     figure, panel = divmod(worst, RUNS_PER_FIGURE)
@@ -349,7 +349,7 @@ CHECK = View(
     headline=lambda result: judge_check(_check_of(result)),
     tables=_tables,
     page=_page,
-    campaign=lambda result: getattr(_check_of(result), "campaign", None),
+    campaign=lambda result: _check_of(result).campaign,
     files=_files,
     print=_print,
     warnings=lambda result: _check_of(result).warnings,

@@ -42,11 +42,6 @@ MOST_RIVALS = 4
 FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
 
 
-def gap_height(result: Diagnosis) -> float:
-    """Return the height of the picture of the gap, inches: a bar is as thick whatever the number of steps."""
-    return 1.5 + 0.4 * (1 + len(result.steps))
-
-
 def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
     """Draw the moment and response gap of the model alone and after each step, down to the noise floor.
 
@@ -98,11 +93,6 @@ def budget_parts(result: Diagnosis, ax: Axes) -> Axes:
     bars(ax, names, shares, 112, "share of the mean square gap (%)", [*PALETTE[:4], MUTED], "{:.1f} %")
     ax.set_title("Budget of the first gap")
     return ax
-
-
-def rivals_height(result: Diagnosis) -> float:
-    """Return the height of the picture of the rivals, inches: a bar is as thick whatever their number."""
-    return 1.1 + 0.28 * sum(1 + len(step.rivals[:MOST_RIVALS]) for step in result.steps)
 
 
 def rivals(result: Diagnosis, ax: Axes) -> Axes:
@@ -248,7 +238,8 @@ CAMPAIGN_KINDS = by_name(
         "Gap between model and measurement before and after each named effect, with the noise floor.",
         fixed(gap_by_step),
         wide=True,
-        height=gap_height,
+        # A bar is as thick whatever the number of steps.
+        height=lambda result: 1.5 + 0.4 * (1 + len(result.steps)),
     ),
     Kind(
         "maps",
@@ -286,7 +277,7 @@ CAMPAIGN_KINDS = by_name(
         "Probability of each named effect, and of the effects that would explain nearly as much.",
         lambda result: [rivals] if result.steps else [],
         wide=True,
-        height=rivals_height,
+        height=lambda result: 1.1 + 0.28 * sum(1 + len(s.rivals[:MOST_RIVALS]) for s in result.steps),
     ),
 )
 

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
-from sindyjoint.judgement.discovery import Discovery
-from sindyjoint.judgement.independence import estimates_by_group
+from sindyjoint.judgement.discovery import Discovery, estimates_by_group
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates

@@ -31,14 +31,6 @@ def steps_of(structure: Structure, rate: float) -> int:
     return int(np.ceil(omega / (OVERSAMPLING * rate) / np.sqrt(12 * SLOW)))
 
 
-def noise_between_samples(signal: Array) -> float:
-    """Return the white noise of a signal that is slow beside its rate, except in a few samples: a blow, for one.
-
-    Differences of sixth order hold little else: of a tone at a fortieth of the rate 1e-5, and √924 of white noise.
-    """
-    return float(np.sqrt(np.median(np.diff(signal, 6) ** 2) / (MEDIAN_SQUARE * 924)))
-
-
 def slow_lines(samples: int, highest: float) -> Array:
     """Return the functions of the cosine transform up to a share of the rate, orthonormal, shape (samples, lines)."""
     return np.asarray(scipy.fft.idct(np.eye(samples, int(2 * highest * samples)), norm="ortho", axis=0))

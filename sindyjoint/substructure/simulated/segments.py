@@ -29,7 +29,7 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure, craig_bampton, projected
 from sindyjoint.mechanics.transient import State, trajectory
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING, REACH, between_samples, recorded
-from sindyjoint.numeric import Array, delayed, rms
+from sindyjoint.numeric import Array, delayed, noise_by_differences, rms
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segment_parts import (
@@ -38,7 +38,6 @@ from sindyjoint.substructure.simulated.segment_parts import (
     kept,
     moved,
     moves_of,
-    noise_between_samples,
     slow_lines,
     steps_of,
     with_drive,
@@ -153,7 +152,7 @@ class SegmentedRun:
         ends = np.linspace(REACH, n - REACH, max(1, int(periods / PERIODS)) + 1).round().astype(int).tolist()
         noise = np.sqrt(recovery.spectra.variance[:, 0] * (n - 1) / 2)
         if not test.drive_noise:
-            noise[0] *= np.clip(noise_between_samples(run.drive) / noise[0], 1 / MOST_WRONG, MOST_WRONG)
+            noise[0] *= np.clip(noise_by_differences(run.drive, 6) / noise[0], 1 / MOST_WRONG, MOST_WRONG)
         own = carried(test)
         basis = craig_bampton(
             with_drive(test, test.structure), [test.at, *(sensor.point for sensor in test.sensors)], MODES
