@@ -60,7 +60,7 @@ def judge_check(check: Check) -> Trust:
         judge_coverage([f for f, _ in runs], [level for _, level in runs]),
     )
     steps: list[Step] = [
-        (first.remedy, f"remove {spelled(first.id, check.motion)} of {first.run or 'all runs'}")
+        (first.remedy, f"settle what stands against {first.run or 'all runs'}")
         for first in soundness.stopping[:1]
     ]
     accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
@@ -34,7 +35,8 @@ from sindyjoint.response.drive import (
 from sindyjoint.response.laws import LawInRun
 from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
-from sindyjoint.states.record import without_noise_travel
+from sindyjoint.states.policy import POLICY as STATES
+from sindyjoint.states.record import rate_limit, without_noise_travel
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
@@ -42,8 +44,6 @@ WINDOW = 1.0
 SUBSTEPS = 8
 # Of the largest rate: one that is smaller is no motion.
 AT_REST = 0.05
-# A rate has a sign where it is so many standard errors from zero, and this share of the largest.
-SURE, REVERSAL = 3.0, 1e-6
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -106,8 +106,14 @@ class SimulatedRun:
     def simulated_response(self) -> Array | None:
         """Its prediction; ``None`` where the simulation failed."""
         if self.drive == "motion":
-            return None if self.failure else self.simulated_moment
+            return None if self.failure else np.where(self._slides, self.simulated_moment, self.moment)
         return self.simulated_angle
+
+    @property
+    def _slides(self) -> NDArray[np.bool_]:
+        """Where the motion says which moment friction has: it holds any while the joint sticks, and on a reversal."""
+        rate = self.states.rate
+        return np.abs(rate) > rate_limit(rate, self.states.noise.rate, STATES.periodic_rate_share)
 
     @property
     def response_scale(self) -> float:
@@ -125,9 +131,7 @@ class SimulatedRun:
             return self.moment_nrmse
         error = simulated - self.measured_response
         if self.drive == "motion":
-            # On a reversal friction has either sign.
-            rate = np.abs(self.states.rate)
-            error = error[rate > max(SURE * self.states.noise.rate, REVERSAL * float(rate.max()))]
+            error = error[self._slides]
         return rms(error) / self.response_scale
 
     @property

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint import Campaign, Joint, Run, diagnose, discover, load_campaign, verify
+from sindyjoint import Campaign, Joint, Run, diagnose, discover, load_campaign, simulate, verify
 from sindyjoint.equation import Nuisance, TestNuisances, Value, channel_delay
 from sindyjoint.files import write_campaign
 from sindyjoint.states.build import content_hash
@@ -279,3 +279,22 @@ def test_a_simulated_test_of_a_model_has_the_delay_of_its_rig(sindyjoint, tmp_pa
     inside = slice(20, -20)
     assert np.std((run.moment - late)[inside]) < 0.01 * np.std(run.moment)
     assert np.std((run.moment - moment)[inside]) > 0.03 * np.std(run.moment)
+
+
+def test_a_joint_that_sticks_is_not_failed_by_the_moments_that_friction_may_hold():
+    """Without an inertia the motion drives the simulation, and says nothing of the moment while nothing moves."""
+    runs = simulate(frequencies=[2, 3, 4], levels=[0.9, 0.5, 0.2], duration=6.0, rng=7)
+    unknown = replace(runs, joint=replace(runs.joint, inertia=0.0))
+    model = discover(unknown, library="paper").model
+    found = verify(model, unknown, draws=0)
+    assert {run.drive for run in found.runs} == {"motion"} and found.passed
+    assert found.response_nrmse == pytest.approx(found.moment_nrmse, rel=0.05)
+    # The control: a friction that is not the joint's fails.
+    other = replace(
+        model,
+        terms=tuple(
+            replace(t, coefficient=1.3 * t.coefficient) if t.id == "coulomb_friction" else t
+            for t in model.terms
+        ),
+    )
+    assert not verify(other, unknown, draws=0).passed

@@ -252,7 +252,12 @@ def headline(result: Batch) -> str:
     """Return how many campaigns there are and how they ended."""
     counts = {"without": result.none, "broken": result.broken, "of them done before": result.kept}
     parts = [f"{count} {words}" for words, count in counts.items() if count]
-    return ", ".join([f"{len(result.records)} campaigns: {result.found} with a model", *parts])
+    return ", ".join(
+        [
+            f"{len(result.records)} campaign{'s' * (len(result.records) != 1)}: {result.found} with a model",
+            *parts,
+        ]
+    )
 
 
 def _link(record: CampaignRecord, folder: Path | None) -> str:

@@ -170,8 +170,11 @@ STRUCTURE_KINDS = by_name(
 )
 
 
-def _trust(tested: bool, bands: bool) -> Trust:
-    """Return how far curves are those of what was tested, how sure they are, and what to do with them."""
+def _trust(tested: bool, bands: bool, farthest: str, *, model: bool = True) -> Trust:
+    """Return how far curves are those of what was tested, how sure they are, and what to do with them.
+
+    ``farthest`` is the largest amplitude that is drawn; ``model`` says whether one was given.
+    """
     lights = (
         Light("range", "good", "within the amplitudes that were tested")
         if tested
@@ -180,10 +183,13 @@ def _trust(tested: bool, bands: bool) -> Trust:
         if bands
         else Light("intervals", "fair", "the model holds no standard errors: the curves have no bands"),
     )
-    verify = ("sindyjoint verify MODEL CAMPAIGN", "hold the model against measured runs")
+    record = (f"record runs of up to {farthest}", "have what is dotted tested as well")
     at_hand = ("sindyjoint export MODEL --to python --out joint", EXPORT[1])
-    steps = (at_hand,) if tested else (verify, at_hand)
-    return Trust(lights, steps)
+    own = (
+        "find the law of a joint of your own by sindyjoint discover",
+        "draw these curves with it (--model)",
+    )
+    return Trust(lights, (*[record] * (not tested), at_hand if model else own))
 
 
 def _with_width(value: float, error: float, unit: str) -> str:
@@ -395,6 +401,7 @@ JOINT_CURVES = View(
     headline=lambda result: _trust(
         all(curve.tested.all() for curve in result.curves),
         any(np.any(curve.secant_error) for curve in result.curves),
+        amount(max(float(curve.amplitude[-1]) for curve in result.curves), UNITS[result.motion][0]),
     ),
     tables=_joint_tables,
     page=_joint_page,
@@ -411,6 +418,9 @@ STRUCTURE_CURVES = View(
     headline=lambda result: _trust(
         all(each.tested.all() for each in (*result.levels, *result.modes)),
         any(np.any(mode.frequency_error) for mode in result.modes),
+        f"{amount(max(float(each.amplitude.max()) for each in (*result.levels, *result.modes)), 'm')} "
+        f"at {result.point}",
+        model=bool(np.isfinite(result.tested).any()),
     ),
     tables=_structure_tables,
     page=_structure_page,

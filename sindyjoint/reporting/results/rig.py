@@ -157,10 +157,7 @@ def _trust(result: RigMotion) -> Trust:
             else Light("range", "good", "no joint leaves the range for which its law is known"),
             Light("data", "fair", "a simulation of the rig as its file describes it: nothing was measured"),
         ),
-        (
-            ("sindyjoint verify MODEL RIG", "hold a model of the joint against the rig's response"),
-            ("sindyjoint curves RIG --out curves", "see its frequency response and modes over amplitude"),
-        ),
+        (("sindyjoint curves RIG --out curves", "see its frequency response and modes over amplitude"),),
     )
 
 

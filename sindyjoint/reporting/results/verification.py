@@ -299,10 +299,11 @@ def _page(
     said = f"The model {'gives the measured' if passed else 'misses the'} response."
     badge = "confirmed" if passed else "refuted"
     facts = [
-        (f"{load} error", percent(result.moment_nrmse), "relative RMS"),
-        ("Amplitude", percent(result.amplitude_rms_error), "RMS difference, of the first amplitude"),
-        ("Period", milliseconds(result.mean_period_difference), "mean difference"),
+        ("Amplitude", result.amplitude_rms_error, percent, "RMS difference, of the first amplitude"),
+        ("Period", result.mean_period_difference, milliseconds, "mean difference"),
     ]
+    known = [(f"{load} error", percent(result.moment_nrmse), "relative RMS")]
+    known += [(name, shown(value), of) for name, value, shown, of in facts if value is not None]
     runs, *others = tables(result)
     failures = [f"{run.name}: {run.failure}." for run in result.runs if run.failure]
     seen = "virtual test" if virtual else "measured"
@@ -315,7 +316,7 @@ def _page(
             show.verdict(in_words_of_origin(virtual, said), badge, result.verdict),
             *(show.equation(markup(mathml(model))) for model in (result.model, *result.beside)),
         ),
-        (show.facts(facts), show.warnings(_warnings(result))),
+        (show.facts(known), show.warnings(_warnings(result))),
         (
             section("runs", "Runs", "Runs", show.table(runs), show.items(failures)),
             section(
