@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
@@ -75,11 +76,11 @@ class ChannelDelay:
 
         That is the error of the method. Of few degrees of freedom Student's t stands out more by chance.
         """
-        from scipy.special import ndtr, stdtrit
-
-        chance = ndtr(POLICY.delay_significance)
-        enough = POLICY.delay_significance if np.isinf(self.degrees) else stdtrit(self.degrees, chance)
-        return abs(self.time) > max(float(enough) * self.standard_error, POLICY.least_delay)
+        least = max(POLICY.delay_significance * self.standard_error, POLICY.least_delay)
+        if not abs(self.time) > least or np.isinf(self.degrees):
+            return abs(self.time) > least
+        chance = scipy.special.ndtr(POLICY.delay_significance)
+        return abs(self.time) > float(scipy.special.stdtrit(self.degrees, chance)) * self.standard_error
 
     @property
     def stands_out(self) -> bool:

@@ -8,11 +8,12 @@ sinusoid, the periods of a multisine, they are averaged into one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array, convolve, main_frequency, smoothing_kernels
@@ -150,12 +151,17 @@ SOURCES = {
     "mean periods": "from the periods of the excitation",
     "spectrum": "from the end of the spectrum",
     "coherent": "at most: from the end of a spectrum that still holds signal",
+    "neighbours": "at most: from samples of nearly one state, half a period or more apart",
 }
+#: What shows an upper bound only: a joint with memory has another moment in the same state, too.
+BOUNDS = {"coherent", "neighbours"}
 UNKNOWN = "the data do not show how far they repeat"
 # Samples of a period below which two of them cannot be laid over each other, and places to which one is shifted for it.
 SHORTEST, PLACES = 32, 41
 # Periods of a record beyond which more of them say nothing new.
 MOST_PERIODS = 64
+# Samples among which neighbours are sought, the nearest of each, and the fewest pairs.
+MOST_SAMPLES, NEAREST, FEWEST_PAIRS = 40_000, 8, 200
 
 
 @dataclass(frozen=True)
@@ -195,15 +201,15 @@ def moment_floor(states: Sequence[ForceStates], inertia: float | None) -> Floor:
     """
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
     slopes = _slopes(states, inertia)
-    known = np.array([_known(s, slopes[2]) for s in states], dtype=bool)
+    known = np.array([_source(s, slopes[2]) is not None for s in states], dtype=bool)
     size = moment_size(states, inertia)
     if not weight[known].sum() > 0.5 * weight.sum():
         return Floor(float("nan"), float("nan"), UNKNOWN)
     variance = np.array([_variance(s, slopes) for s in states])
     moment = float(np.sqrt(np.average(variance[known], weights=weight[known])))
-    used = [s.noise.source for s, k in zip(states, known, strict=True) if k]
+    used = [source for s in states if (source := _source(s, slopes[2]))]
     words = ", ".join(SOURCES[name] for name in dict.fromkeys(used))
-    return Floor(moment, moment / size if size > 0 else float("nan"), words, "coherent" in used)
+    return Floor(moment, moment / size if size > 0 else float("nan"), words, not BOUNDS.isdisjoint(used))
 
 
 def _slopes(states: Sequence[ForceStates], inertia: float | None) -> Array:
@@ -221,6 +227,8 @@ def _slopes(states: Sequence[ForceStates], inertia: float | None) -> Array:
 def _variance(states: ForceStates, slopes: Array) -> float:
     """Return σ_M² + (I·σ_θ̈)² + (k·σ_θ)² + (c·σ_θ̇)²; a mean period has no noise of angle and rate."""
     noise, (stiffness, damping, inertia) = states.noise, slopes
+    if noise.at_most is not None and _source(states, inertia) == "neighbours":
+        return noise.at_most**2  # which holds that of the motion, too
     variance = noise.moment**2 + (inertia * noise.acceleration) ** 2
     if states.method == "broadband":
         kernel = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
@@ -236,10 +244,12 @@ def moment_size(states: Sequence[ForceStates], inertia: float | None) -> float:
     return float(np.sqrt(np.sum(np.concatenate(squares)) / max(sum(square.size for square in squares), 1)))
 
 
-def _known(states: ForceStates, inertia: float) -> bool:
-    if not states.noise.measured:
-        return False
-    return states.noise.motion_measured or 2 * inertia * states.noise.acceleration <= states.noise.moment
+def _source(states: ForceStates, inertia: float) -> str | None:
+    """Return what shows the noise of a run, or a bound of it; None where nothing does."""
+    noise = states.noise
+    if noise.measured and (noise.motion_measured or 2 * inertia * noise.acceleration <= noise.moment):
+        return noise.source
+    return None if noise.at_most is None else "neighbours"
 
 
 def larger_moment(states: ForceStates, inertia: float) -> Array:
@@ -264,34 +274,28 @@ def with_scatter(states: ForceStates, inertia: float | None) -> ForceStates:
     """Return the states of a run, the noise of its moment no less than what does not repeat in it."""
     if states.method != "broadband" or states.repeated:
         return states
-    scatter = scatter_of_repeats(states, inertia)
+    noise = states.noise
+    scatter = scatter_of(_pairs(states, inertia))
     if scatter is None:
-        return states
+        if noise.measured and noise.motion_measured:
+            return states
+        return replace(states, noise=replace(noise, at_most=scatter_of(_neighbours(states, inertia))))
     # That of a transfer moment holds the noise of the acceleration, which is counted for itself.
-    scatter = float(np.sqrt(max(scatter**2 - ((inertia or 0.0) * states.noise.acceleration) ** 2, 0.0)))
-    if scatter <= states.noise.moment:
+    scatter = float(np.sqrt(max(scatter**2 - ((inertia or 0.0) * noise.acceleration) ** 2, 0.0)))
+    if scatter <= noise.moment:
         return states
-    return replace(
-        states, noise=replace(states.noise, moment=scatter, measured=True, source="steady periods")
-    )
+    return replace(states, noise=replace(noise, moment=scatter, measured=True, source="steady periods"))
 
 
-def scatter_of_repeats(states: ForceStates, inertia: float | None) -> float | None:
-    """Return the RMS of what the moment does not repeat in periods of one motion, N·m; None where none is repeated.
+def scatter_of(found: Iterable[Pair]) -> float | None:
+    """Return the RMS of what the moment does not repeat in pairs of one motion, N·m; None where there are none.
 
-    With the differences ΔM of the moments of two periods and those of their motion, s² = ½ mean (ΔM − a₁ Δθ − a₂ Δθ² −
-    a₃ Δθ³ − b Δθ̇)²: what a small difference of the motion makes of the moment is taken out to first order, by least
-    squares over all pairs, with a stiffness that may change along the angle. M is the transfer moment; where the
-    inertia is not known, Δθ̈ is a column, too.
-
-    Parameters
-    ----------
-    states : ForceStates
-        Of a run that does not repeat as a whole.
-    inertia : float or None
-        kg·m², as declared.
+    With the differences ΔM of the moments of a pair and those of its motion, s² = ½ mean (ΔM − a₁ Δθ − a₂ Δθ² − a₃ Δθ³
+    − b Δθ̇)²: what a small difference of the motion makes of the moment is taken out to first order, by least squares
+    over all pairs, with a stiffness that may change along the angle. M is the transfer moment; where the inertia is not
+    known, Δθ̈ is a column, too.
     """
-    pairs = list(_pairs(states, inertia))
+    pairs = list(found)
     if not pairs:
         return None
     motion = np.concatenate([pair.motion for pair in pairs])
@@ -309,9 +313,7 @@ def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
     count = states.n_samples // per if per >= SHORTEST else 0
     if count < 2 or count > MOST_PERIODS:
         return
-    motion = [states.angle, states.angle**2, states.angle**3, states.rate]
-    motion += [states.acceleration] if inertia is None else []
-    signals, moment = np.column_stack(motion), states.transfer_moment(inertia or 0.0)
+    signals, moment = _differing(states, inertia)
     reach = per // PLACES
     for first in range(0, (count - 1) * per, per):
         early = slice(first, first + per)
@@ -324,3 +326,36 @@ def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
         both = states.moving[early] & states.moving[late]
         if np.count_nonzero(both) >= SHORTEST // 2:
             yield Pair((signals[late] - signals[early])[both], (moment[late] - moment[early])[both])
+
+
+def _neighbours(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
+    """Yield the samples that have one of nearly the same angle and rate half a period away or more, with it.
+
+    The distance is in standard deviations of angle and rate. The estimate of noise from nearest neighbours is that of
+    Stefánsson, Končar and Jones (Neural Comput. Appl. 5, 1997), with the differences of their motion taken out.
+    """
+    moving = np.flatnonzero(states.moving)
+    moving = moving[:: 1 + moving.size // MOST_SAMPLES]
+    state = np.column_stack([states.angle[moving], states.rate[moving]])
+    spread = state.std(axis=0)
+    frequency = states.frequency or main_frequency(states.angle, states.sample_rate)
+    if moving.size < FEWEST_PAIRS or not spread.all() or not frequency > 0:
+        return
+    away, place = scipy.spatial.cKDTree(state / spread).query(
+        state / spread, NEAREST + 1, distance_upper_bound=POLICY.same_motion
+    )
+    other = moving[np.where(np.isfinite(away), place, 0)]
+    apart = np.isfinite(away) & (np.abs(other - moving[:, None]) > states.sample_rate / frequency / 2)
+    paired = apart.any(axis=1)
+    if np.count_nonzero(paired) < FEWEST_PAIRS:
+        return
+    first, second = moving[paired], other[np.arange(moving.size), apart.argmax(axis=1)][paired]
+    signals, moment = _differing(states, inertia)
+    yield Pair(signals[second] - signals[first], moment[second] - moment[first])
+
+
+def _differing(states: ForceStates, inertia: float | None) -> tuple[Array, Array]:
+    """Return the signals of which a small difference changes the moment, a column each, and the moment."""
+    motion = [states.angle, states.angle**2, states.angle**3, states.rate]
+    motion += [states.acceleration] if inertia is None else []
+    return np.column_stack(motion), states.transfer_moment(inertia or 0.0)

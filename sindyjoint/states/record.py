@@ -35,6 +35,8 @@ class NoiseFloor:
         a channel has no flat floor the numbers are only what its noise would be if it were white.
     source : {"declared", "periods", "steady periods", "mean periods", "spectrum", "coherent"}
         What showed the noise of the moment; of "coherent", where its spectrum ends in signal, it is an upper bound.
+    at_most : float, optional
+        N·m: what samples of nearly one state show of a noise that is not known otherwise.
     """
 
     moment: float
@@ -44,6 +46,7 @@ class NoiseFloor:
     measured: bool = True
     motion_measured: bool = True
     source: str = "spectrum"
+    at_most: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

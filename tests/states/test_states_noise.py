@@ -18,9 +18,9 @@ from sindyjoint.measurement import (
 )
 from sindyjoint.measurement import noise as states_noise
 from sindyjoint.numeric import without_line
-from sindyjoint.record import Run
+from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rig import SensorNoise
-from sindyjoint.states import force_states
+from sindyjoint.states import force_states, states_of
 from sindyjoint.states.broadband import broadband_states, dwells, smoothing_kernels
 from sindyjoint.states.floor import moment_floor
 
@@ -326,3 +326,38 @@ def test_the_last_lines_of_a_motion_that_ends_abruptly_are_kept():
     error = states.angle - angle[first : first + states.n_samples]
     assert 8.0 < states.bandwidth < 11.0
     assert np.std(error) < 0.03 * np.std(angle)
+
+
+def skirted(level, seed):
+    """Return noise of an RMS that fades towards the end of its spectrum, as behind a filter: it shows no floor."""
+    sections = butter(2, 0.25, output="sos")
+    made = sosfilt(sections, np.random.default_rng(seed).standard_normal(N))
+    return level * made / made.std()
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.1])
+def test_samples_of_one_state_bound_a_noise_that_shows_nowhere(memory):
+    """Within a tenth of the truth (1 % here); of a joint with memory it is an upper bound only."""
+    angle = smooth(6.0)
+    rate = np.gradient(angle, 1 / RATE)
+    # What remembers: a Maxwell element's lag, of the share ``memory``.
+    lagged = sosfilt(butter(1, 2.0, fs=RATE, output="sos"), angle)
+    law = angle + 0.3 * angle**3 + 0.005 * rate + memory * lagged
+    for level in (0.01, 0.04):
+        moment = law + level * law.std() * skirted(1.0, 11)
+        run = Run("r", sample_rate=RATE, angle=angle + 1e-4 * skirted(1.0, 12), moment=moment)
+        (states,) = states_of(Campaign(Joint("j", inertia=0.0), (run,)), [run])
+        floor = moment_floor([states], 0.0)
+        assert floor.bound and "at most" in floor.words
+        low, high = 0.9, np.inf if memory else 1.1
+        assert low * level < floor.relative < high * level
+
+
+def test_a_single_sweep_through_each_state_bounds_nothing():
+    """No state comes back: the data do not show how far they repeat."""
+    time = np.arange(N) / RATE
+    angle = np.exp(-0.15 * time) * np.cos(2 * np.pi * 1.0 * time)
+    moment = 2 * angle + skirted(0.01, 13)
+    run = Run("r", sample_rate=RATE, angle=angle, moment=moment)
+    (states,) = states_of(Campaign(Joint("j", inertia=0.0), (run,)), [run])
+    assert states.noise.at_most is None
