@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import resource
 import subprocess
 import sys
 import tempfile
@@ -24,14 +25,16 @@ COLOURS = ("data", "explained", "determined", "predicts")
 def asked(*words: str) -> dict[str, Any]:
     """Return what a command prints with ``--json``, or the reason why it does not."""
     command = [sys.executable, "-m", "sindyjoint", *words, "--json", "--quiet"]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
     done = subprocess.run(command, capture_output=True, text=True)
+    spent = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
     if done.returncode in (0, 1) and done.stdout:
-        return json.loads(done.stdout)
+        return json.loads(done.stdout) | {"seconds": spent}
     return {"failed": done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]}
 
 
 def answers(folder: Path) -> dict[str, Any]:
-    """Return the trust of each verb on one campaign."""
+    """Return what each verb answers on one campaign, and the processor's seconds."""
     found = {}
     for verb, after, options in (("discover", "verify", ()), ("diagnose", "verify of it", ("--no-advice",))):
         with tempfile.TemporaryDirectory() as scratch:
@@ -39,6 +42,11 @@ def answers(folder: Path) -> dict[str, Any]:
             if (Path(scratch) / "model.json").exists():
                 found[after] = asked("verify", scratch, str(folder))
     found["compare"] = asked("compare", str(folder))
+    return found
+
+
+def trusts(found: dict[str, Any]) -> dict[str, Any]:
+    """Return the trust of each verb, or why it gave no answer."""
     return {verb: each.get("trust", each) for verb, each in found.items()}
 
 
@@ -64,6 +72,27 @@ def agree(found: dict[str, Any]) -> bool:
     return same and len(known) in (0, len(floors)) and (not known or max(known) <= 1.1 * min(known))
 
 
+def kept(folder: str, found: dict[str, Any]) -> dict[str, Any]:
+    """Return what a table says of a folder: answers, gaps and floor; verdict, names and gaps of the diagnosis."""
+    record: dict[str, Any] = {"folder": folder, "agree": "yes" if agree(trusts(found)) else "no"}
+    for verb in ("discover", "diagnose"):
+        trust = found[verb].get("trust", {})
+        explained = trust.get("explained", {})
+        record[verb] = trust.get("answer", "refused")
+        record[f"{verb}_gap"], record["floor"] = explained.get("gap"), explained.get("floor")
+    diagnosis = found["diagnose"]
+    names = [step["class"] for step in diagnosis.get("steps", ())]
+    record["names"] = ", ".join(
+        members[0].replace("_", " ") + (f" or {len(members) - 1} others" if len(members) > 1 else "")
+        for members in names
+    )
+    record["verdict"], record["seconds"] = diagnosis.get("verdict", "refused"), diagnosis.get("seconds")
+    for end in ("initial", "final", "noise_floor"):
+        for what, value in diagnosis.get("gap", {}).get(end, {}).items():
+            record[f"{what}_{end}"] = value
+    return record
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -72,13 +101,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     parser.add_argument("--only", nargs="*")
     arguments = parser.parse_args()
-    record = {}
+    record = []
     for folder in sorted(path.parent for path in arguments.data.glob("*/campaign.toml")):
         if arguments.only and folder.name not in arguments.only:
             continue
-        record[folder.name] = found = answers(folder)
-        print(f"{folder.name}: {'agree' if agree(found) else 'DO NOT AGREE'}", flush=True)
-        for verb, trust in found.items():
+        found = answers(folder)
+        record.append(kept(folder.name, found))
+        print(f"{folder.name}: {'agree' if agree(trusts(found)) else 'DO NOT AGREE'}", flush=True)
+        for verb, trust in trusts(found).items():
             print(row(verb, trust), flush=True)
         if arguments.out:
             arguments.out.write_text(json.dumps(record, indent=1))
