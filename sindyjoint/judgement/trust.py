@@ -150,6 +150,9 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
         return light(colour, f"{size}; {floor.words}")
     colour = colour_of_misfit(gap.value, floor.relative)
     sentence = f"{size}, noise floor {percent(floor.relative)} {floor.words}"
+    if floor.bound and colour == "good":
+        # What a law lacks is in the bound, too.
+        return light("fair" if gap.value <= POLICY.mostly_explained else "poor", sentence)
     if colour != "good":
         sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither"
     return light(colour, sentence)
@@ -224,7 +227,7 @@ def _floor(as_measured: Campaign | None, states: Sequence[ForceStates], campaign
     if as_measured is not None:
         runs = as_measured.identification_runs or as_measured.validation_runs
         states = one_after_another(as_measured, states_of(as_measured, runs))
-    return moment_floor(states, campaign.joint.inertia)
+    return moment_floor(states, campaign.joint.inertia, bounded=True)
 
 
 def _groups(states: Sequence[ForceStates]) -> list[str]:

@@ -186,7 +186,7 @@ class Floor:
     bound: bool = False
 
 
-def moment_floor(states: Sequence[ForceStates], inertia: float | None) -> Floor:
+def moment_floor(states: Sequence[ForceStates], inertia: float | None, bounded: bool = False) -> Floor:
     """Return the floor of some runs, pooled over their moving samples, whatever law explains them.
 
     The noise of a transfer moment is that of the moment, the inertia's times that of the acceleration, and what noise
@@ -198,16 +198,19 @@ def moment_floor(states: Sequence[ForceStates], inertia: float | None) -> Floor:
     states : sequence of ForceStates
     inertia : float or None
         Between the sensor and the joint, kg·m² (kg); None where it is identified: that of the linear law then.
+    bounded : bool
+        Whether what samples of nearly one state bound stands for a noise that nothing shows.
     """
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
     slopes = _slopes(states, inertia)
-    known = np.array([_source(s, slopes[2]) is not None for s in states], dtype=bool)
+    sources = [_source(s, slopes[2], bounded) for s in states]
+    known = np.array([source is not None for source in sources], dtype=bool)
     size = moment_size(states, inertia)
     if not weight[known].sum() > 0.5 * weight.sum():
         return Floor(float("nan"), float("nan"), UNKNOWN)
-    variance = np.array([_variance(s, slopes) for s in states])
+    variance = np.array([_variance(s, slopes, source) for s, source in zip(states, sources, strict=True)])
     moment = float(np.sqrt(np.average(variance[known], weights=weight[known])))
-    used = [source for s in states if (source := _source(s, slopes[2]))]
+    used = [source for source in sources if source]
     words = ", ".join(SOURCES[name] for name in dict.fromkeys(used))
     return Floor(moment, moment / size if size > 0 else float("nan"), words, not BOUNDS.isdisjoint(used))
 
@@ -224,10 +227,10 @@ def _slopes(states: Sequence[ForceStates], inertia: float | None) -> Array:
     return np.array([found[0], found[1], max(found[2], 0.0) if inertia is None else inertia])
 
 
-def _variance(states: ForceStates, slopes: Array) -> float:
+def _variance(states: ForceStates, slopes: Array, source: str | None) -> float:
     """Return σ_M² + (I·σ_θ̈)² + (k·σ_θ)² + (c·σ_θ̇)²; a mean period has no noise of angle and rate."""
     noise, (stiffness, damping, inertia) = states.noise, slopes
-    if noise.at_most is not None and _source(states, inertia) == "neighbours":
+    if source == "neighbours" and noise.at_most is not None:
         return noise.at_most**2  # which holds that of the motion, too
     variance = noise.moment**2 + (inertia * noise.acceleration) ** 2
     if states.method == "broadband":
@@ -244,12 +247,12 @@ def moment_size(states: Sequence[ForceStates], inertia: float | None) -> float:
     return float(np.sqrt(np.sum(np.concatenate(squares)) / max(sum(square.size for square in squares), 1)))
 
 
-def _source(states: ForceStates, inertia: float) -> str | None:
-    """Return what shows the noise of a run, or a bound of it; None where nothing does."""
+def _source(states: ForceStates, inertia: float, bounded: bool) -> str | None:
+    """Return what shows the noise of a run, or a bound of it where one is asked for; None where nothing does."""
     noise = states.noise
     if noise.measured and (noise.motion_measured or 2 * inertia * noise.acceleration <= noise.moment):
         return noise.source
-    return None if noise.at_most is None else "neighbours"
+    return "neighbours" if bounded and noise.at_most is not None else None
 
 
 def larger_moment(states: ForceStates, inertia: float) -> Array:

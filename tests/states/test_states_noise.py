@@ -347,7 +347,7 @@ def test_samples_of_one_state_bound_a_noise_that_shows_nowhere(memory):
         moment = law + level * law.std() * skirted(1.0, 11)
         run = Run("r", sample_rate=RATE, angle=angle + 1e-4 * skirted(1.0, 12), moment=moment)
         (states,) = states_of(Campaign(Joint("j", inertia=0.0), (run,)), [run])
-        floor = moment_floor([states], 0.0)
+        floor = moment_floor([states], 0.0, bounded=True)
         assert floor.bound and "at most" in floor.words
         low, high = 0.9, np.inf if memory else 1.1
         assert low * level < floor.relative < high * level

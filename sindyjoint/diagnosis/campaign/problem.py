@@ -170,9 +170,8 @@ class CampaignProblem(Problem):
 
     @property
     def floor_is_bound(self) -> bool:
-        """Whether the noise of a run is only known to be less."""
-        noise = [s.noise for s in self.work.kept_states or self.work.states]
-        return any(each.source == "coherent" or each.at_most is not None for each in noise)
+        """Whether a channel's spectrum ends in signal, so that its noise is only known to be less."""
+        return any(s.noise.source == "coherent" for s in self.work.kept_states or self.work.states)
 
     def uncertainty(self) -> Gap:
         """Return the gap of the response that the true law leaves by its numbers and its drive."""
@@ -249,9 +248,6 @@ class CampaignProblem(Problem):
         """Return what the effects leave of the gap that channels put right had."""
         if self.search is None:
             return Residual(1.0, self.policy.unexplained)
-        if any(each.noise.at_most is not None for each in self.work.states):
-            # A bound of the noise is no unit of it: how much of the gap is beyond, the gap's floor says.
-            return Residual(0.0, self.policy.unexplained, misfit=float("inf"))
         before, after, rows = self.search.before, self.search.after, self.search.rows
         share = share_beyond_noise((before, rows), (after, rows), self.policy)
         kept = self.work.campaign.validation_runs
