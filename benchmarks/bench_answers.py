@@ -83,13 +83,15 @@ def kept(folder: str, found: dict[str, Any]) -> dict[str, Any]:
     diagnosis = found["diagnose"]
     names = [step["class"] for step in diagnosis.get("steps", ())]
     record["names"] = ", ".join(
-        members[0].replace("_", " ") + (f" or {len(members) - 1} others" if len(members) > 1 else "")
+        members[0].replace("_", " ") + (f" or one of {len(members) - 1} more" if len(members) > 1 else "")
         for members in names
     )
-    record["verdict"], record["seconds"] = diagnosis.get("verdict", "refused"), diagnosis.get("seconds")
+    verdict = diagnosis.get("verdict", "refused").replace("_", " ")
+    record["says"] = ": ".join(filter(None, (verdict, record["names"])))
+    record["seconds"] = diagnosis.get("seconds")
     for end in ("initial", "final", "noise_floor"):
-        for what, value in diagnosis.get("gap", {}).get(end, {}).items():
-            record[f"{what}_{end}"] = value
+        for what in ("moment", "response"):
+            record[f"{what}_{end}"] = diagnosis.get("gap", {}).get(end, {}).get(what)
     return record
 
 
