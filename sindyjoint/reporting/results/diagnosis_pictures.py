@@ -102,7 +102,7 @@ def rivals(result: Diagnosis, ax: Axes) -> Axes:
         rows.append((f"{index + 1}. {spelled(step.effect, motion)}", step.probability, PALETTE[0]))
         rows += [(f"    {spelled(name, motion)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
     labels, values, colours = zip(*rows, strict=True)
-    bars(ax, labels, values, 1.08, "probability", colours, "{:.2f}", 0.6)
+    bars(ax, labels, values, 1.2, "probability", colours, "{:.2f}", 0.6)
     ax.set_title("Named effects and their rivals")
     return ax
 
