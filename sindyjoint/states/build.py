@@ -92,7 +92,8 @@ def _make_states(run: Run, method: Choice, bandwidth: float | None, rate_share: 
         raise InputError(
             f"{run.label}: {count or 'no'} moving samples: the velocity hardly rises above its noise "
             f"({states.noise.rate:.2g} rad/s or m/s); expected a larger excitation, a less noisy motion "
-            "channel, or time = 'none' where the samples were not taken at a known rate"
+            "channel, its [[run]] taken out of the manifest, or time = 'none' where the samples were not taken at a "
+            "known rate"
         )
     return states
 
