@@ -45,7 +45,7 @@ def options(
 ) -> None:
     """Discover the equation of a nonlinear joint from vibration tests, with evidence.
 
-    Example: sindyjoint discover virtual --out results
+    Example: sindyjoint discover --out results
     """
     if largest is not None:
         import os
