@@ -48,7 +48,9 @@ def key_facts(model: JointModel) -> list[tuple[str, str, str]]:
     fitted, q = model.fitted, quantities(model.joint.motion)
     factor, unit = _residual_scale(model)
     explained = 1 - (fitted.residual_rms / fitted.moment_rms) ** 2 if fitted.moment_rms > 0 else math.nan
-    floor = f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "unknown"
+    floor = (
+        f"{fitted.noise_floor * factor:.3g} {unit}" if math.isfinite(fitted.noise_floor) else "not measured"
+    )
     frequencies = ", ".join(f"{f:.4g}" for f in fitted.frequencies)
     if fitted.quasi_static:
         inertia = (f"{q.inertia}, damping, frequency", "not applicable", "the samples have no time")
