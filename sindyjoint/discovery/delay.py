@@ -308,15 +308,12 @@ def _error_by_lacking(
     parts = [_evaluate_columns(shifted(s, time), law, inertia, 1)[:2] for s in states]
     X, y = (np.concatenate(column) for column in zip(*parts, strict=True))
     coefficients = scaled_least_squares(X, y, 1e-12)
-    values = float(
-        np.median(
-            [
-                _independent_values(target - columns @ coefficients, s)
-                for (columns, target), s in zip(parts, states, strict=True)
-                if target.size
-            ]
-        )
-    )
+    found = [
+        _independent_values(target - columns @ coefficients, s)
+        for (columns, target), s in zip(parts, states, strict=True)
+        if target.size
+    ]
+    values = float(np.median(found))
     return beyond / (unique * np.sqrt(values)), values
 
 
