@@ -1,45 +1,45 @@
 """A result is described once, by its record: dictionary, JSON, JSON Schema and what it shows are made from that.
 
-A record is a frozen dataclass; each of its fields is an entry of its dictionary. Where the two differ, ``WRITTEN`` says
-which attribute stands under which key, or which keys of its own a key holds::
-
-    WRITTEN = {**same("equation"), "tested": {"angle": "tested_angle"}, "rig": "rig.name", "inputs?": "inputs"}
-
-A key with a question mark is left out where there is nothing under it. ``FILED`` are entries of the result's file that
-``--json`` does not print, ``SCHEMA`` is the version. Types are those of the annotations, words, units and shapes those
-of the docstrings.
+How it is described says :mod:`sindyjoint.plain`.
 """
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass
 from functools import cache, reduce
 from inspect import cleandoc
+from operator import or_
 from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from sindyjoint.hooks import supplied
+from sindyjoint.plain import (
+    POSITIVE,
+    SOME,
+    UNKNOWN,
+    Maybe,
+    marks_of,
+    record_of,
+    same,
+    scalar_of_array,
+    to_plain,
+    written,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# A number that need not be known: NaN in a record, null in its dictionary.
-Maybe = Annotated[float, "null where it is not known"]
+__all__ = ["Described", "Maybe", "Shown", "json_schema", "same", "to_plain"]
 
 _TYPES = {str: "string", Path: "string", bool: "boolean", int: "integer", float: "number", NoneType: "null"}
 _UNKNOWN = {"type": ["number", "null"]}
 _ITEMS: dict[str, dict[str, Any]] = {"bool": {"type": "boolean"}, "float64": _UNKNOWN}
-
-
-def same(*names: str) -> dict[str, str]:
-    """Return entries that stand under the names of their attributes."""
-    return {name: name for name in names}
+_MARKED = {UNKNOWN: _UNKNOWN, POSITIVE: {"minimum": 0}, SOME: {"minItems": 1}}
 
 
 class Described:
@@ -47,49 +47,7 @@ class Described:
 
     def to_dict(self, full: bool = False) -> dict[str, Any]:
         """Return what ``--json`` prints; in ``full`` what the file holds, too."""
-        return _record(self, full)
-
-
-def to_plain(value: Any, full: bool = False) -> Any:
-    """Return data as JSON holds them: records by their description, numbers that are not finite as null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        # A result within another is written as --json prints it.
-        return _record(value, full and not hasattr(value, "SCHEMA"))
-    if hasattr(value, "tolist"):  # an array, or a number of NumPy, which is not imported to ask
-        return to_plain(value.tolist())
-    if isinstance(value, Mapping):
-        return {str(key): to_plain(item, full) for key, item in value.items()}
-    if isinstance(value, tuple | list):
-        return [to_plain(item, full) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return str(value) if isinstance(value, Path) else value
-
-
-def _record(record: Any, full: bool) -> dict[str, Any]:
-    version = {"schema": record.SCHEMA} if hasattr(record, "SCHEMA") else {}
-    filed = getattr(record, "FILED", {}) if full else {}
-    return {**version, **_entries(record, _written(type(record)), full), **_entries(record, filed, full)}
-
-
-def _written(kind: type) -> Mapping[str, Any]:
-    return getattr(kind, "WRITTEN", None) or same(*(field.name for field in fields(kind)))
-
-
-def _entries(record: Any, layout: Mapping[str, Any], full: bool) -> dict[str, Any]:
-    entries = {}
-    for key, place in layout.items():
-        if isinstance(place, str):
-            value = to_plain(reduce(_get, place.split("."), record), full)
-        else:
-            value = _entries(record, place, full)
-        if not (key.endswith("?") and value in (None, {}, [], "")):
-            entries[key.removesuffix("?")] = value
-    return entries
-
-
-def _get(record: Any, name: str) -> Any:
-    return None if record is None else getattr(record, name)
+        return record_of(self, full)
 
 
 def json_schema(kind: type) -> dict[str, Any]:
@@ -99,20 +57,12 @@ def json_schema(kind: type) -> dict[str, Any]:
     return definitions.pop(kind.__name__) | {"$defs": definitions}
 
 
-def scalar_of_array(hint: Any) -> type | None:
-    """Return of which scalars an array is, by its type; None where that is no array's."""
-    if getattr(get_origin(hint), "__name__", "") not in ("ndarray", "NDArray"):
-        return None
-    # From numpy 2.5 on NDArray[scalar] is a name of its own; before, it is ndarray[shape, dtype[scalar]].
-    last = get_args(hint)[-1]
-    return (get_args(last) or (last,))[0]
-
-
-def _schema_of(hint: Any, definitions: dict[str, Any], more: str = "") -> dict[str, Any]:
+def _schema_of(hint: Any, definitions: dict[str, Any], more: str = "", layout: Any = None) -> dict[str, Any]:
     """Return the schema of a type, of which a docstring may say more; a record is defined once and referred to."""
     origin, args = get_origin(hint), get_args(hint)
-    if hint == Maybe:
-        return _UNKNOWN
+    if hasattr(hint, "__metadata__"):
+        marks = (_MARKED[mark] for mark in hint.__metadata__)
+        return reduce(or_, marks, _schema_of(args[0], definitions, more, layout))
     if origin is Literal:
         return {"enum": list(args)}
     if origin in (Union, UnionType):
@@ -127,10 +77,12 @@ def _schema_of(hint: Any, definitions: dict[str, Any], more: str = "") -> dict[s
         items = [_schema_of(each, definitions) for each in args]
         return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
     if origin in (tuple, list):
-        return {"type": "array", "items": _schema_of(args[0], definitions)}
+        return {"type": "array", "items": _schema_of(args[0], definitions, "", layout)}
     if origin in (dict, Mapping):
         return {"type": "object", "additionalProperties": _schema_of(args[1], definitions)}
     if is_dataclass(hint) and isinstance(hint, type):
+        if layout:
+            return _group_of(hint, layout, definitions)
         if hint.__name__ not in definitions:
             definitions[hint.__name__] = {}  # it may hold others of its kind
             definitions[hint.__name__] = _object_of(hint, definitions)
@@ -141,14 +93,15 @@ def _schema_of(hint: Any, definitions: dict[str, Any], more: str = "") -> dict[s
 
 
 def _object_of(kind: type, definitions: dict[str, Any]) -> dict[str, Any]:
-    known = _group_of(kind, _written(kind), definitions)
+    known = _group_of(kind, written(kind), definitions)
     filed = _group_of(kind, getattr(kind, "FILED", {}), definitions)
-    version = {"schema": {"const": kind.SCHEMA}} if hasattr(kind, "SCHEMA") else {}
+    version: dict[str, Any] = {key: {"const": value} for key, value in marks_of(kind).items()}
+    formerly: dict[str, Any] = {key: {} for key in getattr(kind, "FORMERLY", ())}
     return {
         "title": kind.__name__,
         "description": cleandoc(kind.__doc__ or "").split("\n")[0],
         **known,
-        "properties": version | known["properties"] | filed["properties"],
+        "properties": version | known["properties"] | filed["properties"] | formerly,
         "required": [*version, *known["required"]],
     }
 
@@ -156,11 +109,12 @@ def _object_of(kind: type, definitions: dict[str, Any]) -> dict[str, Any]:
 def _group_of(kind: type, layout: Mapping[str, Any], definitions: dict[str, Any]) -> dict[str, Any]:
     properties = {}
     for key, place in layout.items():
-        if isinstance(place, str):
-            hint, more, words = _type_at(kind, place)
-            schema = _schema_of(hint, definitions, more) | ({"description": words} if words else {})
+        name, own = place if isinstance(place, tuple) else (place, None)
+        if isinstance(name, str):
+            hint, more, words = _type_at(kind, name)
+            schema = _schema_of(hint, definitions, more, own) | ({"description": words} if words else {})
         else:
-            schema = _group_of(kind, place, definitions)
+            schema = _group_of(kind, name, definitions)
         properties[key.removesuffix("?")] = schema
     return {
         "type": "object",

@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.plain import Size
 
 Array = NDArray[np.float64]
 
@@ -62,7 +63,7 @@ class Input:
     zero: float = 0.0
     tested: tuple[float, float] | None = None
     levels: int = 1
-    lag: float = 0.0
+    lag: Size = 0.0
 
     def __post_init__(self) -> None:
         check_name(self.name)

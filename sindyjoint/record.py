@@ -17,6 +17,7 @@ from sindyjoint.described import Shown
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.hooks import supplied
 from sindyjoint.inputs import FileUnit, Input, LongRecord, Source, check_inputs, signals_of
+from sindyjoint.plain import Size
 from sindyjoint.rig import Fusion, SensorNoise, unknown_means
 from sindyjoint.text import control_character, printable, quantities
 
@@ -84,7 +85,7 @@ class Joint:
 
     name: str = "joint"
     motion: Motion = "rotation"
-    inertia: float | None = None
+    inertia: Size | None = None
     temperature: float | None = None
     serial: str | None = None
     labels: Mapping[str, str] = field(default_factory=dict, hash=False)

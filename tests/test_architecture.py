@@ -19,6 +19,7 @@ BASE = {
     "documents",
     "tables",
     "hooks",
+    "plain",
     "described",
     "trust",
     "rig",
@@ -33,12 +34,13 @@ ALLOWED = {
     "errors": set(),
     "text": set(),
     "hooks": set(),
-    "described": {"hooks"},  # what shows results is supplied at the root
+    "plain": {"errors"},
+    "described": {"hooks", "plain"},  # what shows results is supplied at the root
     "policy": set(),
     "numeric": set(),
-    "inputs": {"errors"},
+    "inputs": {"errors", "plain"},
     "rig": {"errors", "text"},
-    "record": {"errors", "text", "inputs", "described", "hooks", "rig"},
+    "record": {"errors", "text", "inputs", "plain", "described", "hooks", "rig"},
     "measurement": {
         "errors",
         "hooks",

@@ -18,6 +18,6 @@ __getattr__ = fetched(
         "model_file": "read_model read_models",
         "model_parts": "range_warnings",
         "terms": "Reference term_columns",
-        "test_record": "Nuisance TestNuisances channel_delay read_test",
+        "test_record": "Drift Nuisance TestNuisances channel_delay read_test",
     },
 )

@@ -29,8 +29,8 @@ def with_gain_uncertainty(model: JointModel, gains: Mapping[str, float]) -> Join
     """
     if not any(gains.values()) or not model.terms:
         return model
-    fitted = replace(model.fitted, gains=tuple(sorted(gains.items())))
-    return replace(widened(model, _common(model, dict(fitted.gains))), fitted=fitted)
+    fitted = replace(model.fitted, gains=dict(sorted(gains.items())))
+    return replace(widened(model, _common(model, fitted.gains)), fitted=fitted)
 
 
 def widened(model: JointModel, added: Array) -> JointModel:
@@ -57,7 +57,7 @@ def widened(model: JointModel, added: Array) -> JointModel:
 
 def gain_errors(model: JointModel) -> Array:
     """Return the part of each term's standard error that declared uncertainties of gains make, shape (n_terms,)."""
-    return np.sqrt(np.diag(_common(model, dict(model.fitted.gains)))) if model.terms else np.zeros(0)
+    return np.sqrt(np.diag(_common(model, model.fitted.gains))) if model.terms else np.zeros(0)
 
 
 def gain_moves(model: JointModel, gains: Mapping[str, float]) -> dict[str, Array]:

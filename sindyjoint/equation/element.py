@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sindyjoint.equation.formula import compile_terms, parse_formula, variable_symbols
 from sindyjoint.numeric import Array
+from sindyjoint.plain import SOME, Size, same
 
 if TYPE_CHECKING:
     import sympy
@@ -127,6 +128,9 @@ def _renamed(expression: sympy.Expr, pairs: frozenset[tuple[Any, Any]]) -> Any:
     return expression.xreplace(dict(pairs))
 
 
+_CERTAINTY = same("unit", "standard_error", "interval95")
+
+
 @dataclass(frozen=True)
 class Value:
     """A number of an element and how sure it is.
@@ -146,7 +150,7 @@ class Value:
 
     name: str
     value: float
-    standard_error: float
+    standard_error: Size
     interval95: tuple[float, float]
     unit: str
     formula: str = ""
@@ -198,11 +202,20 @@ class JointElement:
         What its formulas may be made of beside angle, rate, parameters and states.
     """
 
+    WRITTEN: ClassVar = {
+        **same("id", "effect", "symbol", "name"),
+        "columns": (
+            "columns",
+            {"symbol": "name", "formula": "formula", "coefficient": "value", **_CERTAINTY},
+        ),
+        "parameters": ("parameters", {**same("name", "value"), **_CERTAINTY}),
+        "states": "states",
+    }
     id: str
     effect: str
     symbol: str
     name: str
-    columns: tuple[Value, ...]
+    columns: Annotated[tuple[Value, ...], SOME]
     parameters: tuple[Value, ...]
     states: tuple[ElementState, ...]
     signals: tuple[str, ...] = field(default=(), compare=False)

@@ -6,19 +6,21 @@ import json
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.described import Described, same
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, model_at, range_warnings
 from sindyjoint.equation.test_record import TestNuisances
-from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.errors import InputError, UnknownNameError, refuse
 from sindyjoint.inputs import Input
 from sindyjoint.numeric import Array
+from sindyjoint.plain import from_plain
 from sindyjoint.record import Joint
 from sindyjoint.text import rounded
 
@@ -29,7 +31,7 @@ __all__ = ["INERTIA", "Fitted", "JointModel", "ModelTerm", "model_terms"]
 
 
 @dataclass(frozen=True)
-class JointModel:
+class JointModel(Described):
     """The equation of a joint: Σ coefficient · term(θ, θ̇), and the moments of elements with a memory.
 
     Parameters
@@ -59,6 +61,13 @@ class JointModel:
     True
     """
 
+    SCHEMA: ClassVar = 2
+    KIND: ClassVar = "JointModel"
+    WRITTEN: ClassVar = {
+        **same("joint", "terms", "elements", "covariance", "fitted"),
+        **{"inputs?": "inputs", "test?": "test"},
+    }
+    FORMERLY: ClassVar = ("fidelity",)  # of an export to JSON
     joint: Joint
     terms: tuple[ModelTerm, ...]
     covariance: tuple[tuple[float, ...], ...]
@@ -283,14 +292,8 @@ class JointModel:
 
         return LATEX.equation(self.joint, self.terms, self.elements)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the model as plain JSON data, schema 2; floats keep every bit."""
-        from sindyjoint.equation.model_record import to_record
-
-        return to_record(self)
-
     def to_json(self) -> str:
-        """Return the model as JSON text."""
+        """Return the model as JSON text; floats keep every bit."""
         return json.dumps(self.to_dict(), indent=1, ensure_ascii=False)
 
     @classmethod
@@ -302,9 +305,40 @@ class JointModel:
         InputError
             If it is not one; the message names the field.
         """
-        from sindyjoint.equation.model_record import from_record
+        if not isinstance(data, Mapping) or data.get("schema") not in (1, cls.SCHEMA) or "terms" not in data:
+            raise InputError(
+                f"not a joint model: expected 'schema': {cls.SCHEMA} (or 1) and 'terms', as in model.json"
+            )
+        try:
+            model: JointModel = from_plain(cls, data)
+            return model
+        except InputError as error:
+            raise InputError(f"not a joint model: {error}") from None
 
-        return cls(**from_record(data))
+    def checked(self) -> JointModel:
+        """Return it after it was read; InputError where its parts do not fit together, or a formula cannot be read."""
+        _ = [term.expression for term in self.terms], [element.form for element in self.elements]
+        ids = [*self.ids, *(element.id for element in self.elements)]
+        size, lengths = self.numbers.size, {len(row) for row in self.covariance}
+        twice = next((name for name in ids if ids.count(name) > 1), None)
+        rows = f"{len(self.covariance)} row(s) of {', '.join(map(str, sorted(lengths)))} numbers"
+        fits = len(self.covariance) == size and lengths == {size}
+        matrix = self.covariance_matrix if fits else np.zeros((0, 0))
+        scale = np.sqrt(np.abs(np.diagonal(matrix)))
+        bound = (1 + 1e-6) * np.outer(scale, scale)
+        negative = np.any(np.diagonal(matrix) < 0) or np.any(np.abs(matrix) > bound)
+        refuse(
+            [
+                (twice is not None, f"the id {twice!r} is used twice; expected each id once"),
+                (
+                    self.covariance and not fits,
+                    f"covariance has {rows}; expected {size} of {size}, one for each number of the model",
+                ),
+                (negative, "in covariance a variance is negative, or a correlation is beyond 1"),
+                (np.any(np.abs(matrix - matrix.T) > 1e-6 * bound), "covariance is not symmetric"),
+            ]
+        )
+        return self
 
     @classmethod
     def from_json(cls, text: str) -> JointModel:

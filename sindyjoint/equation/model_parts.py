@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sindyjoint.described import Maybe
 from sindyjoint.equation.policy import POLICY
 from sindyjoint.errors import UnknownNameError
+from sindyjoint.plain import Count, Maybe, MaybeSize, Size, same
 from sindyjoint.text import percent, quantities
 
 if TYPE_CHECKING:
@@ -47,6 +47,11 @@ class ModelTerm:
         Names of the inputs that the formula uses.
     """
 
+    WRITTEN: ClassVar = {
+        **same("id", "symbol", "name", "family", "formula", "parameters", "unit", "coefficient"),
+        **same("standard_error", "interval95", "unique_share"),
+        "inputs?": "inputs",
+    }
     id: str
     symbol: str
     name: str
@@ -55,7 +60,7 @@ class ModelTerm:
     parameters: tuple[tuple[str, float], ...]
     unit: str
     coefficient: float
-    standard_error: float
+    standard_error: Size
     interval95: tuple[float, float]
     unique_share: float
     inputs: tuple[str, ...] = ()
@@ -91,9 +96,9 @@ class Fitted:
     simulated : bool
     data : str
         Hash of the campaign's content, see :func:`~sindyjoint.states.build.content_hash`; empty where not known.
-    versions : tuple of (str, str)
+    versions : mapping of str to str
         Names and versions of what fitted it.
-    gains : tuple of (str, float)
+    gains : mapping of str to float
         Declared relative uncertainty of the gain of each channel, which is in the intervals.
     mean_known : bool
         Whether the mean angle was measured; otherwise zero is where the elastic moment is zero.
@@ -104,19 +109,26 @@ class Fitted:
         there may be others.
     """
 
-    moment_rms: float
-    residual_rms: float
-    noise_floor: Maybe
+    WRITTEN: ClassVar = {
+        **same(
+            "moment_rms", "residual_rms", "noise_floor", "moving_fraction", "samples", "runs", "angle", "rate"
+        ),
+        **same("frequencies", "simulated", "data", "versions"),
+        **{"mean_known?": "mean_known", "quasi_static?": "quasi_static", "seen": "seen", "gains?": "gains"},
+    }
+    moment_rms: MaybeSize
+    residual_rms: MaybeSize
+    noise_floor: MaybeSize
     moving_fraction: Maybe
-    samples: int
-    runs: int
-    angle: float
-    rate: float
+    samples: Count
+    runs: Count
+    angle: MaybeSize
+    rate: MaybeSize
     frequencies: tuple[float, ...] = ()
     simulated: bool = False
     data: str = ""
-    versions: tuple[tuple[str, str], ...] = ()
-    gains: tuple[tuple[str, float], ...] = ()
+    versions: Mapping[str, str] = field(default_factory=dict, hash=False)
+    gains: Mapping[str, Size] = field(default_factory=dict, hash=False)
     mean_known: bool = True
     quasi_static: bool = False
     seen: tuple[str, ...] = (UNKNOWN,)

@@ -177,7 +177,7 @@ class Discovery(Shown):
     @property
     def terms(self) -> tuple[DiscoveredTerm, ...]:
         """The terms of the equation."""
-        moves = gain_moves(self.model, dict(self.model.fitted.gains))
+        moves = gain_moves(self.model, self.model.fitted.gains)
         return tuple(
             DiscoveredTerm(
                 term.id, term.symbol, term.coefficient, term.unit, term.standard_error, term.interval95,
@@ -241,7 +241,9 @@ def _reach(model: JointModel) -> tuple[float | None, float | None]:
 def fitted_to(model: JointModel, campaign: Campaign, earlier: Sequence[str] = ()) -> JointModel:
     """Return a model that knows the campaign it was fitted to, as it was given, its runs, and by which versions."""
     runs = {*earlier, *map(run_hash, campaign.identification_runs)}
-    fitted = replace(model.fitted, data=content_hash(campaign), versions=versions(), seen=tuple(sorted(runs)))
+    fitted = replace(
+        model.fitted, data=content_hash(campaign), versions=dict(versions()), seen=tuple(sorted(runs))
+    )
     return replace(model, fitted=fitted)
 
 
@@ -277,7 +279,7 @@ def refined(result: Discovery, nuisance: Sequence[Kind] = (), **options: object)
         known = result.model.test or TestNuisances(content_hash(measured), measured.joint.name)
         test = replace(known, nuisances=(*known.nuisances, *estimated))
         refined_model = replace(refined_model, test=test or None)
-        plain = replace(refined_model, fitted=replace(refined_model.fitted, gains=()))
+        plain = replace(refined_model, fitted=replace(refined_model.fitted, gains={}))
         refined_model = with_gain_uncertainty(plain, result.campaign.gain_uncertainty)
     return replace(
         result,

@@ -20,7 +20,7 @@ __getattr__ = fetched(
         "figure": "Kind",
         "output": "PAGE figures_of place_of text_of write_results",
         "mathml": "effect_mathml mathml",
-        "packing": "pack record_names record_schema",
+        "packing": "record_names record_schema",
         "page": "Provenance number provenance",
         "registry": "draw draw_all drawable drawing kinds_of load_results saved_text show view_of",
         "results.diagnosis": "advice_words",

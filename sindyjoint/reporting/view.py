@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.errors import InputError
 from sindyjoint.judgement.headline import is_of_the_paper
-from sindyjoint.reporting.packing import pack, unpack
+from sindyjoint.plain import fields_of, same, to_plain
 from sindyjoint.reporting.page import Blocks, Page, markup, provenance, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
 from sindyjoint.reporting.tables import findings_table, print_table, terminal
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from sindyjoint.reporting.tables import TextTable
     from sindyjoint.trust import Light, Trust
 
+# Of a number that a picture is drawn from.
+DIGITS = 6
 TRUST, NEXT = "Can I trust it?", "What next?"
 MARKS = {"good": ("green", "ok"), "fair": ("yellow", "mind"), "poor": ("red", "no")}
 # The policies by which terms are found.
@@ -93,8 +96,6 @@ class View:
     unsaved, renamed, marks : mapping
         Fields of the data that no figure needs, and what stands for each when they are read again; fields that are
         saved under another name; what is saved beside them.
-    checked : callable
-        Data as they were read → the same, or InputError.
     simulated : callable
         Result, or its data → whether what it rests on comes from a virtual test.
     """
@@ -125,7 +126,6 @@ class View:
     unsaved: Mapping[str, Any] = field(default_factory=dict)
     renamed: Mapping[str, str] = field(default_factory=dict)
     marks: Mapping[str, Any] = field(default_factory=dict)
-    checked: Callable[[Any], Any] = lambda data: data
     simulated: Callable[[Any], bool] = _said_simulated
 
     # ---- the record and its rows
@@ -184,10 +184,17 @@ class View:
                 text.set_text(in_words_of_origin(True, text.get_text()))
         return figure
 
+    @property
+    def layout(self) -> dict[str, str]:
+        """Fields of the data that are saved."""
+        assert self.data is not None
+        return same(*(each.name for each in fields(self.data) if each.name not in self.unsaved))
+
     def save(self, data: Any) -> dict[str, Any]:
         """Return data as plain JSON data."""
-        record = pack(self.kept(data), self.unsaved)
-        named = {self.renamed.get(name, name): value for name, value in record.items()}
+        kept = self.kept(data)
+        record = {name: getattr(kept, name) for name in self.layout}
+        named = to_plain({self.renamed.get(name, name): record[name] for name in record}, digits=DIGITS)
         return {**self.marks, **named, "kind": self.kind}
 
     def restore(self, record: Mapping[str, Any]) -> Any:
@@ -201,7 +208,11 @@ class View:
         if isinstance(record, Mapping):
             record = {**self.formerly.get(str(record.get("kind")), {}), **record}
             record |= {name: record.get(saved) for name, saved in self.renamed.items()}
-        return self.checked(unpack(self.data, record, self.unsaved))
+        assert self.data is not None
+        try:
+            return self.data(**fields_of(self.data, record, self.layout), **self.unsaved)
+        except InputError as error:
+            raise InputError(f"not a saved {self.data.__name__}: {error}") from None
 
     # ---- the page
 

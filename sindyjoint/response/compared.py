@@ -124,11 +124,12 @@ def corrected(test: TestNuisances, campaign: Campaign) -> Campaign:
 
 
 def _corrected_run(test: TestNuisances, run: Run) -> Run:
-    ramp = test.slopes.get(run.name, 0.0) * run.time
+    drift = test.drift.channel if test.drift else ""
+    ramp = test.drift.slopes.get(run.name, 0.0) * run.time if test.drift else 0.0
     moment, angle = run.moment, run.angle - test.total("angle zero") - test.total("angle drift") * run.time
-    if test.drift == "moment_drift":
+    if drift == "moment_drift":
         moment = moment - ramp
-    elif test.drift == "angle_drift":
+    elif drift == "angle_drift":
         angle = angle - ramp
     moment, angle, gain = moment / test.gain("moment"), angle / test.gain("angle"), test.gain("angle")
     if np.any(angle != run.angle) or np.any(moment != run.moment):

@@ -336,6 +336,6 @@ def _refitted(found: Discovery, ids: Sequence[str]) -> JointModel:
         [resolved[evidence.ids[column]] for column in columns], fit.coefficients, fit.covariance, fit.unique_share,
         fit.effective_degrees, found.model.joint.motion,
     )  # fmt: skip
-    fitted = replace(found.model.fitted, gains=())
+    fitted = replace(found.model.fitted, gains={})
     model = replace(found.model.with_terms(terms, fit.covariance), fitted=fitted)
-    return with_gain_uncertainty(model, dict(found.model.fitted.gains))
+    return with_gain_uncertainty(model, found.model.fitted.gains)

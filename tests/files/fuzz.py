@@ -244,7 +244,7 @@ def made_test() -> Any:
     """Return errors of channels, a drift, and a moment of the frequency."""
     from dataclasses import replace
 
-    from sindyjoint.equation import Nuisance, TestNuisances
+    from sindyjoint.equation import Drift, Nuisance, TestNuisances
     from tests.equation.test_formula_evaluation import JENKINS, value
 
     stiffer = replace(
@@ -252,7 +252,7 @@ def made_test() -> Any:
     )  # fmt: skip
     delay = Nuisance("channel_delay", "time shift", value("channel_delay", 2e-3, unit="s"))
     slopes = {"run": 1e-3}
-    return TestNuisances("0" * 64, "a", (delay,), "moment_drift", slopes, (stiffer,))
+    return TestNuisances("0" * 64, "a", (delay,), Drift("moment_drift", slopes), (stiffer,))
 
 
 def _results(folder: Path, wanted: str) -> dict[str, Any]:

@@ -75,12 +75,12 @@ def test_calibration_counts_unless_the_sensors_are_the_same(before):
     one, other = (with_gain_uncertainty(m, gains) for m in (before, model_of(2, k1=6066 * 0.97)))
     assert not compare_models(one, other).changed
     assert compare_models(one, other, same_sensors=True).changed
-    assert type(one).from_json(one.to_json()).fitted.gains == (("moment", 0.03),)
+    assert type(one).from_json(one.to_json()).fitted.gains == {"moment": 0.03}
 
 
 def test_an_error_of_a_gain_moves_coefficients_by_their_degree(before):
     """An angle 1 % too large makes k1 1 % and k3 3 % smaller, c1 1 %, and leaves the friction."""
-    errors = gain_errors(replace(before, fitted=replace(before.fitted, gains=(("angle", 0.01),))))
+    errors = gain_errors(replace(before, fitted=replace(before.fitted, gains={"angle": 0.01})))
     relative = dict(zip(before.ids, errors / np.abs(before.coefficients), strict=True))
     wanted = {
         "linear_stiffness": 0.01,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import verify
-from sindyjoint.equation import Nuisance, TestNuisances, Value, range_warnings, read_test
+from sindyjoint.equation import Drift, Nuisance, TestNuisances, Value, range_warnings, read_test
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics import FunctionLaw, SumLaw, virtual_campaign
 from sindyjoint.response import draw_models, law_of_test, model_law
@@ -135,7 +135,7 @@ def test_a_moment_of_the_frequency_belongs_to_the_test(with_slider):
 
 
 def test_the_record_of_a_test_is_read_back(tmp_path, with_slider):
-    test = nuisances(with_slider, drift="moment_drift", slopes={"3Hz-0.9": 0.1})
+    test = nuisances(with_slider, drift=Drift("moment_drift", {"3Hz-0.9": 0.1}))
     (tmp_path / "test.json").write_text(test.to_json(), encoding="utf-8")
     assert read_test(tmp_path) == test and read_test(tmp_path / "model.json") == test
     assert read_test(tmp_path / "elsewhere" / "model.json") is None

@@ -13,7 +13,6 @@ from rich.markup import escape
 
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
-from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.paper import DOI, TITLE
@@ -89,15 +88,6 @@ HEADLINES = {
 NO_MODEL = "No set of terms passed: these data give no model of this joint."
 # Steps of a path shown on either side of the chosen one.
 NEIGHBOURS = 3
-
-
-def _checked(read: ReportData) -> ReportData:
-    """Return data of matching shapes."""
-    cells = (read.surface.n, read.surface.n)
-    shapes = [read.surface.moment.shape, read.surface.count.shape, read.residual_map.moment.shape]
-    if not read.loops or any(shape != cells for shape in shapes) or read.upper.shape != read.lower.shape:
-        raise InputError("not a saved ReportData: expected loops and a square map")
-    return read
 
 
 def _tables(result: Discovery | ReportData) -> tuple[TextTable, ...]:
@@ -361,7 +351,6 @@ DISCOVERY = View(
     kinds=KINDS,
     judged_by=FINDING,
     drawn_from=gather,
-    checked=_checked,
     simulated=_simulated,
     seed=lambda result, given: result.regressor.random_state,
     headline=lambda result: result.trust,

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.errors import InputError
 from sindyjoint.judgement.discovery import Discovery, estimates_by_group
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.numeric import Array
@@ -149,6 +150,12 @@ class ReportData:
     trust: Trust
     paper: bool = False
     over: tuple[OverInput, ...] = ()
+
+    def __post_init__(self) -> None:
+        cells = (self.surface.n, self.surface.n)
+        shapes = [self.surface.moment.shape, self.surface.count.shape, self.residual_map.moment.shape]
+        if not self.loops or any(shape != cells for shape in shapes) or self.upper.shape != self.lower.shape:
+            raise InputError("expected loops and a square map")
 
 
 def gather(result: Discovery) -> ReportData:

@@ -22,7 +22,7 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
+from sindyjoint.equation.test_record import Drift, Enters, Nuisance, TestNuisances
 from sindyjoint.numeric import Array
 from sindyjoint.response.laws import with_coefficients
 
@@ -241,8 +241,7 @@ def nuisances_of(
     return TestNuisances(
         campaign="",
         nuisances=tuple(found),
-        drift="" if drift is None else drift.effect,
-        slopes={} if drift is None else dict(drift.slopes),
+        drift=None if drift is None else Drift(drift.effect, dict(drift.slopes)),
         moments=tuple(moments),
     )
 
