@@ -30,9 +30,13 @@ class Style:
     inertia : (str, str)
         The part of a declared inertia, of rotation and of translation.
     rate, limit : str
-        Of a state and its rate, of a state and the value that it cannot pass.
+        Of a state, its rate and its limit; of a state and the value that it cannot pass.
     between : str
         Of the equation and the rates.
+    whole, plus, factor, none : str
+        Of the load and what it is; between its parts; of what is multiplied as a whole; what stands for no part.
+    loads : (str, str)
+        Moment, and force.
     """
 
     formula: Callable[[Any, str], str]
@@ -42,22 +46,37 @@ class Style:
     rate: str
     limit: str
     between: str
+    whole: str = "{} = {}"
+    plus: str = " + "
+    factor: str = "({})"
+    none: str = "0"
+    loads: tuple[str, str] = ("M", "F")
 
     def product(self, symbol: str, expression: Any, motion: str) -> str:
         """Return a coefficient times its formula."""
         letter, formula = self.symbol(symbol), self.formula(expression, motion)
-        if formula == "1":
+        if expression == 1 or formula == "1":
             return letter
         # A sum, and a formula that begins with a sign, are no factors as they stand.
-        factor = f"({formula})" if expression.is_Add or formula.startswith("-") else formula
-        return f"{letter}{self.times}{factor}"
+        sum_or_sign = expression.is_Add or re.match(r"(<m\w+>)*[-−]", formula)
+        return f"{letter}{self.times}{self.factor.format(formula) if sum_or_sign else formula}"
+
+    def rate_of(self, name: str, rate: Any, limit: Any, motion: str) -> str:
+        """Return the rate of an internal state, and the value that it cannot pass."""
+        state = self.symbol(name)
+        bound = "" if limit is None else self.limit.format(state, self.formula(limit, motion))
+        return self.rate.format(state, self.formula(rate, motion), bound)
 
     def equation(
-        self, joint: Joint, terms: Sequence[ModelTerm], elements: Sequence[JointElement] = ()
+        self,
+        joint: Joint,
+        terms: Sequence[ModelTerm],
+        elements: Sequence[JointElement] = (),
+        further: Sequence[str] = (),
     ) -> str:
-        """Return the equation; the rates of internal states, and their limits, stand behind it."""
-        motion, rotates = joint.motion, joint.motion == "rotation"
-        parts = [self.inertia[not rotates]] if joint.inertia else []
+        """Return the equation, ``further`` parts in it; rates of internal states, and their limits, stand behind."""
+        motion, slides = joint.motion, joint.motion == "translation"
+        parts = [self.inertia[slides]] if joint.inertia else []
         # Inertia first, as the field writes it.
         ordered = sorted(terms, key=lambda term: term.id != INERTIA)
         parts += [self.product(term.symbol, term.expression, motion) for term in ordered]
@@ -65,12 +84,9 @@ class Style:
         for each, written in zip(elements, numbered(elements), strict=True):
             columns, states = renamed(each, written)
             parts += [self.product(c.symbol, c.expression, motion) for c in columns]
-            for name, rate, limit in states:
-                state = self.symbol(name)
-                bound = "" if limit is None else self.limit.format(state, self.formula(limit, motion))
-                rates.append(self.rate.format(state, self.formula(rate, motion)) + bound)
-        left = "M" if rotates else "F"
-        return self.between.join([f"{left} = {' + '.join(parts) or '0'}", *rates])
+            rates += [self.rate_of(*state, motion) for state in states]
+        right = self.plus.join([*parts, *further]) or self.none
+        return self.between.join([self.whole.format(self.loads[slides], right), *rates])
 
 
 def numbered(elements: Sequence[JointElement]) -> list[dict[str, str]]:
@@ -146,8 +162,8 @@ def latex_symbol(symbol: str) -> str:
     return f"{head}_{{{tail}}}" if tail else head
 
 
-PLAIN = Style(formula_pretty, str, "·", ("I·θ̈", "m·ẍ"), "d{}/dt = {}", " with |{}| ≤ {}", "; ")
+PLAIN = Style(formula_pretty, str, "·", ("I·θ̈", "m·ẍ"), "d{}/dt = {}{}", " with |{}| ≤ {}", "; ")
 LATEX = Style(
-    formula_latex, latex_symbol, r"\,", (r"I\,\ddot{\theta}", r"m\,\ddot{x}"), r"\dot{{{}}} = {}", r",\ |{}| \leq {}",
+    formula_latex, latex_symbol, r"\,", (r"I\,\ddot{\theta}", r"m\,\ddot{x}"), r"\dot{{{}}} = {}{}", r",\ |{}| \leq {}",
     r",\quad ",
 )  # fmt: skip

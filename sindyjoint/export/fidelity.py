@@ -132,7 +132,7 @@ def heading(model: JointModel, target: str) -> list[str]:
     ]
 
 
-ASCII = Style(formula_text, ascii_line, "*", ("I*alpha", "m*a"), "d{}/dt = {}", " with |{}| <= {}", "; ")
+ASCII = Style(formula_text, ascii_line, "*", ("I*alpha", "m*a"), "d{}/dt = {}{}", " with |{}| <= {}", "; ")
 
 
 def fidelity_lines(rows: Sequence[Fidelity]) -> list[str]:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import sympy
 from sympy.printing.mathml import MathMLPresentationPrinter
 
-from sindyjoint.equation.equation_text import numbered, renamed
-from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.equation_text import Style
+from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.equation import split_symbol
 from sindyjoint.text import in_words_of
 
@@ -75,6 +75,34 @@ class _StatePrinter(MathMLPresentationPrinter):
         return self._made("mn", f"{float(expr):.4g}")
 
 
+def symbol_mathml(symbol: str) -> str:
+    """Return a coefficient's symbol, its index lowered: k1 as k with index 1."""
+    head, tail = split_symbol(symbol)
+    letter, index = f"<mi>{escape(head)}</mi>", f"<mi>{escape(tail)}</mi>"
+    return f"<msub>{letter}{index}</msub>" if tail else letter
+
+
+def formula_mathml(expression: Any, motion: str) -> str:
+    """Return a formula of the state."""
+    formula: str = _StatePrinter(motion).doprint(expression)
+    for written, better in _BETTER.items():
+        formula = formula.replace(written, better)
+    return formula
+
+
+_WHOLE = '<math display="block">{}<mo>=</mo>{}</math>'
+_SECOND = '<mi>{}</mi><mo>⁢</mo><mover accent="true"><mi>{}</mi><mo>¨</mo></mover>'
+# Each summand is a separate row: a browser may break the line only between them.
+_PLUS = "</mrow><mo>+</mo><mrow>"
+MATHML = Style(
+    formula_mathml, symbol_mathml, THIN_SPACE, (_SECOND.format("I", "θ"), _SECOND.format("m", "x")),
+    _WHOLE.format('<mover accent="true">{}<mo>˙</mo></mover>', "{}{}"),
+    '<mo>,</mo><mspace width="1em"/><mrow><mo>|</mo>{}<mo>|</mo></mrow><mo>≤</mo>{}', "",
+    _WHOLE.format("{}", "<mrow>{}</mrow>"), _PLUS, "<mrow><mo>(</mo>{}<mo>)</mo></mrow>", "<mn>0</mn>",
+    ("<mi>M</mi>", "<mi>F</mi>"),
+)  # fmt: skip
+
+
 def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
     """Return the equation, with symbols for coefficients, as ``<math>`` elements; all text in them is escaped.
 
@@ -82,77 +110,18 @@ def mathml(model: JointModel, further: Sequence[str] = ()) -> str:
 
     ``further`` names moments that are no terms of a joint model; they are added by name.
     """
-    motion = model.joint.motion
-    printer = _StatePrinter(motion)
-    terms = sorted(model.terms, key=lambda t: t.id != INERTIA)
-    parts = [_product(printer, term.symbol, term.expression) for term in terms]
-    if model.joint.inertia:
-        letter, variable = ("m", "x") if motion == "translation" else ("I", "θ")
-        second = f'<mover accent="true"><mi>{variable}</mi><mo>¨</mo></mover>'
-        parts.insert(0, f"<mi>{letter}</mi><mo>⁢</mo>{second}")
-    rates = []
-    for element, written in zip(model.elements, numbered(model.elements), strict=True):
-        columns, states = renamed(element, written)
-        parts += [_product(printer, c.symbol, c.expression) for c in columns]
-        rates += [_rate_mathml(printer, *state) for state in states]
-    parts += [_named_moment(name, motion) for name in further]
-    load = "F" if motion == "translation" else "M"
-    # Each summand is a separate row: a browser may break the line only between them.
-    right = "<mo>+</mo>".join(f"<mrow>{part}</mrow>" for part in parts) or "<mn>0</mn>"
-    return _lines([(f"<mi>{load}</mi>", right), *rates])
+    named = [_named_moment(name, model.joint.motion) for name in further]
+    return MATHML.equation(model.joint, model.terms, model.elements, named)
 
 
 def effect_mathml(effect: FittedEffect, motion: str) -> str:
     """Return the moment of an effect, and the rates of its internal states, as lines of ``<math>``."""
-    printer, variant = _StatePrinter(motion), effect.variant
-    name = _named_moment(in_words_of(motion, effect.effect.name), motion)
-    moment = "<mo>+</mo>".join(_product(printer, c.symbol, c.expression) for c in variant.columns)
-    rates = (_rate_mathml(printer, state.name, state.rate, state.limit) for state in variant.states)
-    return _lines([(name, moment), *rates])
-
-
-def _lines(equations: Sequence[tuple[str, str]]) -> str:
-    return "".join(f'<math display="block">{left}<mo>=</mo>{right}</math>' for left, right in equations)
-
-
-def _rate_mathml(printer: _StatePrinter, name: str, rate: Any, limit: Any) -> tuple[str, str]:
-    """Return the left and right side of the rate of an internal state, its limit behind it."""
-    letter = symbol_mathml(name)
-    right = _formula(printer, rate)
-    if limit is not None:
-        right += (
-            f'<mo>,</mo><mspace width="1em"/><mrow><mo>|</mo>{letter}<mo>|</mo></mrow><mo>≤</mo>'
-            f"{_formula(printer, limit)}"
-        )
-    return f'<mover accent="true">{letter}<mo>˙</mo></mover>', right
+    variant, name = effect.variant, _named_moment(in_words_of(motion, effect.effect.name), motion)
+    moment = "<mo>+</mo>".join(MATHML.product(c.symbol, c.expression, motion) for c in variant.columns)
+    rates = (MATHML.rate_of(state.name, state.rate, state.limit, motion) for state in variant.states)
+    return "".join([_WHOLE.format(name, moment), *rates])
 
 
 def _named_moment(name: str, motion: str) -> str:
-    letter = "F" if motion == "translation" else "M"
-    return f"<msub><mi>{letter}</mi><mtext>{escape(name)}</mtext></msub>"
-
-
-def symbol_mathml(symbol: str) -> str:
-    """Return a coefficient's symbol, its index lowered: k1 as k with index 1."""
-    head, tail = split_symbol(symbol)
-    if not tail:
-        return f"<mi>{escape(head)}</mi>"
-    return f"<msub><mi>{escape(head)}</mi><mi>{escape(tail)}</mi></msub>"
-
-
-def _product(printer: _StatePrinter, name: str, expression: Any) -> str:
-    """Return a coefficient times a formula."""
-    symbol = symbol_mathml(name)
-    if expression.is_number and expression == 1:
-        return symbol
-    formula = _formula(printer, expression)
-    if expression.is_Add or expression.could_extract_minus_sign():
-        formula = f"<mrow><mo>(</mo>{formula}<mo>)</mo></mrow>"
-    return f"{symbol}{THIN_SPACE}{formula}"
-
-
-def _formula(printer: _StatePrinter, expression: Any) -> str:
-    formula: str = printer.doprint(expression)
-    for written, better in _BETTER.items():
-        formula = formula.replace(written, better)
-    return formula
+    letter = MATHML.loads[motion == "translation"]
+    return f"<msub>{letter}<mtext>{escape(name)}</mtext></msub>"
