@@ -35,6 +35,11 @@ class Limit:
     unit: str
     source: str
 
+    @property
+    def quantity(self) -> str:
+        """The value with its unit."""
+        return f"{self.value}" if self.unit == "1" else f"{self.value} {self.unit}"
+
 
 def limit(value: Any, meaning: str, *, source: str = JUDGEMENT, unit: str = "1") -> Any:
     """Return a field of a policy, with what explains it; without a source no calibration is recorded.

@@ -109,7 +109,9 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         _open_missing_streams()
         status = _run(sys.argv[1:] if arguments is None else arguments)
-        _flush()
+        # What is still held back, while a failure can be reported.
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
     except KeyboardInterrupt as error:
         # Where the signal came while Python ran code of a string, as in making a record, it would end the process by
         # that signal although it was handled, until other such code has run: one more record is made.
@@ -192,12 +194,6 @@ def _open_missing_streams() -> None:
         sys.stdout = os.fdopen(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")
-
-
-def _flush() -> None:
-    """Write what is still held back, while a failure can be reported."""
-    for stream in (sys.stdout, sys.stderr):
-        stream.flush()
 
 
 def _discard(*streams: TextIO) -> None:

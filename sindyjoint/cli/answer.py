@@ -37,11 +37,12 @@ def answer(
     files: Sequence[Path | str] = (),
     subject: Path | str | None = None,
     model: Path | None = None,
+    good: Callable[[R], object] = lambda result: True,
 ) -> R:
     """Find a result, write it into a folder if one is given, print it, and say where its page lies.
 
     Next steps name the campaign or rig that it is of, and the model that was given. Where the data are too much at
-    fault to go on, that is done with their check, and the exit status is 1.
+    fault to go on, that is done with their check, and the exit status is 1, as of a result that is not ``good``.
     """
     if (places := PLACES.get()) is not None:
         PLACES.set(replace(places, subject=str(subject or ""), model=str(model or "")))
@@ -67,9 +68,9 @@ def answer(
         show(result)
         if place is not None:
             typer.echo(f"\nreport: {place / 'report.html'}")
-    if stopped:
-        raise typer.Exit(1)
     found: R = result
+    if stopped or not good(found):
+        raise typer.Exit(1)
     return found
 
 

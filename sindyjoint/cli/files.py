@@ -365,5 +365,4 @@ def limits(
     for name, items in known.items():
         typer.echo(f"{name}")
         for each in items:
-            unit = "" if each.unit == "1" else f" {each.unit}"
-            typer.echo(f"  {each.name} = {each.value}{unit}\n      {each.meaning}\n      from: {each.source}")
+            typer.echo(f"  {each.name} = {each.quantity}\n      {each.meaning}\n      from: {each.source}")

@@ -214,22 +214,16 @@ def discover(
         options = {
             "nuisance": kinds, "accept": accepted, "align": finding.align, "rng": random_state,
         }  # fmt: skip
-        refined = answer(
+        answer(
             call("workflows.verify:refine", model, campaign, progress=progress.say, **options),
             out, output, progress, random_state,
-            (), campaign, model,
+            (), campaign, model, lambda result: result.refined,
         )  # fmt: skip
-        raise typer.Exit(0 if refined.refined else 1)
+        return
 
     options = {**search, **work.arguments(), "accept": accepted, "correct": correct, "paper": paper}
-    result = answer(
-        partial(_find_terms, campaign, progress, options, kinds if refine else None),
-        out,
-        output,
-        progress,
-        subject=campaign,
-    )
-    raise typer.Exit(0 if result.found else 1)
+    find = partial(_find_terms, campaign, progress, options, kinds if refine else None)
+    answer(find, out, output, progress, subject=campaign, good=lambda result: result.found)
 
 
 def _require_refine(refine: bool | None, option: str) -> None:
@@ -356,8 +350,7 @@ def diagnose(
             **given(max_effects=max_effects),
         )
 
-    result = answer(find, out, output, progress, random_state, (), campaign, model)
-    raise typer.Exit(0 if result.settled else 1)
+    answer(find, out, output, progress, random_state, (), campaign, model, lambda result: result.settled)
 
 
 def _diagnosed(

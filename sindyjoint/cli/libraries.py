@@ -14,7 +14,7 @@ import typer
 from sindyjoint.text import in_words_of
 
 if TYPE_CHECKING:
-    from sindyjoint.equation.catalogue import Catalogue, Parameter, Term
+    from sindyjoint.equation.catalogue import Parameter, Term
 
 app = typer.Typer(
     help="The catalogues of candidate terms.\n\nExample: sindyjoint libraries show extended",
@@ -72,7 +72,13 @@ def show(
         plain.append((term.id, term.symbol, term.text(kind), unit, ", ".join(parameters) or "-", meaning))
     _print(
         as_json,
-        _record(catalogue, kind),
+        {
+            "schema": 1,
+            "name": catalogue.name,
+            "description": catalogue.description,
+            "motion": kind,
+            "terms": [_term_record(term, kind) for term in catalogue],
+        },
         (("term", "symbol", "formula", "unit"), pretty),
         (("id", "symbol", "formula", "unit", "parameters", "meaning"), plain),
     )
@@ -158,16 +164,6 @@ def _parameter(parameter: Parameter, motion: Any) -> str:
     return (
         f"{parameter.name} = {parameter.value:g} of the largest {in_words_of(motion, parameter.relative_to)}"
     )
-
-
-def _record(catalogue: Catalogue, motion: str) -> dict[str, Any]:
-    return {
-        "schema": 1,
-        "name": catalogue.name,
-        "description": catalogue.description,
-        "motion": motion,
-        "terms": [_term_record(term, motion) for term in catalogue],
-    }
 
 
 def _term_record(term: Term, motion: Any) -> dict[str, Any]:

@@ -64,8 +64,7 @@ def check(
     Example: sindyjoint check virtual --out soundness
     """
     find = call("workflows.check:check", campaign, tuple(accept or ()), progress=progress.say)
-    result = answer(find, out, output, progress, subject=campaign)
-    raise typer.Exit(1 if result.stopping else 0)
+    answer(find, out, output, progress, subject=campaign, good=lambda result: not result.stopping)
 
 
 COMPARE = "workflows.compare:compare"
@@ -131,8 +130,9 @@ def compare(
         )()  # fmt: skip
         return found
 
-    result = answer(find, out, output, progress, random_state, (), campaign, model)
-    raise typer.Exit(0 if result.model.terms else 1)
+    answer(
+        find, out, output, progress, random_state, (), campaign, model, good=lambda result: result.model.terms
+    )
 
 
 CHANGED = "workflows.compare:changed"
@@ -178,8 +178,7 @@ def changed(
         CHANGED, before, after, margin=margin, same_sensors=same_sensors, accept=tuple(accept or ()),
         rng=random_state, progress=progress.say,
     )  # fmt: skip
-    result = answer(find, out, output, progress, random_state, (before, after))
-    raise typer.Exit(1 if result.changed else 0)
+    answer(find, out, output, progress, random_state, (before, after), good=lambda result: not result.changed)
 
 
 VERIFY = "workflows.verify:verify"
@@ -251,8 +250,7 @@ def verify(
         window=window, free_run=free_run, noise=noise, presliding=presliding, loss_factor=loss_factor,
         rng=random_state, progress=progress.say,
     )  # fmt: skip
-    result = answer(find, out, output, progress, random_state, (), against, model)
-    raise typer.Exit(0 if result.passed else 1)
+    answer(find, out, output, progress, random_state, (), against, model, good=lambda result: result.passed)
 
 
 @with_blocks
@@ -396,8 +394,7 @@ def batch(
         options["write"] = _files_of_batch(reports, diagnose)
         return _run_batch(campaigns, out, progress, {**options, **work.arguments()})
 
-    result = answer(find, out, output, progress, random_state)
-    raise typer.Exit(0 if result.complete else 1)
+    answer(find, out, output, progress, random_state, good=lambda result: result.complete)
 
 
 def _files_of_batch(reports: bool, diagnose: bool) -> CampaignFiles | None:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from sindyjoint.documents import LARGEST, kind_of_results, parse_json, read_checked
+from sindyjoint.documents import kind_of_results, read_json
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import (
@@ -23,7 +23,7 @@ from sindyjoint.errors import (
     SindyJointError,
     UnknownNameError,
 )
-from sindyjoint.policy import Limit, described, policies
+from sindyjoint.policy import described, policies
 from sindyjoint.reporting.figure import Kind
 from sindyjoint.reporting.style import DOUBLE_COLUMN, figure_bytes
 from sindyjoint.reporting.view import View
@@ -179,15 +179,9 @@ def details(result: Any) -> Iterator[str]:
     known = policies()
     for name in view.judges_of(result):
         if name in known:
-            limits = ", ".join(f"{item.name} {_with_unit(item)}" for item in described(known[name]))
+            limits = ", ".join(f"{each.name} {each.quantity}" for each in described(known[name]))
             yield from wrap(f"policy of {name}: {limits}", 110, subsequent_indent="  ")
 
-
-def _with_unit(item: Limit) -> str:
-    return f"{item.value}" if item.unit == "1" else f"{item.value} {item.unit}"
-
-
-T = TypeVar("T")
 
 DATA_FILE = "figures/data.json"
 
@@ -259,7 +253,12 @@ def load_results(path: str | os.PathLike[str]) -> Any:
             read_model(model_file)  # that of a bare model is no fault, unless it cannot be read
             raise NothingToDrawError(message)
         raise MissingInputError(message)
-    result = _read(saved, _from_record)
+    try:
+        with drawing(saved):
+            result = _from_record(read_json(saved))
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if str(saved) in text else f"{str(saved)!r}: {text}") from None
     if isinstance(getattr(result, "model", None), JointModel) and model_file.is_file():
         model = read_model(model_file)
         # As text: a noise floor that is not known is NaN, which equals nothing.
@@ -297,20 +296,3 @@ def _from_record(record: Any) -> Any:
         known = dict.fromkeys(mark for place in _SHOWN for mark in _marks(_load_view(place)))
         raise InputError(f"not a saved result: 'kind' is {kind!r}; expected one of {', '.join(known)}")
     return view.restore(record)
-
-
-def _read(path: Path, reader: Callable[[Any], T]) -> T:
-    """Read a JSON file; errors name it."""
-    try:
-        return reader(parse_json(read_checked(path, LARGEST["JSON"]).decode("utf-8"), str(path)))
-    except UnicodeDecodeError as error:
-        raise InputError(f"{str(path)!r}: is not UTF-8 text (byte {error.start})") from None
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if str(path) in text else f"{str(path)!r}: {text}") from None
-    # Whatever a part of a result makes of values that it never wrote.
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
-        if isinstance(error, SindyJointError):
-            raise
-        reason = f"{type(error).__name__}: {' '.join(str(error).split()):.80}"
-        raise InputError(f"{str(path)!r}: is not a saved result ({reason}); run the command again") from None

@@ -148,7 +148,7 @@ def test_plot_refuses(results, tmp_path, tmp_path_factory, arguments, status, me
             "{}",
             "data.json': not a saved result: 'kind' is None; expected one of ReportData, Ver",
         ),
-        ("figures/data.json", "\xff", "data.json': is not UTF-8 text"),
+        ("figures/data.json", "\xff", "data.json: is not UTF-8 text"),
         ("model.json", "{}", "model.json: not a joint model"),
     ],
 )

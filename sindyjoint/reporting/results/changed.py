@@ -134,12 +134,6 @@ def _print(result: Change, console: Console) -> None:
     console.print(f"\n{result.sentence}", markup=False)
 
 
-def _files(result: Change, data: Change) -> dict[str, str]:
-    """Return the table as CSV."""
-    table = coefficients_table(result)
-    return {"changed.csv": csv_text(["symbol", *table.columns[1:]], table.rows)}
-
-
 CHANGED = View(
     about=lambda result: f"[bold]{escape(result.after.joint.name)}[/]: {escape(' and '.join(result.names))}",
     data=Change,
@@ -155,7 +149,10 @@ CHANGED = View(
     print=_print,
     # What a light holds.
     warnings=lambda result: (),
-    files=_files,
+    # The table as CSV.
+    files=lambda result, data: {
+        "changed.csv": csv_text(["symbol", *(table := coefficients_table(result)).columns[1:]], table.rows)
+    },
     details=lambda result: (
         f"{shift.id}: p = {shift.p_value:.2g} of being the same"
         for shift in result.shifts

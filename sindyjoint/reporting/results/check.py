@@ -373,9 +373,14 @@ def _runs_table(result: Campaign) -> TextTable:
     return tabulate("runs", "Runs", result.runs, columns)
 
 
-def _runs(result: Campaign) -> list[dict[str, Any]]:
-    """Return the runs of a campaign, numbers in SI units."""
-    return [
+#: What the runs of a campaign hold; its picture and its page are those of its check.
+CAMPAIGN = View(
+    about=lambda result: (
+        f"{escape(result.joint.name)}{' (simulated)' * result.simulated}: {len(result.runs)} run(s)"
+    ),
+    tables=lambda result: (_runs_table(result),),
+    # Numbers in SI units.
+    rows=lambda result: [
         {
             "run": run.name,
             "samples": run.n_samples,
@@ -387,16 +392,7 @@ def _runs(result: Campaign) -> list[dict[str, Any]]:
             "largest_moment": float(np.abs(run.moment).max()),
         }
         for run in result.runs
-    ]
-
-
-#: What the runs of a campaign hold; its picture and its page are those of its check.
-CAMPAIGN = View(
-    about=lambda result: (
-        f"{escape(result.joint.name)}{' (simulated)' * result.simulated}: {len(result.runs)} run(s)"
-    ),
-    tables=lambda result: (_runs_table(result),),
-    rows=_runs,
+    ],
     # What stands against a campaign its check says.
     warnings=lambda result: (),
     details=lambda result: aligned(_runs_table(result)),

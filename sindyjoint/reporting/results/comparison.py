@@ -55,7 +55,13 @@ def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) 
     name, title = whole.get(by, (several, f"Each single {by} against terms"))
     choices = _best_first(choices)
     held = [t for t in result.shown_ids if t in result.reference or any(choice[t] for choice in choices)]
-    rows = [(_named(result, term), *(_cell(choice, term) for choice in choices)) for term in held]
+    rows = [
+        (
+            _named(result, term),
+            *(_value(one.coefficient, one.standard_error) if (one := c[term]) else DASH for c in choices),
+        )
+        for term in held
+    ]
     more = {
         "time of the path, s": [f"{c.seconds:.2f}" if np.isfinite(c.seconds) else DASH for c in choices],
         "its search is not given": [", ".join(choice.not_given) or DASH for choice in choices],
@@ -186,11 +192,6 @@ def _difference(result: Comparison, choice: Choice) -> str:
     signed = (("+", extra), ("−", missing))
     parts = [f"{sign} {spelled(term, result.motion)}" for sign, terms in signed for term in terms]
     return list_some(parts, "terms") if parts else "the same"
-
-
-def _cell(choice: Choice, term: str) -> str:
-    held = choice[term]
-    return DASH if held is None else _value(held.coefficient, held.standard_error)
 
 
 def _value(value: float, error: float) -> str:

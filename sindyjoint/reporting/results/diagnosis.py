@@ -63,7 +63,7 @@ def _tables(result: Diagnosis) -> tuple[TextTable, ...]:
         "Effect": lambda one: spelled(one[0].effect, motion),
         "Parameter": lambda one: one[1],
         "Value": lambda one: number(one[2], 4),
-        "Unit": lambda one: parameter_unit(one[0], one[1]) or DASH,
+        "Unit": lambda one: pretty_unit(unit) if (unit := one[0].units.get(one[1], "1")) != "1" else DASH,
     }
     return (
         TextTable("steps", caption, columns, _step_rows(result)),
@@ -194,12 +194,6 @@ def advice_words(advice: Advice, level: str, motion: str) -> str:
         return f"{apart}: {advice.waveform.removeprefix('none: ')}"
     run = f"a {advice.waveform}, at f = {advice.frequency:.4g} Hz with a peak of {level}"
     return f"{apart}: {run}; the true one should then have a probability of {advice.expected_confidence:.2f}"
-
-
-def parameter_unit(step: Step, name: str) -> str:
-    """Return the unit of a parameter for people; nothing for a plain number."""
-    unit = step.units.get(name, "1")
-    return "" if unit == "1" else pretty_unit(unit)
 
 
 def _step_rows(result: Diagnosis) -> tuple[tuple[str, ...], ...]:

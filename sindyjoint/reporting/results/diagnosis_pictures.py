@@ -355,11 +355,6 @@ def _records(result: Diagnosis) -> tuple[RecordGap, ...]:
     return result.records[:MOST_PANELS]
 
 
-def _decays(result: Diagnosis) -> tuple[RecordGap, ...]:
-    """Return the records of a pulse; a steady motion has an envelope without shape."""
-    return _records(result) if result.in_place is None else ()
-
-
 STRUCTURE_KINDS = CAMPAIGN_KINDS | by_name(
     Kind(
         "overlay",
@@ -380,7 +375,8 @@ STRUCTURE_KINDS = CAMPAIGN_KINDS | by_name(
         "envelope",
         "Envelope",
         "Envelope of the measured and the simulated displacement, with the noise.",
-        each(_decays, envelope),
+        # Of a pulse; a steady motion has an envelope without shape.
+        each(lambda result: _records(result) if result.in_place is None else (), envelope),
         wide=True,
     ),
 )

@@ -222,12 +222,6 @@ def correlation(model: JointModel) -> Any:
 POINTS = 13
 
 
-def drawn_over(data: ReportData) -> list[tuple[OverInput, CoefficientOver]]:
-    """Return the coefficients that are drawn over an input: those that have something to show."""
-    pairs = [(over, row) for over in data.over for row in over.coefficients]
-    return spread([(over, row) for over, row in pairs if row.levels or len(set(row.values)) > 1])
-
-
 def _law_at(data: ReportData, over: OverInput, value: float) -> JointModel:
     """Return the law at a value of an input, in the unit of its table."""
     given = next(known for known in data.model.inputs if known.name == over.name)
@@ -277,20 +271,12 @@ def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: Coefficie
     return ax
 
 
-def _residual(data: ReportData) -> list[Panel]:
-    periodic = any(loop.residual_over_phase.size for loop in data.loops)
-    return [map_residual, *[residual_phase] * periodic, residual_time]
-
-
 def _inputs(data: ReportData) -> list[Panel]:
     laws: list[Panel] = [partial(law_at_values, over=over) for over in data.over if data.model.terms]
-    return laws + [partial(coefficient_over, over=over, row=row) for over, row in drawn_over(data)]
-
-
-def _fit(data: ReportData) -> list[Panel]:
-    # The middle of the frequencies: neither the slowest nor the one that is hardest to follow.
-    groups = list(loop_groups(data))
-    return [partial(loops, group=groups[len(groups) // 2])]
+    # A coefficient that has something to show over an input.
+    pairs = [(over, row) for over in data.over for row in over.coefficients]
+    told = spread([(over, row) for over, row in pairs if row.levels or len(set(row.values)) > 1])
+    return laws + [partial(coefficient_over, over=over, row=row) for over, row in told]
 
 
 _WHOLE = (
@@ -298,7 +284,8 @@ _WHOLE = (
         "fit",
         "Model over measurement",
         "Transfer moment over angle of the runs at one frequency; black dots are the model where the joint moves.",
-        _fit,
+        # The middle of the frequencies: neither the slowest nor the one that is hardest to follow.
+        lambda data: [partial(loops, group=[*loop_groups(data)][len(loop_groups(data)) // 2])],
     ),
     Kind(
         "map",
@@ -318,7 +305,11 @@ _WHOLE = (
         "Residual",
         "Residual over angle and rate, over the phase of the cycle, and over time. Structure that stands above the "
         "noise floor is an effect that the model lacks.",
-        _residual,
+        lambda data: [
+            map_residual,
+            *[residual_phase] * any(loop.residual_over_phase.size for loop in data.loops),
+            residual_time,
+        ],
     ),
     Kind(
         "path",

@@ -321,12 +321,6 @@ def _page(result: Reproduction, data: ReproductionFigures, show: Blocks, folder:
     )
 
 
-def _files(result: Reproduction, data: ReproductionFigures) -> dict[str, str]:
-    """Return everything as one page of Markdown, and the tables as CSV."""
-    captions = {name: kind.caption for name, kind in KINDS.items() if kind.panels(data)}
-    return {"reproduction.md": page_text(result, captions), "tables.csv": tables_csv(result)}
-
-
 def _print(result: Reproduction, console: Console) -> None:
     """Print tables and statements."""
     for joint in result.joints:
@@ -464,7 +458,13 @@ REPRODUCTION = View(
     drawn_from=gather,
     tables=_tables,
     page=_page,
-    files=_files,
+    # Everything as one page of Markdown, and the tables as CSV.
+    files=lambda result, data: {
+        "reproduction.md": page_text(
+            result, {name: kind.caption for name, kind in KINDS.items() if kind.panels(data)}
+        ),
+        "tables.csv": tables_csv(result),
+    },
     print=_print,
     warnings=lambda result: (),
     details=_details,

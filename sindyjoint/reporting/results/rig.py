@@ -161,13 +161,9 @@ def _trust(result: RigMotion) -> Trust:
     )
 
 
-def _first(result: RigMotion) -> str:
-    return max(result.heat, key=lambda name: result.heat[name])
-
-
 def _page(result: RigMotion, data: RigFigures, show: Blocks, folder: Path | None) -> Page:
     """Return where the energy goes, what each joint did, frequencies and motion."""
-    first, (modes, joints) = _first(result), _tables(result)
+    first, (modes, joints) = max(result.heat, key=lambda name: result.heat[name]), _tables(result)
     share = 100 * (result.heat[first] / (sum(result.heat.values()) or 1.0))
     reason = f"The joints slip for the last time {result.last_slips.max(initial=0.0):.2f} s after the pulse."
     reason += f" {result.rig.description}." if result.rig.description else ""

@@ -338,12 +338,6 @@ def _page(
     )
 
 
-def _files(result: Verification, data: Verification) -> dict[str, str]:
-    """Return the models."""
-    models = (result.model, *result.beside)
-    return {f"model{f'-{n}' * (n > 1)}.json": each.to_json() + "\n" for n, each in enumerate(models, 1)}
-
-
 def _about(result: Verification) -> str:
     """Return what is compared with what, and the verdict."""
     where = "the rig" if result.kind == "rig" else "the runs of"
@@ -394,7 +388,10 @@ VERIFICATION = View(
     headline=_trust,
     tables=_tables,
     page=partial(_page, _tables),
-    files=_files,
+    files=lambda result, data: {
+        f"model{f'-{place}' * (place > 1)}.json": model.to_json() + "\n"
+        for place, model in enumerate((result.model, *result.beside), 1)
+    },
     print=_print,
     warnings=_warnings,
     details=lambda result: aligned(
