@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
+from sindyjoint.plain import to_plain
 from sindyjoint.reporting.equation import split_symbol
 from sindyjoint.reporting.style import (
     DASHES,
@@ -304,11 +306,8 @@ def coloured_cells(
     ax.set(xlabel=across.label, ylabel=up.label)
 
 
-def short_numbers(values: Any) -> Any:
-    """Return numbers to four digits for a drawing of a page, lists of lists as the array was; null for what is none."""
-    if isinstance(values, np.ndarray | list | tuple):
-        return [short_numbers(value) for value in values]
-    return float(f"{values:.4g}") if np.isfinite(values) else None
+#: To four digits for a drawing of a page, lists of lists as the array was; null for what is none.
+short_numbers = partial(to_plain, digits=4)
 
 
 def scale_of(value: float, unit: str) -> tuple[float, str]:

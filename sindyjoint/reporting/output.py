@@ -18,7 +18,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, MissingExtraError, OutputError
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.record import Campaign
-from sindyjoint.reporting.page import Blocks
+from sindyjoint.reporting.page import Blocks, provenance
 from sindyjoint.reporting.registry import (
     DATA_FILE,
     FOLDERS,
@@ -32,7 +32,7 @@ from sindyjoint.reporting.registry import (
     view_of_type,
 )
 from sindyjoint.reporting.style import figure_bytes
-from sindyjoint.reporting.tables import TextTable, json_text
+from sindyjoint.reporting.tables import json_text
 from sindyjoint.reporting.view import NEXT
 from sindyjoint.soundness.check import check_data
 
@@ -83,13 +83,10 @@ def html_of(result: Any) -> str:
     if not tables:
         return f"{head}<pre>{escape(text_of(result))}</pre>"
     names = ", ".join(figures_of(result))
-    return f"{head}{_html_table(tables[0])}" + (f"<p>.plot(kind): {escape(names)}</p>" if names else "")
-
-
-def _html_table(table: TextTable) -> str:
-    more = len(table.rows) - ROWS
-    shown = str(Blocks({}, {}).table(replace(table, rows=table.rows[:ROWS])))
-    return shown + (f"<p>and {more} more rows</p>" if more > 0 else "")
+    more = len(tables[0].rows) - ROWS
+    head += str(Blocks({}, {}).table(replace(tables[0], rows=tables[0].rows[:ROWS])))
+    head += f"<p>and {more} more rows</p>" if more > 0 else ""
+    return head + (f"<p>.plot(kind): {escape(names)}</p>" if names else "")
 
 
 def latex_of(result: Any) -> str | None:
@@ -214,13 +211,15 @@ def write_results(
     target = place_of(name, folder)
     data = view.gather(result)
     pictures = draw_all(data)
+    inputs = [*files, *view.inputs(result)]
+    origin = provenance(view.campaign(result), view.seed(result, seed), command_line, inputs)
     texts = {
         DATA_FILE: saved_text(data),
-        PAGE: view.html(result, data, view.origin(result, command_line, seed, files), pictures, target),
+        PAGE: view.html(result, data, origin, pictures, target),
         **view.files(result, data),
     }
     if view.record_file:
-        texts[view.record_file] = json_text(view.to_dict(result))
+        texts[view.record_file] = json_text(view.record(result).to_dict(full=True))
     write_folder(target, pictures, texts, name, force)
     link_pages(Path(folder))
     return target
@@ -323,18 +322,13 @@ def place_of(name: str, folder: str | os.PathLike[str]) -> Path:
     return Path(folder) / name
 
 
-def list_places(folder: Path) -> dict[str, Path]:
-    """Return the folder of each kind of result that one folder holds, that of its own first."""
-    own = kind_of_results(folder)
-    within = {
-        name: folder / name for name in FOLDERS if name != own and kind_of_results(folder / name) == name
-    }
-    return {own: folder, **within} if own else within
-
-
 def link_pages(folder: Path) -> None:
     """Name in every page of a folder the pages of other kinds that stand there too."""
-    places = list_places(folder)
+    own = kind_of_results(folder)
+    places = {own: folder} if own else {}
+    places |= {
+        name: folder / name for name in FOLDERS if name != own and kind_of_results(folder / name) == name
+    }
     for name, place in places.items():
         others = [
             f'<a href="{os.path.relpath(there / PAGE, place).replace(os.sep, "/")}">{other}</a>'

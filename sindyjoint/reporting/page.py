@@ -7,6 +7,7 @@ import hashlib
 import math
 import os
 import re
+import shlex
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -74,8 +75,12 @@ def provenance(
         Further files that were read, such as a model or a rig; folders stand for the manifest or model in them.
     """
     return Provenance(
-        command_line=_line(command_line),
-        seed=_seed(seed),
+        command_line=command_line if isinstance(command_line, str) else shlex.join(command_line or ()),
+        seed="none given"
+        if seed is None
+        else str(seed)
+        if isinstance(seed, int | np.integer)
+        else "a generator of the caller's",
         made=f"{str(np.datetime64('now', 's')).replace('T', ' ')} UTC",
         versions=versions(),
         # A run that a file names, too, stands once.
@@ -114,22 +119,6 @@ def _hashed(path: Path) -> list[tuple[str, str, str]]:
                 exact = path.parent / run["file"]
                 listed += [exact] if exact.is_file() else sorted(path.parent.glob(run["file"]))
     return [(one.stem, one.name, hash_file(one)) for one in listed if one.is_file()]
-
-
-def _line(command_line: str | Sequence[str] | None) -> str:
-    if command_line is None:
-        return ""
-    if isinstance(command_line, str):
-        return command_line
-    import shlex
-
-    return shlex.join(command_line)
-
-
-def _seed(seed: object) -> str:
-    if seed is None:
-        return "none given"
-    return str(seed) if isinstance(seed, int | np.integer) else "a generator of the caller's"
 
 
 # In the order in which they run; each is a separate file next to the templates.

@@ -177,7 +177,7 @@ def details(result: Any) -> Iterator[str]:
 
         yield from wrap_findings(soundness)
     known = policies()
-    for name in view.judges_of(result):
+    for name in view.judged_by(result):
         if name in known:
             limits = ", ".join(f"{each.name} {each.quantity}" for each in described(known[name]))
             yield from wrap(f"policy of {name}: {limits}", 110, subsequent_indent="  ")

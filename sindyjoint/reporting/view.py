@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.plain import fields_of, same, to_plain
-from sindyjoint.reporting.page import Blocks, Page, markup, provenance, render, section
+from sindyjoint.reporting.page import Blocks, Page, markup, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
 from sindyjoint.reporting.tables import findings_table, print_table, terminal
 from sindyjoint.text import in_words_of, in_words_of_origin, spelled
@@ -87,8 +87,8 @@ class View:
         Result → files that it was made from, beside its campaign, which ``campaign`` gives, and its ``seed``.
     record_file : str
         The file of the result's record; empty: none.
-    judged_by : tuple of str, or callable
-        The policies that decided it, by their names in :func:`sindyjoint.policy.policies`.
+    judged_by : callable
+        Result → the policies that decided it, by their names in :func:`sindyjoint.policy.policies`.
     rows : str or callable
         The list in the record that is a data frame's rows, or what gives them; empty: the first table is.
     drawn_from, kept : callable
@@ -118,7 +118,7 @@ class View:
     inputs: Callable[[Any], Sequence[Path]] = lambda result: ()
     seed: Callable[[Any, object], object] = lambda result, given: given
     record_file: str = ""
-    judged_by: tuple[str, ...] | Callable[[Any], tuple[str, ...]] = ()
+    judged_by: Callable[[Any], tuple[str, ...]] = lambda result: ()
     rows: str | Callable[[Any], list[dict[str, Any]]] = ""
     record: Callable[[Any], Any] = lambda result: result
     drawn_from: Callable[[Any], Any] = lambda result: result
@@ -130,26 +130,17 @@ class View:
 
     # ---- the record and its rows
 
-    def to_dict(self, result: Any) -> dict[str, Any]:
-        """Return everything that is known, as JSON data."""
-        record: dict[str, Any] = self.record(result).to_dict(full=True)
-        return record
-
     def records(self, result: Any) -> list[dict[str, Any]]:
         """Return the rows of a data frame: what the record says of each part, numbers as numbers."""
         if not isinstance(self.rows, str):
             return self.rows(result)
         if self.rows:
-            return [_flat(record) for record in self.to_dict(result)[self.rows]]
+            return [_flat(record) for record in self.record(result).to_dict(full=True)[self.rows]]
         return [
             dict(zip(table.columns, row, strict=True))
             for table in self.tables(result)[:1]
             for row in table.rows
         ]
-
-    def judges_of(self, result: Any) -> tuple[str, ...]:
-        """Return which of the policies decided a result."""
-        return self.judged_by if isinstance(self.judged_by, tuple) else self.judged_by(result)
 
     # ---- figures, and the data that are kept for them
 
@@ -222,11 +213,6 @@ class View:
         panels = kind.panels(data)
         svg = figure_bytes(self.draw(kind, [panels[place]], data, SINGLE_COLUMN), "svg") if panels else b""
         return svg, len(panels) == 1
-
-    def origin(self, result: Any, command_line: Any, seed: object, files: Any) -> Provenance:
-        """Return where a result came from."""
-        inputs = [*files, *self.inputs(result)]
-        return provenance(self.campaign(result), self.seed(result, seed), command_line, inputs)
 
     def html(
         self,

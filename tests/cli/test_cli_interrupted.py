@@ -81,7 +81,7 @@ def test_ctrl_c_while_a_figure_is_drawn_anew(folder, sindyjoint, monkeypatch):
     assert sindyjoint("check", "campaign", "--out", FOLDER).status == 0
     kind = sindyjoint("plot", FOLDER).stdout.split()[0]
     before = {path: path.read_bytes() for path in home.rglob("*") if path.is_file()}
-    for at in ("reporting.registry.read_checked", ASIDE):
+    for at in ("reporting.registry.read_json", ASIDE):
         answer = interrupted(sindyjoint, monkeypatch, ("plot", FOLDER, kind, "--out", "figure.svg"), at)
         held_against_what_ctrl_c_promises(answer, home, before)
         assert not (home / "figure.svg").exists()

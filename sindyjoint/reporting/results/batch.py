@@ -372,7 +372,7 @@ BATCH = View(
     folder="batch",
     kinds=_kinds,
     record_file="batch.json",
-    judged_by=(*FINDING, "batch"),
+    judged_by=lambda result: (*FINDING, "batch"),
     # The result of each campaign lies in the folder of the campaign.
     kept=lambda data: replace(
         data, records=tuple(replace(record, result=None, earlier=None) for record in data.records)

@@ -415,7 +415,7 @@ COMPARISON = View(
     folder="comparison",
     kinds=KINDS,
     record_file="comparison.json",
-    judged_by=FINDING,
+    judged_by=lambda result: FINDING,
     unsaved={"discovery": None, "left_out": {}, "soundness": Soundness()},
     # Whether methods, frequencies and resampled campaigns agree.
     headline=lambda result: result.trust or judge_comparison(result),

@@ -44,13 +44,6 @@ VERDICTS = {
 }
 
 
-def _judges(result: Diagnosis) -> tuple[str, ...]:
-    """Return the policies that decided it; a structure has no force states."""
-    if result.source == "structure":
-        return ("response", "diagnosis structure")
-    return ("states", "response", "diagnosis campaign")
-
-
 def _tables(result: Diagnosis) -> tuple[TextTable, ...]:
     """Return the gap by step, the parameters of the effects, and the model's terms."""
     motion = result.model.joint.motion
@@ -236,7 +229,12 @@ DIAGNOSIS: View = View(
     formerly={"StructureDiagnosis": {"source": "structure"}},
     record_file="diagnosis.json",
     question="What is missing?",
-    judged_by=_judges,
+    # A structure has no force states.
+    judged_by=lambda result: (
+        *["states"] * (result.source != "structure"),
+        "response",
+        f"diagnosis {'structure' if result.source == 'structure' else 'campaign'}",
+    ),
     unsaved={"effects": (), "whole": None, "test": None, "soundness": None, "stopped": None},
     kinds=lambda data: STRUCTURE_KINDS if data.source == "structure" else CAMPAIGN_KINDS,
     # With the model that model.json holds, and no more samples than a picture shows.

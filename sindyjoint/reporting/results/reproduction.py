@@ -452,7 +452,7 @@ REPRODUCTION = View(
     folder="reproduction",
     kinds=KINDS,
     record_file="reproduction.json",
-    judged_by=("states", "discovery", "response"),
+    judged_by=lambda result: ("states", "discovery", "response"),
     # The paper's joints are not at hand.
     simulated=lambda result: True,
     drawn_from=gather,
