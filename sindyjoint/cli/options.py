@@ -39,12 +39,9 @@ def default_of(function: str, name: str) -> Any:
         If there is no such function, or no such parameter with a default that is a constant.
     """
     module, _, owner = function.partition(":")
-    for node in _tree(module).body:
-        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == owner:
-            found = _defaults(node).get(name)
-            if found is not None:
-                return _value(found, module)
-    raise LookupError(f"{function} has no parameter {name!r} with a default")
+    if f"{owner}.{name}" not in _constants(module):
+        raise LookupError(f"{function} has no parameter {name!r} with a default")
+    return _value(_constants(module)[f"{owner}.{name}"], module)
 
 
 def constant_of(constant: str) -> Any:
@@ -56,7 +53,7 @@ def constant_of(constant: str) -> Any:
         If there is none.
     """
     module, _, name = constant.partition(":")
-    return _value(ast.Name(name), module)
+    return _value(_constants(module)[name], module)
 
 
 def given(**options: Any) -> dict[str, Any]:
@@ -65,56 +62,44 @@ def given(**options: Any) -> dict[str, Any]:
 
 
 @cache
-def _tree(module: str) -> ast.Module:
+def _constants(module: str) -> dict[str, Any]:
+    """Return what a module assigns, and module and name of what it imports, by name; defaults as ``owner.name``."""
     path = PACKAGE.joinpath(*module.split("."))
     path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    return ast.parse(path.read_text(encoding="utf-8"))
+    return _defined(ast.parse(path.read_text(encoding="utf-8")).body)
 
 
-def _defaults(node: ast.FunctionDef | ast.ClassDef) -> dict[str, ast.expr]:
-    """Return the default of every parameter; of a class those of its ``__init__``, or its fields."""
-    if isinstance(node, ast.ClassDef):
-        inits = [f for f in node.body if isinstance(f, ast.FunctionDef) and f.name == "__init__"]
-        if inits:
-            return _defaults(inits[0])
-        fields = [f for f in node.body if isinstance(f, ast.AnnAssign) and f.value is not None]
-        return {ast.unparse(field.target): field.value for field in fields if field.value is not None}
-    given = node.args
-    found = dict(zip([a.arg for a in given.args[::-1]], given.defaults[::-1], strict=False))
-    return found | {
-        a.arg: value
-        for a, value in zip(given.kwonlyargs, given.kw_defaults, strict=True)
-        if value is not None
-    }
+def _defined(body: Sequence[ast.stmt], owner: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for node in body:
+        if isinstance(node, ast.ImportFrom) and node.module:
+            home = node.module.removeprefix("sindyjoint.")
+            found |= {alias.asname or alias.name: (home, alias.name) for alias in node.names}
+        elif isinstance(node, ast.ClassDef):
+            found |= _defined(node.body, f"{node.name}.")
+        elif isinstance(node, ast.FunctionDef):
+            known, prefix = node.args, owner if node.name == "__init__" else f"{node.name}."
+            pairs = [*zip(known.args[::-1], known.defaults[::-1]), *zip(known.kwonlyargs, known.kw_defaults)]  # noqa: B905
+            found |= {f"{prefix}{each.arg}": default for each, default in pairs if default is not None}
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            pair = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+            names, values = (target.elts, node.value.elts) if pair else ([target], [node.value])
+            found |= {f"{owner}{ast.unparse(each)}": value for each, value in zip(names, values, strict=True)}
+    return found
 
 
-def _value(node: ast.expr, module: str) -> Any:
+def _value(node: Any, module: str) -> Any:
     """Return a constant, what the name of one stands for, or a limit of a policy, whose module is light."""
-    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
-        return getattr(_policy(node.value.id, module), node.attr)
-    if not isinstance(node, ast.Name):
-        return ast.literal_eval(node)
-    for line in _tree(module).body:
-        if isinstance(line, ast.Assign):
-            for target in line.targets:
-                names = target.elts if isinstance(target, ast.Tuple) else [target]
-                for i, each in enumerate(names):
-                    if isinstance(each, ast.Name) and each.id == node.id:
-                        value = _value(line.value, module)
-                        return value[i] if isinstance(target, ast.Tuple) else value
-        if isinstance(line, ast.ImportFrom) and line.module and node.id in [a.name for a in line.names]:
-            return _value(node, line.module.removeprefix("sindyjoint."))
-    raise LookupError(f"{module} has no constant {node.id}")
-
-
-def _policy(name: str, module: str) -> Any:
-    """Return the policy that a module imports under a name; such a module imports nothing heavy itself."""
-    for line in _tree(module).body:
-        if isinstance(line, ast.ImportFrom) and line.module:
-            for alias in line.names:
-                if name == (alias.asname or alias.name):
-                    return getattr(import_module(line.module), alias.name)
-    raise LookupError(f"{module} imports no {name}")
+    if isinstance(node, tuple):
+        home, name = node
+        return _value(_constants(home)[name], home)
+    if isinstance(node, ast.Attribute):
+        home, name = _constants(module)[ast.unparse(node.value)]
+        return getattr(getattr(import_module(f"sindyjoint.{home}"), name), node.attr)
+    return (
+        _value(_constants(module)[node.id], module) if isinstance(node, ast.Name) else ast.literal_eval(node)
+    )
 
 
 METHODS = (
