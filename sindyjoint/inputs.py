@@ -238,51 +238,32 @@ def lagged(values: Array, samples: float) -> Array:
 
 
 @dataclass(frozen=True)
-class ColumnUnit:
-    """The unit of a column, as the manifest declares it and as the file states it.
-
-    Parameters
-    ----------
-    channel : str
-        ``"moment"``, ``"angle"``, ``"rate"`` or ``"time"``.
-    column : str
-        Name of the column.
-    declared, stated : str
-    named : bool
-        Whether the file states it by the ending of the column's name only (``"angle_mrad"``), which may mean another
-        thing.
-    """
-
-    channel: str
-    column: str
-    declared: str
-    stated: str
-    named: bool = False
-
-
-@dataclass(frozen=True)
 class FileUnit:
-    """In what unit a channel's values stand in their file.
+    """In what unit the values of a column stand in their file, as the manifest declares it and as the file states it.
 
     Parameters
     ----------
     channel : str
-        ``"moment"``, ``"angle"`` or ``"rate"``.
+        ``"moment"``, ``"angle"``, ``"rate"``, ``"time"`` or the name of a sensor.
     unit : str
         As declared; before the gain, such as ``"V"``.
     factor : float
         What one of it is in SI, gain included.
     column : str
         Name of the column; empty where it has none.
-    stated : bool
-        Whether the file states a unit of its own.
+    stated : str
+        As the file states it; empty where it does not.
+    named : bool
+        Whether the file states it by the ending of the column's name only (``"angle_mrad"``), which may mean another
+        thing.
     """
 
     channel: str
     unit: str
-    factor: float
+    factor: float = 1.0
     column: str = ""
-    stated: bool = False
+    stated: str = ""
+    named: bool = False
 
 
 @dataclass(frozen=True)
@@ -295,13 +276,13 @@ class Source:
         Name of the file.
     sha256 : str
         Of its bytes.
-    units : tuple of ColumnUnit
-        Units that the file states, where they are not written as declared.
+    units : tuple of FileUnit
+        Of its columns.
     """
 
     path: str
     sha256: str
-    units: tuple[ColumnUnit, ...] = ()
+    units: tuple[FileUnit, ...] = ()
 
 
 @dataclass(frozen=True)

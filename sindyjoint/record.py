@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.described import Shown
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.hooks import supplied
-from sindyjoint.inputs import FileUnit, Input, LongRecord, Source, check_inputs, signals_of
+from sindyjoint.inputs import Input, LongRecord, Source, check_inputs, signals_of
 from sindyjoint.plain import Size
 from sindyjoint.rig import Fusion, SensorNoise, unknown_means
 from sindyjoint.text import control_character, printable, quantities
@@ -134,8 +134,6 @@ class Run:
     valid : array_like of bool, shape (n,), optional
         False at samples that are left out of every fit because a channel is at fault there; the signals then hold
         interpolated values. Default: all samples count.
-    file_units : tuple of FileUnit
-        Of the channels that were read from a file.
     inputs : mapping of str to array_like, shape (n,), or float
         What else the law may depend on, SI, at the same instants; a number stands for all of them.
     fusion : Fusion, optional
@@ -171,7 +169,6 @@ class Run:
     whole: LongRecord | None = field(default=None)
     noise: SensorNoise = SensorNoise()
     valid: NDArray[np.bool_] | None = None
-    file_units: tuple[FileUnit, ...] = ()
     inputs: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     fusion: Fusion | None = None
     quasi_static: bool = False

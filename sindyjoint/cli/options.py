@@ -82,9 +82,9 @@ def _defined(body: Sequence[ast.stmt], owner: str = "") -> dict[str, Any]:
             pairs = [*zip(known.args[::-1], known.defaults[::-1]), *zip(known.kwonlyargs, known.kw_defaults)]  # noqa: B905
             found |= {f"{prefix}{each.arg}": default for each, default in pairs if default is not None}
         elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
-            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-            pair = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
-            names, values = (target.elts, node.value.elts) if pair else ([target], [node.value])
+            sides: list[Any] = [node.targets[0] if isinstance(node, ast.Assign) else node.target, node.value]
+            several = all(isinstance(side, ast.Tuple) for side in sides)
+            names, values = ([*side.elts] if several else [side] for side in sides)
             found |= {f"{owner}{ast.unparse(each)}": value for each, value in zip(names, values, strict=True)}
     return found
 

@@ -221,9 +221,8 @@ class _RunLoader:
                 frequency=frequency,
                 level=None if table.level is None else str(table.level),
                 use=table.use,
-                source=Source(table.file, sha256, reader.stated_units()),
+                source=Source(table.file, sha256, reader.file_units()),
                 whole=whole,
-                file_units=reader.file_units(),
             )
         except SindyJointError as error:
             raise InputError(f"{path}: {error}") from error

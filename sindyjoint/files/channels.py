@@ -22,7 +22,7 @@ from sindyjoint.files.timeaxis import (
     with_lost_samples,
 )
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
-from sindyjoint.inputs import ColumnUnit, FileUnit
+from sindyjoint.inputs import FileUnit
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 from sindyjoint.rig import SensorNoise, bending_moment, check_positive, full_bridge_strain, joint_angle
@@ -190,34 +190,14 @@ class RunReader:
         n = next(iter(signals.values())).size
         return signals | {name: np.full(n, value) for name, value in constants.items()}, rate
 
-    def stated_units(self) -> tuple[ColumnUnit, ...]:
-        """Return the units that the file states for its columns otherwise than they are declared."""
-        wanted: list[tuple[str, Column | None, str | None]] = [
-            (quantity, channel.column, channel.unit)
-            for quantity, _, _, channel in declared(self.channels, self.motion)
-        ]
-        if isinstance(self.channels.time, TimeChannel):
-            wanted.insert(0, ("time", self.channels.time.column, self.channels.time.unit))
-        known = [
-            (quantity, unit, self.table.stated_unit(column))
-            for quantity, column, unit in wanted
-            if column is not None and unit is not None
-        ]
-        return tuple(
-            ColumnUnit(quantity, found[0], unit, found[1], found[2])
-            for quantity, unit, found in known
-            if found is not None and found[1] != unit
-        )
-
     def file_units(self) -> tuple[FileUnit, ...]:
-        """Return the units in which the channels stand in the file."""
-        found = []
+        """Return the units in which the columns stand in the file."""
+        axis = self.channels.time
+        found = [self.table.unit("time", axis.column, axis.unit)] if isinstance(axis, TimeChannel) else []
         for quantity, key, unit, channel in declared(self.channels, self.motion):
-            if channel.unit is not None:
+            if channel.column is not None and channel.unit is not None:
                 factor = conversion(channel.unit, unit, f"{self.manifest}: [channels] {key}", channel.gain)
-                column = channel.column if isinstance(channel.column, str) else ""
-                stated = channel.column is not None and self.table.stated_unit(channel.column) is not None
-                found.append(FileUnit(quantity, channel.unit, factor, column, stated))
+                found.append(self.table.unit(quantity, channel.column, channel.unit, factor))
         return tuple(found)
 
     def _columns(self) -> dict[Column, Array]:

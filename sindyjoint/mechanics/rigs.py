@@ -18,7 +18,7 @@ from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import conversion, parse_quantity
-from sindyjoint.inputs import ColumnUnit, Source
+from sindyjoint.inputs import Source
 from sindyjoint.mechanics.beam import Beam, rectangular_section
 from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
 from sindyjoint.mechanics.laws import Law
@@ -44,7 +44,6 @@ from sindyjoint.tables import first_complaint
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from sindyjoint.files.readers import Table
 
 # Of a chain, and of a simulation, so that they take minutes.
 MOST_ELEMENTS_OF_ALL, MOST_STEPS = 600, 10_000_000
@@ -348,20 +347,10 @@ def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     frequency = (
         None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{file}: frequency")
     )
+    columns: list[tuple[str, Any]] = [("time", given.time), (DRIVE, given.drive)]
+    columns += [(str(each.column), each) for each in given.sensor]
+    units = tuple(read.unit(name, each.column, each.unit) for name, each in columns)
     return RigRun(
         table.name or Path(str(table.file)).stem, drive, np.array(responses), rate, frequency,
-        table.level, table.use, Source(str(table.file), sha256, _stated_units(read, given)),
+        table.level, table.use, Source(str(table.file), sha256, units),
     )  # fmt: skip
-
-
-def _stated_units(read: Table, given: RigFile) -> tuple[ColumnUnit, ...]:
-    """Return the units that a file states for its columns otherwise than they are declared."""
-    channels: list[tuple[str, ColumnTable | DriveTable | SensorTable]] = [("time", given.time)]
-    channels.append((DRIVE, given.drive))
-    channels += [(str(each.column), each) for each in given.sensor]
-    known = [(name, table.unit, read.stated_unit(table.column)) for name, table in channels]
-    return tuple(
-        ColumnUnit(name, found[0], declared, found[1], found[2])
-        for name, declared, found in known
-        if found is not None and found[1] != declared
-    )

@@ -176,7 +176,8 @@ def _compare_run(simulated: SimulatedRun, campaign: Campaign, run: Run, band: Ba
 
 def _unit_of(run: Run, channel: str, q: Quantities) -> tuple[str, float]:
     """Return the unit in which a channel stands in its file, and what one of it is in SI."""
-    known = {each.channel: (each.unit, abs(each.factor)) for each in run.file_units}
+    units = () if run.source is None else run.source.units
+    known = {each.channel: (each.unit, abs(each.factor)) for each in units}
     return known.get(channel, (q.moment_unit if channel == "moment" else q.angle_unit, 1.0))
 
 

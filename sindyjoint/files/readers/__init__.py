@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from sindyjoint.documents import check_regular, read_regular
 from sindyjoint.errors import InputError, MissingExtraError, MissingInputError, SindyJointError, refuse
 from sindyjoint.files.units import unit_in_name
+from sindyjoint.inputs import FileUnit
 from sindyjoint.numeric import Array
 
 # What a file of a virtual test says about itself; its columns are in SI units.
@@ -153,6 +154,11 @@ class Table:
             return title, self.units[at].strip().strip("[](){}").strip(), False
         found = unit_in_name(title)
         return None if found is None else (title, *found)
+
+    def unit(self, channel: str, column: str | int, declared: str, factor: float = 1.0) -> FileUnit:
+        """Return the unit of a column that is a channel, as it was declared, and as the file states it."""
+        found = self.stated_unit(column) or (column if isinstance(column, str) else "",)
+        return FileUnit(channel, declared, factor, *found)
 
     def _find_column(self, name: str | int) -> int:
         if isinstance(name, int):

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sindyjoint.files.units import unit_ratio
-from sindyjoint.inputs import ColumnUnit
+from sindyjoint.inputs import FileUnit
 from sindyjoint.measurement.sensors import disagreement
 from sindyjoint.numeric import Array, line_spectrum
 from sindyjoint.record import Campaign
@@ -36,16 +36,16 @@ def find_unit_mismatches(records: Sequence[Record], words: Words) -> Iterator[Fi
                 record.name,
                 unit.channel,
                 "stops",
-                f"column {unit.column!r} is declared in {unit.declared!r}, the file states {unit.stated!r}: "
+                f"column {unit.column!r} is declared in {unit.unit!r}, the file states {unit.stated!r}: "
                 f"that {factor}",
                 effect,
                 f"declare unit = {unit.stated!r} for the {words.of(unit.channel)}, or correct the file",
             )
 
 
-def _denial(unit: ColumnUnit) -> float | None:
+def _denial(unit: FileUnit) -> float | None:
     """Return the stated unit in declared ones where they differ, zero for another quantity, or None."""
-    ratio = unit_ratio(unit.stated, unit.declared)
+    ratio = unit_ratio(unit.stated, unit.unit)
     if ratio is None or abs(ratio - 1) < SAME_UNIT:
         return None
     # The ending of a name may mean another thing ("force_in"): it denies only a unit of the same quantity.
@@ -56,8 +56,8 @@ def find_unequal_units(campaign: Campaign, words: Words) -> Iterator[Finding]:
     """Yield runs in which a column that no file gives a unit is declared in another than in most runs."""
     columns: dict[tuple[str, str], dict[str, str]] = {}
     for run in campaign.runs:
-        for unit in run.file_units:
-            if unit.column and not unit.stated:
+        for unit in () if run.source is None else run.source.units:
+            if unit.column and not unit.stated and unit.channel != "time":
                 columns.setdefault((unit.channel, unit.column), {})[run.name] = unit.unit
     for (channel, column), declared in columns.items():
         usual, count = Counter(declared.values()).most_common(1)[0]
