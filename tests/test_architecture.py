@@ -243,7 +243,7 @@ def test_the_rooms_of_a_diagnosis_look_down():
 
 
 def test_figures_know_nothing_of_pages_and_files():
-    above = {"view", "registry", "results", "output", "saved", "packing", "page"}
+    above = {"view", "registry", "results", "output", "saved", "page"}
     for path in (PACKAGE / "reporting" / "figures").glob("*.py"):
         reached = {name.removeprefix("sindyjoint.reporting.").split(".")[0] for name in modules_of(path)}
         assert not reached & above, path

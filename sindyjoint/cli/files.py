@@ -329,7 +329,7 @@ def schema(
 
     Example: sindyjoint schema --of diagnosis
     """
-    from sindyjoint.reporting.packing import record_schema
+    from sindyjoint.reporting.registry import record_schema
 
     typer.echo(json.dumps(record_schema(of), indent=2))
 

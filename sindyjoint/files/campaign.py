@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.documents import hash_file
 from sindyjoint.errors import InputError, SindyJointError, UnitError, refuse
 from sindyjoint.files.channels import (
     CHANNEL_KEYS,
@@ -23,7 +24,7 @@ from sindyjoint.files.channels import (
     declared_noise,
 )
 from sindyjoint.files.manifest import Channels, InputTable, JointTable, Manifest, RunTable, read_manifest
-from sindyjoint.files.readers import Table, open_blocks, read_table, sha256_of
+from sindyjoint.files.readers import Table, open_blocks, read_table
 from sindyjoint.files.timeaxis import check_frequency
 from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
 from sindyjoint.inputs import Input, LongRecord, Source, lagged
@@ -196,7 +197,7 @@ class _RunLoader:
             opened, sha256 = read_table(path, channels.skip)
         else:
             # A hash where the first rows are among them.
-            opened, sha256 = blocks.table(*rows), "" if rows[0] else sha256_of(path)
+            opened, sha256 = blocks.table(*rows), "" if rows[0] else hash_file(path)
         opened, channels, sha256 = self._join_files(opened, channels, sha256)
         self.simulated |= opened.simulated
         reader = RunReader(

@@ -20,9 +20,9 @@ __getattr__ = fetched(
         "figure": "Kind",
         "output": "PAGE figures_of place_of text_of write_results",
         "mathml": "effect_mathml mathml",
-        "packing": "record_names record_schema",
         "page": "Provenance number provenance",
-        "registry": "draw draw_all drawable drawing kinds_of load_results saved_text show view_of",
+        "registry": "draw draw_all drawable drawing kinds_of load_results record_names record_schema saved_text show "
+        "view_of",
         "results.diagnosis": "advice_words",
         "results.discovery_data": "GroupFit Loop PathStep ReportData model_sheets",
         "results.verification": "KEPT_SAMPLES thinned",

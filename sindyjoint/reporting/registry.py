@@ -1,4 +1,4 @@
-"""Every kind of result by its type: what it shows, its figures by name, what is saved of it and drawn again."""
+"""Every kind of result by its type: what it shows, its figures by name, what is saved and drawn again, its schema."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+from sindyjoint.described import json_schema
 from sindyjoint.documents import kind_of_results, read_json
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
@@ -296,3 +297,54 @@ def _from_record(record: Any) -> Any:
         known = dict.fromkeys(mark for place in _SHOWN for mark in _marks(_load_view(place)))
         raise InputError(f"not a saved result: 'kind' is {kind!r}; expected one of {', '.join(known)}")
     return view.restore(record)
+
+
+# Where the record of each stands; a manifest is checked by pydantic, all others describe themselves.
+_RECORDS = {
+    "campaign": "files.manifest:Manifest",
+    "model": "equation.model:JointModel",
+    "test": "equation.test_record:TestNuisances",
+    "plan": "planning.plan:Plan",
+    "check": "soundness.check:Check",
+    "discovery": "judgement.discovery:Discovery",
+    "comparison": "judgement.comparison:Comparison",
+    "verification": "workflows.verify:RefinedModel",
+    "diagnosis": "diagnosis.result:Diagnosis",
+    "rig": "workflows.simulate:RigMotion",
+    "joint-curves": "substructure.joint_curves:JointCurves",
+    "structure-curves": "substructure.forced:StructureCurves",
+    "export": "export:Export",
+    "simulation": "workflows.simulate:WrittenTest",
+    "batch": "workflows.joints.summary:Batch",
+    "joint": "workflows.joints.record:CampaignRecord",
+    "changed": "judgement.changed:Change",
+    "structure": "judgement.rig_discovery:RigDiscovery",
+    "reproduction": "workflows.reproduce:Reproduction",
+    "tables": "judgement.paper_tables:PrintedTables",
+}
+
+
+def record_schema(name: str) -> dict[str, Any]:
+    """Return the JSON Schema of a result file.
+
+    Parameters
+    ----------
+    name : str
+        One of :func:`record_names`.
+
+    Raises
+    ------
+    UnknownNameError
+        For another name.
+    """
+    if name not in _RECORDS:
+        raise UnknownNameError(f"schema of {name!r}; expected one of {', '.join(_RECORDS)}")
+    module, _, kind = _RECORDS[name].partition(":")
+    record = getattr(import_module(f"sindyjoint.{module}"), kind)
+    schema: dict[str, Any] = record.model_json_schema() if name == "campaign" else json_schema(record)
+    return schema
+
+
+def record_names() -> tuple[str, ...]:
+    """Return the names of what has a schema."""
+    return tuple(_RECORDS)

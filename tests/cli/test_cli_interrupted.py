@@ -25,7 +25,7 @@ COMMANDS = {
     "simulate": (("simulate", "--model", "model.json", "--out", FOLDER), (MODEL, MOVING)),
     "init": (("init", "campaign", "--force", "--yes"), ("files.drafting.init.survey_folder", ASIDE)),
     "copy": (("libraries", "copy", "paper", FILE), (ASIDE,)),
-    "schema": (("schema",), ("reporting.packing.record_schema",)),
+    "schema": (("schema",), ("reporting.registry.record_schema",)),
 }
 
 

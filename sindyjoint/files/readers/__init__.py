@@ -425,9 +425,3 @@ def _read(file: Path, data: bytes | None, skip: int | None) -> Any:
     # A library may read bad bytes and fail where what it has read is asked for.
     with foreign(file, file.suffix[1:]):
         return getattr(import_module(f"{__name__}.{module}"), function)(file, data, **options)
-
-
-def sha256_of(path: Path) -> str:
-    """Return the hash of a file that is read in pieces."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
