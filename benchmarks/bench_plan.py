@@ -25,7 +25,7 @@ import numpy as np
 from sindyjoint import discover, plan
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
-from sindyjoint.mechanics.laws import PaperLaw, softening_limit
+from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.planning.information import Sensors, chosen_terms, run_information, stacked
 from sindyjoint.planning.plan import Plan
 from sindyjoint.planning.plan_file import play
@@ -88,7 +88,7 @@ def joints_of(made: Plan, count: int, seed: int) -> Iterator[tuple[int, JointMod
 
 def broken_limits(made: Plan, true: JointModel, clean: Campaign) -> int:
     """Return how many runs pass a limit of the actuator or the softening limit; ``clean`` has no noise."""
-    low, high = softening_limit(model_law(true))
+    low, high = model_law(true).softening_limit
     broken = 0
     for run in clean.runs:
         rate = np.gradient(run.angle, 1 / run.sample_rate)

@@ -23,7 +23,6 @@ import numpy as np
 
 from sindyjoint.errors import SimulationError, SindyJointError
 from sindyjoint.mechanics.beam import Beam
-from sindyjoint.mechanics.laws import softening_limit
 from sindyjoint.mechanics.rig_test import RigTest, Sensor, uncertain_numbers
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.sensors import Channel
@@ -84,7 +83,7 @@ def largest_share(structure, at, sensors, drive, recorder, phases):
         _, response = simulate_run(structure, at, sensors, drive, quick, np.random.default_rng(phases))
     except SimulationError:
         return np.inf
-    limits = [min(map(abs, softening_limit(hinge.law))) for hinge in structure.hinges]
+    limits = [min(map(abs, hinge.law.softening_limit)) for hinge in structure.hinges]
     return max(np.abs(angle).max() / limit for angle, limit in zip(response.angle, limits, strict=True))
 
 

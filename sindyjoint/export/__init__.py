@@ -178,8 +178,7 @@ def _lookup(model: JointModel, write: Callable[[JointModel], Export]) -> Export:
     table = [",".join([*(f"{each.name} [{each.shown_unit}]" for each in inputs), "folder"])]
     decks = []
     for values in product(*nodes.values()):
-        given = zip(inputs, values, strict=True)
-        shown = [each.shown(value) for each, value in given]
+        shown = [each.shown(value) for each, value in zip(inputs, values, strict=True)]
         folder = "_".join(
             f"{each.name}_{re.sub(r'[^A-Za-z0-9.+-]', '', text)}"
             for each, text in zip(inputs, shown, strict=True)

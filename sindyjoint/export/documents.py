@@ -256,8 +256,7 @@ def _shared_moves(record: Any, terms: Sequence[str], means: Array) -> Array:
 def _student(means: Array, covariance: Array, degrees: float, count: int, seed: int) -> Array:
     generator = np.random.default_rng(seed)
     normal = generator.standard_normal((count, means.size)) @ root_of(covariance).T
-    wide = np.sqrt(generator.chisquare(degrees, count) / degrees)
-    return np.asarray(means + normal / wide[:, None])
+    return np.asarray(means + normal / np.sqrt(generator.chisquare(degrees, count) / degrees)[:, None])
 
 
 def _check(count: int) -> None:

@@ -411,8 +411,7 @@ def sliding_rows(parts: Parts, cycles: Cycles, how: str) -> Rows:
     """Return rows for Coulomb friction as a stiff spring in series with a slider, which a target calls ``how``."""
     if not parts.friction > 0:
         return left_out(parts.coulomb, "friction must not be negative")
-    limit = np.full(cycles.angle.shape, parts.friction)
-    slider = cycles.slider(limit, parts.stuck_stiffness)
+    slider = cycles.slider(np.full(cycles.angle.shape, parts.friction), parts.stuck_stiffness)
     how += f"; sticks as a spring that gives way by {GIVE:g} of the tested {words_of(parts.model).angle}"
     return {term.id: Represented(how, slider * term.coefficient / parts.friction) for term in parts.coulomb}
 

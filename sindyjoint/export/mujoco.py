@@ -122,8 +122,7 @@ class _Polynomial:
     @classmethod
     def _fitted(cls, terms: tuple[ModelTerm, ...], cycles: Cycles, variable: str, powers: int) -> _Polynomial:
         shares, exact, missing = {}, set(), []
-        basis = _basis(variable, getattr(cycles, variable))[4 - powers :]
-        columns = basis[:, cycles.moving].T
+        columns = _basis(variable, getattr(cycles, variable))[4 - powers :][:, cycles.moving].T
         size = np.sqrt(np.mean(columns**2, axis=0))
         for term in terms:
             power = _power(term, variable)

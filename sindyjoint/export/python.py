@@ -99,8 +99,7 @@ def export_fmu(model: JointModel) -> Export:
         guid=ascii(digest[:32]),
         angle=ascii(f"{words.angle}, {words.angle_unit}"),
     )
-    documentation = "\n".join([*fidelity_lines(rows), "", *not_carried(rows), *notes, ""])
-    data = _packed(module, text, documentation)
+    data = _packed(module, text, "\n".join([*fidelity_lines(rows), "", *not_carried(rows), *notes, ""]))
     return Export("fmu", {"joint.fmu": data}, rows, tuple(notes))
 
 

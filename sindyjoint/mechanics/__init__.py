@@ -11,7 +11,7 @@ __getattr__ = fetched(
     {
         "beam": "Beam rectangular_section",
         "excitation": "Actuator harmonic pulse sampled tones",
-        "laws": "INTER_PANEL PANEL_ROOT FormulaLaw FunctionLaw LawWithNumbers PaperLaw SumLaw softening_limit",
+        "laws": "INTER_PANEL PANEL_ROOT FormulaLaw FunctionLaw LawWithNumbers PaperLaw SumLaw",
         "rig_file": "RigFile rig_path shipped_rigs",
         "rig_test": "RigRun RigTest Sensor UncertainNumber uncertain_numbers",
         "rig_test_file": "load_rig_structure load_rig_test",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import refuse
 from sindyjoint.numeric import Array
 
 
@@ -91,13 +91,13 @@ class Beam:
     loss_factor: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("length", "bending_stiffness", "mass_per_length"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(
-                    f"beam {self.name!r}: {name} is {value!r}; expected a finite number above zero"
-                )
-        if self.elements < 1:
-            raise InputError(f"beam {self.name!r}: elements is {self.elements!r}; expected at least one")
-        if not (np.isfinite(self.loss_factor) and 0 <= self.loss_factor < 1):
-            raise InputError(f"beam {self.name!r}: loss_factor is {self.loss_factor!r}; expected 0 up to 1")
+        values = [(name, getattr(self, name)) for name in ("length", "bending_stiffness", "mass_per_length")]
+        faults = [
+            *(
+                (not 0 < v < np.inf, f"{name} is {v!r}; expected a finite number above zero")
+                for name, v in values
+            ),
+            (self.elements < 1, f"elements is {self.elements!r}; expected at least one"),
+            (not 0 <= self.loss_factor < 1, f"loss_factor is {self.loss_factor!r}; expected 0 up to 1"),
+        ]
+        refuse((there, f"beam {self.name!r}: {words}") for there, words in faults)

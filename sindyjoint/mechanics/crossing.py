@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 import sindyjoint.mechanics.transient_kernel as kernel
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.excitation import Excitation
-from sindyjoint.mechanics.laws import as_compiled
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 
@@ -22,10 +21,9 @@ class Stepper:
     def __init__(self, structure: Structure, load: Array, step: float):
         self.structure, self.load, self.step = structure, load, step
         self.mass, self.stiffness, self.damping = structure.mass, structure.stiffness, structure.damping
-        compiled = [as_compiled(hinge.law) for hinge in structure.hinges]
+        compiled = [hinge.law.compiled() for hinge in structure.hinges]
         joints = len(compiled)
-        width = max([c.numbers.size for c in compiled], default=0) or 1
-        parameters = np.zeros((joints, width))
+        parameters = np.zeros((joints, max([c.numbers.size for c in compiled], default=0) or 1))
         for row, c in zip(parameters, compiled, strict=True):
             row[: c.numbers.size] = c.numbers
         counts = np.array([c.n_states for c in compiled], dtype=np.int64)

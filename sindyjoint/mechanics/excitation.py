@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.errors import InputError, UnknownNameError, refuse
 from sindyjoint.numeric import Array
 
 Interpolation = Literal["cubic", "linear", "hold"]
@@ -133,9 +133,7 @@ class Excitation:
 
 
 def _check_positive(**values: float) -> None:
-    for name, value in values.items():
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(f"{name} is {value!r}; expected a positive number")
+    refuse((not 0 < v < inf, f"{name} is {v!r}; expected a positive number") for name, v in values.items())
 
 
 def _spline_pieces(values: Array, periodic: bool) -> Array:
@@ -303,16 +301,24 @@ class Actuator:
     duration: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.drive not in ("moment", "angle"):
-            raise InputError(f"drive is {self.drive!r}; expected 'moment' or 'angle'")
         low, high = self.band
-        if not 0 < low <= high < inf:
-            raise InputError(f"band is {low:g} to {high:g} Hz; expected two ascending positive frequencies")
-        for name in ("moment", "angle", "rate"):
-            if not getattr(self, name) > 0:
-                raise InputError(
-                    f"limit of the {name} is {getattr(self, name)!r}; expected a positive number"
-                )
+        limits = [(name, getattr(self, name)) for name in ("moment", "angle", "rate")]
+        refuse(
+            [
+                (
+                    self.drive not in ("moment", "angle"),
+                    f"drive is {self.drive!r}; expected 'moment' or 'angle'",
+                ),
+                (
+                    not 0 < low <= high < inf,
+                    f"band is {low:g} to {high:g} Hz; expected two ascending positive frequencies",
+                ),
+                *(
+                    (not v > 0, f"limit of the {name} is {v!r}; expected a positive number")
+                    for name, v in limits
+                ),
+            ]
+        )
 
 
 def driven_at(waveform: str) -> tuple[float, float]:

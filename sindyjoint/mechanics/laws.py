@@ -12,12 +12,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 from sindyjoint.numeric import Array
 
@@ -25,47 +25,57 @@ if TYPE_CHECKING:
     import sympy
 
 
-@runtime_checkable
-class Law(Protocol):
-    """What a simulation asks of a law. Anything with these members is one."""
+class Law(ABC):
+    """What a simulation asks of a law: its compiled form, and what follows from it.
 
-    @property
-    def inertia(self) -> float:
-        """Moving inertia between the moment sensor and the joint, kg·m² (kg)."""
+    Attributes
+    ----------
+    inertia : float
+        Moving inertia between the moment sensor and the joint, kg·m² (kg).
+    n_states : int
+        Number of internal states.
+    softening_limit : (float, float)
+        Angles between which the elastic moment rises, rad (m).
+    softening_angle : float
+        Symmetric measure of the same, rad (m).
+    """
 
-    @property
-    def n_states(self) -> int:
-        """Number of internal states."""
+    inertia: float
+    n_states: int = 0
+    softening_limit: tuple[float, float]
+    softening_angle: float = np.inf
+
+    @abstractmethod
+    def compiled(self) -> CompiledLaw:
+        """Return the C function with its numbers, as the integrators call it."""
+
+    def _take(self, law: Law, *names: str) -> None:
+        for name in names:
+            object.__setattr__(self, name, getattr(law, name))
+
+    def _evaluate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any) -> Array:
+        from sindyjoint.mechanics.kernels import evaluate_law
+
+        theta, omega, s = np.broadcast_arrays(
+            *(np.asarray(x, dtype=np.float64) for x in (angle, rate, direction))
+        )
+        z = np.zeros((self.n_states, theta.size)) if state is None else np.array(state, dtype=np.float64)
+        out = np.empty((1 + self.n_states, theta.size))
+        law, flat = self.compiled(), (theta.ravel(), omega.ravel(), s.ravel())
+        evaluate_law(law.address, *flat, z.reshape(self.n_states, theta.size), law.numbers, out)
+        return out.reshape(1 + self.n_states, *theta.shape)
 
     def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
-        """Transfer moment, N·m (N), shape (n,); `state` has shape (n_states, n)."""
+        """Transfer moment, N·m (N)."""
+        return self._evaluate(angle, rate, direction, state)[0]
 
     def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
-        """Rate of the internal state, shape (n_states, n)."""
-
-    def compiled(self) -> CompiledLaw | tuple[ScalarLaw, Array]:
-        """Return the compiled law, or a scalar function and its parameters for the simulator to compile."""
-
-
-def softening_limit(law: Any) -> tuple[float, float]:
-    """Angles between which the elastic moment of a law rises, rad (m); infinite where the law names none."""
-    low, high = getattr(law, "softening_limit", (-np.inf, np.inf))
-    return float(low), float(high)
-
-
-def as_compiled(law: Any) -> CompiledLaw:
-    """Return the compiled form of any law, compiling a plain scalar function where the law gives one."""
-    compiled = law.compiled()
-    if isinstance(compiled, CompiledLaw):
-        return compiled
-    function, parameters = compiled
-    from sindyjoint.mechanics.kernels import compile_scalar_law
-
-    return compile_scalar_law(function, parameters, law.n_states)
+        """Rates of the internal states, shape (n_states, n)."""
+        return self._evaluate(angle, rate, direction, state)[1:]
 
 
 @dataclass(frozen=True)
-class PaperLaw:
+class PaperLaw(Law):
     """The paper's five-term law, c1·θ̇ + k1·θ + k2·θ² + k3·θ³ + M_F·sign θ̇ (its Eq. 6).
 
     Parameters
@@ -103,16 +113,15 @@ class PaperLaw:
     inertia: float = 0.02
     name: str = "joint"
 
-    n_states = 0
-
     def __post_init__(self) -> None:
-        for name in ("k1", "k2", "k3", "c1", "M_F", "inertia"):
-            value = getattr(self, name)
-            if not np.isfinite(value):
-                raise InputError(f"{name} is {value!r}; expected a finite number")
-        for name in ("M_F", "inertia"):
-            if getattr(self, name) < 0:
-                raise InputError(f"{name} is {getattr(self, name)!r}; expected a number that is not negative")
+        numbers = {name: getattr(self, name) for name in ("k1", "k2", "k3", "c1", "M_F", "inertia")}
+        refuse(
+            (not np.isfinite(v), f"{name} is {v!r}; expected a finite number") for name, v in numbers.items()
+        )
+        refuse(
+            (numbers[name] < 0, f"{name} is {numbers[name]!r}; expected a number that is not negative")
+            for name in ("M_F", "inertia")
+        )
 
     @property
     def parameters(self) -> Array:
@@ -120,14 +129,14 @@ class PaperLaw:
         return np.array([self.k1, self.k2, self.k3, self.c1, self.M_F])
 
     @property
-    def softening_limit(self) -> tuple[float, float]:
+    def softening_limit(self) -> tuple[float, float]:  # type: ignore[override]
         """Angles where the tangent stiffness k1 + 2·k2·θ + 3·k3·θ² first vanishes on either side of zero, rad."""
         roots = np.roots([3 * self.k3, 2 * self.k2, self.k1])
         real = roots[np.abs(roots.imag) <= 1e-12 * np.abs(roots)].real
         return max(real[real < 0], default=-np.inf), min(real[real > 0], default=np.inf)
 
     @property
-    def softening_angle(self) -> float:
+    def softening_angle(self) -> float:  # type: ignore[override]
         """The symmetric measure sqrt(k1/(3|k3|)) of the softening limit, rad; infinite without softening."""
         return float(np.sqrt(self.k1 / (-3 * self.k3))) if self.k3 < 0 < self.k1 else np.inf
 
@@ -153,47 +162,8 @@ INTER_PANEL = PaperLaw(6.066e3, -1.927e5, -2.684e9, 48.13, 1.867, name="inter-pa
 PANEL_ROOT = PaperLaw(1.171e4, -6.273e5, -7.425e9, 54.07, 2.191, name="panel root joint")
 
 
-class _CallbackLaw(ABC):
-    """Vectorised answers of a law that exists as a compiled scalar function."""
-
-    n_states: int
-
-    @abstractmethod
-    def compiled(self) -> CompiledLaw:
-        """Return that function with its parameters."""
-
-    def _evaluate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any) -> Array:
-        from sindyjoint.mechanics.kernels import evaluate_law
-
-        theta, omega, s = np.broadcast_arrays(
-            *(np.asarray(x, dtype=np.float64) for x in (angle, rate, direction))
-        )
-        shape = theta.shape
-        z = np.zeros((self.n_states, theta.size)) if state is None else np.array(state, dtype=np.float64)
-        out = np.empty((1 + self.n_states, theta.size))
-        law = self.compiled()
-        evaluate_law(
-            law.address,
-            theta.ravel(),
-            omega.ravel(),
-            s.ravel(),
-            z.reshape(self.n_states, theta.size),
-            law.numbers,
-            out,
-        )
-        return out.reshape(1 + self.n_states, *shape)
-
-    def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
-        """Transfer moment, N·m (N)."""
-        return self._evaluate(angle, rate, direction, state)[0]
-
-    def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
-        """Rates of the internal states, shape (n_states, n)."""
-        return self._evaluate(angle, rate, direction, state)[1:]
-
-
 @dataclass(frozen=True)
-class FunctionLaw(_CallbackLaw):
+class FunctionLaw(Law):
     """A law written as a plain Python function of scalars, compiled by numba on first use.
 
     Parameters
@@ -234,7 +204,7 @@ class FunctionLaw(_CallbackLaw):
 
 
 @dataclass(frozen=True)
-class FormulaLaw(_CallbackLaw):
+class FormulaLaw(Law):
     """A law written as sympy expressions, interpreted by the integrators (:mod:`sindyjoint.mechanics.kernels`).
 
     They have the functions that formulas of catalogues have. The symbols ``theta`` and ``omega`` are angle and rate,
@@ -310,41 +280,25 @@ def _symbols_of(expressions: tuple[sympy.Expr, ...]) -> frozenset[str]:
 
 
 @dataclass(frozen=True)
-class SumLaw(_CallbackLaw):
+class SumLaw(Law):
     """The sum of two laws, states side by side. The inertia and the softening limit are those of the first."""
 
-    first: Any
-    second: Any
+    first: Law
+    second: Law
 
-    @property
-    def inertia(self) -> float:
-        """Moving inertia of the first law, kg·m² (kg)."""
-        return self.first.inertia
-
-    @property
-    def n_states(self) -> int:  # type: ignore[override]
-        """Number of internal states of both."""
-        return self.first.n_states + self.second.n_states
-
-    @property
-    def softening_limit(self) -> tuple[float, float]:
-        """Softening limit of the first law."""
-        return softening_limit(self.first)
-
-    @property
-    def softening_angle(self) -> float:
-        """Symmetric softening limit of the first law."""
-        return getattr(self.first, "softening_angle", np.inf)
+    def __post_init__(self) -> None:
+        self._take(self.first, "inertia", "softening_limit", "softening_angle")
+        object.__setattr__(self, "n_states", self.first.n_states + self.second.n_states)
 
     def compiled(self) -> CompiledLaw:
         """Compiled form; once both laws have theirs, there is nothing more to compile."""
         from sindyjoint.mechanics.kernels import sum_of
 
-        return sum_of(as_compiled(self.first), as_compiled(self.second))
+        return sum_of(self.first.compiled(), self.second.compiled())
 
 
 @dataclass(frozen=True, eq=False)
-class LawWithNumbers(_CallbackLaw):
+class LawWithNumbers(Law):
     """A law with other parameters of its compiled form, and another inertia; nothing is compiled anew.
 
     Parameters
@@ -355,23 +309,16 @@ class LawWithNumbers(_CallbackLaw):
         kg·m² (kg).
     """
 
-    law: Any
+    law: Law
     parameters: Array
     inertia: float
 
-    @property
-    def n_states(self) -> int:  # type: ignore[override]
-        """Number of internal states."""
-        return self.law.n_states
-
-    @property
-    def softening_limit(self) -> tuple[float, float]:
-        """Softening limit of the law as it was."""
-        return softening_limit(self.law)
+    def __post_init__(self) -> None:
+        self._take(self.law, "n_states", "softening_limit")
 
     def compiled(self) -> CompiledLaw:
         """Compiled form, that of the law."""
-        form = as_compiled(self.law)
+        form = self.law.compiled()
         numbers = form.numbers.copy()
         numbers[form.places] = self.parameters
         return replace(form, numbers=numbers)

@@ -49,8 +49,7 @@ def has_measured_runs(path: str | Path) -> bool:
     path = rig_path(path)
     if not is_rig_test(path):
         return False
-    runs = read_toml(path).get("run", [])
-    return any(isinstance(run, dict) and "file" in run for run in runs)
+    return any(isinstance(run, dict) and "file" in run for run in read_toml(path).get("run", []))
 
 
 class SectionTable(StrictTable):

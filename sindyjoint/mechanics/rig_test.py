@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from sindyjoint.documents import read_toml
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.atomic import output_folder
 from sindyjoint.files.writers import ENCODERS, REMARK
 from sindyjoint.inputs import Source
@@ -101,20 +101,22 @@ class RigRun:
 
     def __post_init__(self) -> None:
         n = self.drive.size
-        if self.responses.ndim != 2 or self.responses.shape[1] != n or n < MINIMUM_SAMPLES:
-            raise InputError(
-                f"run {self.name!r}: responses of shape {self.responses.shape} beside a drive of {n} samples; expected "
-                f"one row per sensor, as many samples, and at least {MINIMUM_SAMPLES}"
-            )
-        if self.use == "update" and self.frequency is None:
-            raise InputError(
-                f"run {self.name!r}: a run that updates the structure repeats; expected its frequency, of a sine or a "
-                "multisine"
-            )
-        if not (np.all(np.isfinite(self.drive)) and np.all(np.isfinite(self.responses))):
-            raise InputError(
-                f"run {self.name!r}: a signal holds values that are not finite numbers; repair the file"
-            )
+        faults = [
+            (
+                self.responses.ndim != 2 or self.responses.shape[1] != n or n < MINIMUM_SAMPLES,
+                f"responses of shape {self.responses.shape} beside a drive of {n} samples; expected one row per "
+                f"sensor, as many samples, and at least {MINIMUM_SAMPLES}",
+            ),
+            (
+                self.use == "update" and self.frequency is None,
+                "a run that updates the structure repeats; expected its frequency, of a sine or a multisine",
+            ),
+            (
+                not (np.all(np.isfinite(self.drive)) and np.all(np.isfinite(self.responses))),
+                "a signal holds values that are not finite numbers; repair the file",
+            ),
+        ]
+        refuse((there, f"run {self.name!r}: {words}") for there, words in faults)
 
     @property
     def signals(self) -> Array:
@@ -207,17 +209,25 @@ class RigTest:
     def __post_init__(self) -> None:
         names = [sensor.name for sensor in self.sensors]
         twice = sorted({name for name in names if names.count(name) > 1})
-        if twice or not names:
-            raise InputError(
-                f"sensor name(s) {', '.join(twice) or '(none)'}; expected sensors of different names"
-            )
-        if len(self.kinds) != self.structure.n_joints or not self.kinds:
-            raise InputError(f"{len(self.kinds)} joint(s); expected a structure with at least one joint")
-        for run in self.runs:
-            if len(run.responses) != len(self.sensors):
-                raise InputError(
-                    f"run {run.name!r}: {len(run.responses)} response(s) for {len(self.sensors)} sensor(s)"
-                )
+        refuse(
+            [
+                (
+                    twice or not names,
+                    f"sensor name(s) {', '.join(twice) or '(none)'}; expected sensors of different names",
+                ),
+                (
+                    len(self.kinds) != self.structure.n_joints or not self.kinds,
+                    f"{len(self.kinds)} joint(s); expected a structure with at least one joint",
+                ),
+                *(
+                    (
+                        len(run.responses) != len(names),
+                        f"run {run.name!r}: {len(run.responses)} response(s) for {len(names)} sensor(s)",
+                    )
+                    for run in self.runs
+                ),
+            ]
+        )
         sensor_rows(self.structure, self.sensors)
         load_row(self.structure, self.at)
 
@@ -303,8 +313,7 @@ def write_rig_test(
     """
     if format not in ENCODERS:
         raise InputError(f"format is {format!r}; expected one of {', '.join(ENCODERS)}")
-    path = rig_path(rig)
-    document = read_toml(path)
+    document = read_toml(rig_path(rig))
     given = RigFile.model_validate(document)
     for part, table in zip(document["chain"], given.chain, strict=True):
         if table.joint is not None:
@@ -327,8 +336,7 @@ def write_rig_test(
     ]
     with output_folder(folder, "rig-test", force=force) as stage:
         for run in test.runs:
-            time = np.arange(run.drive.size) / run.sample_rate
-            columns = {"time": time, "drive": run.drive}
+            columns = {"time": (np.arange(run.drive.size) / run.sample_rate), "drive": run.drive}
             columns |= {
                 sensor.name: signal for sensor, signal in zip(test.sensors, run.responses, strict=True)
             }

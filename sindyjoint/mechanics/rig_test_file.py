@@ -225,8 +225,7 @@ def _matrices(
         if len(joint.between) == 2:
             row[place[joint.between[0]]] = -1.0
         behind.append(place[joint.between[-1]])
-    others = [index for index in range(n) if index not in behind]
-    forward = np.vstack([across, np.eye(n)[others]])
+    forward = np.vstack([across, np.eye(n)[[index for index in range(n) if index not in behind]]])
     if len(set(behind)) < len(behind) or np.linalg.matrix_rank(forward) < n:
         raise InputError(
             "[[matrices.joint]]: two joints end at one freedom; name the freedoms the other way round"

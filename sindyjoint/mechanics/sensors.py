@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import refuse
 from sindyjoint.numeric import Array
 from sindyjoint.rig import SensorRig
 
@@ -49,14 +49,22 @@ class Channel:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.noise) and self.noise >= 0):
-            raise InputError(f"noise is {self.noise!r}; expected a fraction of the RMS that is not negative")
-        if self.bits is not None and not 4 <= self.bits <= 32:
-            raise InputError(f"quantisation is {self.bits!r} bits; expected 4 to 32")
-        if not (np.isfinite(self.gain) and self.gain != 0 and np.isfinite(self.offset)):
-            raise InputError(
-                f"gain {self.gain!r} and offset {self.offset!r}; expected finite numbers, gain not zero"
-            )
+        refuse(
+            [
+                (
+                    not 0 <= self.noise < np.inf,
+                    f"noise is {self.noise!r}; expected a fraction of the RMS that is not negative",
+                ),
+                (
+                    self.bits is not None and not 4 <= self.bits <= 32,
+                    f"quantisation is {self.bits!r} bits; expected 4 to 32",
+                ),
+                (
+                    not (np.isfinite(self.gain) and self.gain != 0 and np.isfinite(self.offset)),
+                    f"gain {self.gain!r} and offset {self.offset!r}; expected finite numbers, gain not zero",
+                ),
+            ]
+        )
 
     def read(self, signal: ArrayLike, generator: np.random.Generator) -> Array:
         """Return what the channel shows of an ideal signal, shape (n,)."""
@@ -119,5 +127,4 @@ def raw_channels(
 def from_raw_channels(raw: dict[str, Array]) -> tuple[Array, Array]:
     """Moment and angle of raw channels by Eqs. 1–3, each of shape (n,)."""
     strains = np.stack([raw[f"e{i}"] for i in range(1, 5)])
-    spots = np.stack([raw[f"d{i}"] for i in range(1, 4)])
-    return SENSOR_RIG.moment(strains), SENSOR_RIG.angle(spots)
+    return SENSOR_RIG.moment(strains), SENSOR_RIG.angle(np.stack([raw[f"d{i}"] for i in range(1, 4)]))

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
-from sindyjoint.mechanics.laws import CompiledLaw, Law, as_compiled, softening_limit
+from sindyjoint.mechanics.laws import CompiledLaw, Law
 from sindyjoint.numeric import Array
 
 # Runge-Kutta of order 4 is stable up to 2.8 of a step times the rate at which a state settles.
@@ -107,7 +107,7 @@ def _find_limits(law: Any, limits: tuple[float, float] | str | None) -> Array:
     if isinstance(limits, str):
         if limits != "softening":
             raise InputError(f"limits is {limits!r}; expected 'softening', a pair of angles or None")
-        return np.array(softening_limit(law))
+        return np.array(law.softening_limit)
     return np.array(limits, dtype=np.float64)
 
 
@@ -171,7 +171,7 @@ def simulate_many(
     import sindyjoint.mechanics.stickslip_kernel as kernel
     from sindyjoint.mechanics.kernels import PAPER_CALLBACK
 
-    compiled = as_compiled(law)
+    compiled = law.compiled()
     address = 0 if compiled.callback is PAPER_CALLBACK else compiled.address
     excitations = list(excitations)
     runs = max(len(excitations), 1 if parameters is None else np.atleast_2d(np.asarray(parameters)).shape[0])
@@ -262,8 +262,7 @@ def slip_direction(rate: ArrayLike) -> Array:
     moving = np.flatnonzero(sign)
     if not moving.size:
         return np.ones_like(sign)
-    last = np.maximum.accumulate(np.where(sign != 0, np.arange(sign.size), moving[0]))
-    return sign[last]
+    return sign[np.maximum.accumulate(np.where(sign != 0, np.arange(sign.size), moving[0]))]
 
 
 APPROACH = 200  # samples
@@ -276,7 +275,7 @@ def brought_from_rest(law: Law, angle: Array, rate: Array, rest: float = 0.0) ->
     """
     from sindyjoint.mechanics.kernels import evaluate_law, integrate_states
 
-    compiled = as_compiled(law)
+    compiled = law.compiled()
     state = np.zeros((compiled.n_states, APPROACH))
     fastest = float(np.abs(rate).max()) if rate.size else 0.0
     way = float(angle[0]) - rest if angle.size else 0.0
@@ -365,7 +364,7 @@ def internal_states(
             f"angle and rate have shapes {theta.shape} and {omega.shape}; expected equal one-dimensional shapes"
         )
     direction = slip_direction(omega)
-    compiled = as_compiled(law)
+    compiled = law.compiled()
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
         state[:, 0] = brought_from_rest(law, theta, omega, rest)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
-from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.errors import InputError, UnknownNameError, refuse
 from sindyjoint.mechanics.beam import Beam, element_mass, element_stiffness, hermite_shapes
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.numeric import Array
@@ -135,54 +135,46 @@ def tangent_of(law: Law) -> float:
     """Return the stiffness of a joint at standstill in the middle, N·m/rad."""
     # Central difference over an angle far below anything a joint is tested at.
     step, still = 1e-7, np.zeros(2)
-    state = np.zeros((law.n_states, 2))
-    low, high = law.moment(np.array([-step, step]), still, still, state)
+    low, high = law.moment(np.array([-step, step]), still, still, np.zeros((law.n_states, 2)))
     return float(high - low) / (2 * step)
 
 
-class _Assembly:
-    """Collects element matrices; a local freedom is a sum of unknowns."""
-
-    def __init__(self, size: int):
-        self.mass, self.stiffness, self.loss = (np.zeros((size, size)) for _ in range(3))
-
-    def add(self, target: Array, element: Array, freedoms: Sequence[Sequence[int]]) -> None:
-        for a, row in zip(freedoms, element, strict=True):
-            for b, value in zip(freedoms, row, strict=True):
-                for i in a:
-                    for k in b:
-                        target[i, k] += value
-
-
 def _check_chain(items: Sequence[Item]) -> None:
-    kinds = [type(item) for item in items]
-    if Beam not in kinds:
-        raise InputError("the chain has no beam; expected at least one")
-    if kinds[0] is LumpedMass:
-        raise InputError(
-            f"the chain begins with mass {items[0].name!r} at the base; begin with a beam or a joint"
-        )
-    for before, item in zip(items, [*items[1:], None], strict=True):
-        following = getattr(item, "name", None)
-        if isinstance(before, Hinge) and not isinstance(item, Beam):
-            what = f"{following!r}" if item is not None else "nothing"
-            raise InputError(
-                f"the chain is disconnected: joint {before.name!r} is followed by {what}; expected a beam behind it"
-            )
     names = [item.name for item in items]
     twice = sorted({name for name in names if names.count(name) > 1})
-    if twice or "tip" in names:
-        raise InputError(
-            f"name(s) {', '.join(twice or ['tip'])} used twice in the chain; expected a different name for each part"
-        )
-    for item in items:
-        if not isinstance(item, Beam):
-            for name in ("mass", "inertia"):
-                value = getattr(item, name)
-                if not (np.isfinite(value) and value >= 0):
-                    raise InputError(
-                        f"{item.name!r}: {name} is {value!r}; expected a number that is not negative"
-                    )
+    refuse(
+        [(not any(isinstance(item, Beam) for item in items), "the chain has no beam; expected at least one")]
+    )
+    refuse(
+        [
+            (
+                isinstance(items[0], LumpedMass),
+                f"the chain begins with mass {names[0]!r} at the base; begin with a beam or a joint",
+            ),
+            *(
+                (
+                    isinstance(before, Hinge) and not isinstance(item, Beam),
+                    f"the chain is disconnected: joint {before.name!r} is followed by "
+                    f"{'nothing' if item is None else repr(item.name)}; expected a beam behind it",
+                )
+                for before, item in zip(items, [*items[1:], None], strict=True)
+            ),
+            (
+                twice or "tip" in names,
+                f"name(s) {', '.join(twice or ['tip'])} used twice in the chain; expected a different name for each "
+                "part",
+            ),
+            *(
+                (
+                    not 0 <= getattr(item, name) < np.inf,
+                    f"{item.name!r}: {name} is {getattr(item, name)!r}; expected a number that is not negative",
+                )
+                for item in items
+                if not isinstance(item, Beam)
+                for name in ("mass", "inertia")
+            ),
+        ]
+    )
 
 
 def assemble(
@@ -215,51 +207,38 @@ def assemble(
     hinges = tuple(item for item in items if isinstance(item, Hinge))
     soft_clamp = np.isfinite(clamp_stiffness)
     size = len(hinges) + 2 * sum(item.elements for item in items if isinstance(item, Beam)) + soft_clamp
-    built = _Assembly(size)
-    free = iter(range(len(hinges), size))
-    joints = iter(range(len(hinges)))
-    w: list[int] = []
-    phi: list[int] = [next(free)] if soft_clamp else []
+    mass, stiffness, loss = np.zeros((3, size, size))
+    # Deflection and slope where the chain has got to, as rows over all unknowns; the joints' angles come first.
+    joints, free = iter(np.eye(size)[: len(hinges)]), iter(np.eye(size)[len(hinges) :])
+    w, phi = np.zeros(size), next(free) if soft_clamp else np.zeros(size)
     if soft_clamp:
-        built.stiffness[phi[0], phi[0]] += clamp_stiffness
+        stiffness += clamp_stiffness * np.outer(phi, phi)
     points: dict[str, Array] = {}
     base = np.zeros(size)
-
-    def mark(name: str) -> None:
-        points[name] = np.zeros(size)
-        points[name][w] = 1.0
-
-    def mark_along(beam: Beam, start: float, length: float, freedoms: Sequence[Sequence[int]]) -> None:
-        for name, (where, at) in (stations or {}).items():
-            # The far end of an element belongs to it; that of the base stands still in any case.
-            if where == beam.name and start < at <= start + length:
-                points[name] = np.zeros(size)
-                shapes = hermite_shapes((at - start) / length, length)
-                for value, unknowns in zip(shapes, freedoms, strict=True):
-                    points[name][list(unknowns)] += value
-
     for item in items:
         if isinstance(item, Beam):
             length = item.length / item.elements
-            stiffness = element_stiffness(item.bending_stiffness, length)
-            mass = element_mass(item.mass_per_length, length)
+            bending = element_stiffness(item.bending_stiffness, length)
             for number in range(item.elements):
-                ahead = [next(free)], [next(free)]
-                freedoms = [w, phi, *ahead]
-                built.add(built.stiffness, stiffness, freedoms)
-                built.add(built.loss, item.loss_factor * stiffness, freedoms)
-                built.add(built.mass, mass, freedoms)
-                mark_along(item, number * length, length * (1 + 1e-9), freedoms)
-                w, phi = ahead
-                base[w] = 1.0
+                ends = np.stack([w, phi, next(free), next(free)])
+                element = ends.T @ bending @ ends
+                stiffness += element
+                loss += item.loss_factor * element
+                mass += ends.T @ element_mass(item.mass_per_length, length) @ ends
+                for name, (where, at) in (stations or {}).items():
+                    along = at / length - number
+                    # The far end of an element belongs to it; that of the base stands still in any case.
+                    if where == item.name and 0 < along <= 1 + 1e-9:
+                        points[name] = hermite_shapes(along, length) @ ends
+                w, phi = ends[2:]
+                base += w
         else:
-            if isinstance(item, Hinge):
-                phi = [*phi, next(joints)]
-            built.add(built.mass, np.diag([item.mass, item.inertia]), [w, phi])
-        mark(item.name)
-    mark("tip")
+            phi = phi + next(joints) if isinstance(item, Hinge) else phi
+            mass += item.mass * np.outer(w, w) + item.inertia * np.outer(phi, phi)
+        points[item.name] = w
+    points["tip"] = w
     _check_stations(items, stations or {}, points)
-    return Structure(built.mass, built.stiffness, built.loss, hinges, points, loss_frequency, base=base)
+    return Structure(mass, stiffness, loss, hinges, points, loss_frequency, base=base)
 
 
 def _check_stations(
@@ -314,8 +293,7 @@ def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) 
     if len(internal):
         held = cho_factor(k_internal)
         basis[internal, : len(kept)] = -cho_solve(held, structure.stiffness[np.ix_(internal, kept)])
-        count = min(modes, len(internal))
-        _, shapes = eigh(k_internal, m_internal, subset_by_index=[0, count - 1])
+        _, shapes = eigh(k_internal, m_internal, subset_by_index=[0, min(modes, len(internal)) - 1])
         basis[internal, len(kept) :] = shapes
     return projected(structure, basis)
 

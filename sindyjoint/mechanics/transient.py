@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 import sindyjoint.mechanics.transient_kernel as kernel
 from sindyjoint.clock import STEP_SAMPLES, spend
-from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.errors import SimulationError, refuse
 from sindyjoint.mechanics.crossing import Crossing, Stepper, not_converged, side_of
 from sindyjoint.mechanics.excitation import Excitation
-from sindyjoint.mechanics.laws import softening_limit
 from sindyjoint.mechanics.structure import Structure, craig_bampton
 from sindyjoint.numeric import Array
 
@@ -73,16 +72,22 @@ class Response:
 
 
 def _check_step(structure: Structure, step: float, duration: float, sample_rate: float) -> int:
-    if not (np.isfinite(duration) and duration > 0 and np.isfinite(sample_rate) and sample_rate > 0):
-        raise InputError(f"duration {duration!r} s at {sample_rate!r} Hz; expected positive numbers")
-    if not (np.isfinite(step) and step > 0):
-        raise InputError(f"step is {step!r} s; expected a positive number")
     first = structure.frequencies(1)[0]
-    if step > 1 / (_STEPS_PER_PERIOD * first):
-        raise InputError(
-            f"step is {step:g} s: too large for the first mode at {first:.3g} Hz; expected at "
-            f"most {1 / (_STEPS_PER_PERIOD * first):.3g} s ({_STEPS_PER_PERIOD} steps per period)"
-        )
+    longest = 1 / (_STEPS_PER_PERIOD * first)
+    refuse(
+        [
+            (
+                not (0 < duration < np.inf and 0 < sample_rate < np.inf),
+                f"duration {duration!r} s at {sample_rate!r} Hz; expected positive numbers",
+            ),
+            (not 0 < step < np.inf, f"step is {step!r} s; expected a positive number"),
+            (
+                step > longest,
+                f"step is {step:g} s: too large for the first mode at {first:.3g} Hz; expected at most {longest:.3g} s "
+                f"({_STEPS_PER_PERIOD} steps per period)",
+            ),
+        ]
+    )
     return max(1, int(np.ceil(1 / (sample_rate * step) - 1e-9)))
 
 
@@ -139,7 +144,7 @@ def respond(
 
 
 def _softening_bounds(structure: Structure) -> Array:
-    return np.array([softening_limit(hinge.law) for hinge in structure.hinges], dtype=np.float64)
+    return np.array([hinge.law.softening_limit for hinge in structure.hinges], dtype=np.float64)
 
 
 #: Coordinates of a reduced structure, their rates, and the internal states of its joints, at one instant or several.
@@ -285,9 +290,7 @@ def _integrate_elastic_energy(law: Any, angle: Array) -> Array:
     points.
     """
     nodes, weights = np.polynomial.legendre.leggauss(4)
-    fractions = (nodes + 1) / 2
-    points = np.outer(fractions, angle)
+    points = np.outer((nodes + 1) / 2, angle)
     zero = np.zeros(points.size)
     state = np.zeros((law.n_states, points.size))
-    values = law.moment(points.ravel(), zero, zero, state).reshape(points.shape)
-    return angle * (weights / 2 @ values)
+    return angle * (weights / 2 @ law.moment(points.ravel(), zero, zero, state).reshape(points.shape))

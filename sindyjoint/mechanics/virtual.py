@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 
-from sindyjoint.errors import InputError, SimulationError, UnknownNameError, checks_options
+from sindyjoint.errors import InputError, SimulationError, UnknownNameError, checks_options, refuse
 from sindyjoint.measurement.runs import measured_run
 from sindyjoint.mechanics.excitation import SINE, Excitation, tones
 from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, Law, SumLaw
@@ -111,33 +111,51 @@ class VirtualTest:
     waveform: str = SINE
 
     def __post_init__(self) -> None:
-        if self.drive not in DRIVES:
-            raise InputError(f"drive is {self.drive!r}; expected 'moment', 'rig' or 'displacement'")
-        if self.accelerometer not in ("", "instead", "beside"):
-            raise InputError(f"accelerometer is {self.accelerometer!r}; expected 'instead' or 'beside'")
-        if self.accelerometer and self.raw:
-            raise InputError("raw_channels and an accelerometer were given; expected one of the two")
-        for name in ("frequencies", "levels"):
-            values = getattr(self, name)
-            if not values or not all(np.isfinite(v) and v > 0 for v in values):
-                raise InputError(f"{name} are {values!r}; expected at least one positive number")
-            if len(set(values)) < len(values):
-                raise InputError(f"{name} are {values!r}; each may be named once")
-        for name in ("sample_rate", "duration", "angle_limit"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"{name} is {value!r}; expected a positive number")
-        for name in ("settling", "beam_inertia", "angle_drift"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"{name} is {value!r}; expected a number that is not negative")
-        if self.sample_rate < 10 * max(self.frequencies):
-            raise InputError(
-                f"sample_rate is {self.sample_rate:g} Hz; expected at least {10 * max(self.frequencies):g} Hz, ten "
-                f"samples per period of {max(self.frequencies):g} Hz"
-            )
-        if not abs(self.skew) < 0.5 / max(self.frequencies):
-            raise InputError(f"skew is {self.skew!r} s; expected less than half a period")
+        lists = [(name, getattr(self, name)) for name in ("frequencies", "levels")]
+        above = [(name, getattr(self, name)) for name in ("sample_rate", "duration", "angle_limit")]
+        at_least = [(name, getattr(self, name)) for name in ("settling", "beam_inertia", "angle_drift")]
+        top = max(self.frequencies, default=0.0)
+        refuse(
+            [
+                (
+                    self.drive not in DRIVES,
+                    f"drive is {self.drive!r}; expected 'moment', 'rig' or 'displacement'",
+                ),
+                (
+                    self.accelerometer not in ("", "instead", "beside"),
+                    f"accelerometer is {self.accelerometer!r}; expected 'instead' or 'beside'",
+                ),
+                (
+                    self.accelerometer and self.raw,
+                    "raw_channels and an accelerometer were given; expected one of the two",
+                ),
+                *(
+                    (
+                        not (values and all(0 < v < np.inf for v in values)),
+                        f"{name} are {values!r}; expected at least one positive number",
+                    )
+                    for name, values in lists
+                ),
+                *(
+                    (len(set(values)) < len(values), f"{name} are {values!r}; each may be named once")
+                    for name, values in lists
+                ),
+                *((not 0 < v < np.inf, f"{name} is {v!r}; expected a positive number") for name, v in above),
+                *(
+                    (not 0 <= v < np.inf, f"{name} is {v!r}; expected a number that is not negative")
+                    for name, v in at_least
+                ),
+                (
+                    self.sample_rate < 10 * top,
+                    f"sample_rate is {self.sample_rate:g} Hz; expected at least {10 * top:g} Hz, ten samples per "
+                    f"period of {top:g} Hz",
+                ),
+                (
+                    not 2 * abs(self.skew) * top < 1,
+                    f"skew is {self.skew!r} s; expected less than half a period",
+                ),
+            ]
+        )
 
     @property
     def _exciter_inertia(self) -> float:
@@ -273,7 +291,7 @@ def virtual_test(
     law = named_joint(joint)
     if hidden is not None:
         law = SumLaw(law, hidden)
-    limit = angle_limit if angle_limit is not None else float(getattr(law, "softening_angle", np.inf))
+    limit = angle_limit if angle_limit is not None else law.softening_angle
     if not np.isfinite(limit):
         raise InputError(
             "this joint has no softening limit for the levels to refer to; give angle_limit in rad"

@@ -11,7 +11,7 @@ import numpy as np
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import SINE, Actuator, Drive, driven_at, tones
-from sindyjoint.mechanics.laws import Law, softening_limit
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, prescribed_motion, simulate
 from sindyjoint.mechanics.virtual import LEVELS, PHASE
 from sindyjoint.numeric import Array
@@ -64,7 +64,7 @@ def motion(
     rate = points * frequency
     if drive == "angle":
         moved = prescribed_motion(law, tones(waveform, level, frequency, PHASE), 2 * points, rate)
-        low, high = softening_limit(law)
+        low, high = law.softening_limit
         if moved.angle.min() < low or moved.angle.max() > high:
             raise SimulationError("the prescribed angle passes the softening limit of the joint")
         return moved
@@ -86,7 +86,7 @@ def within_limits(law: Law, actuator: Actuator, frequency: float, level: float, 
         moved = motion(law, actuator.drive, frequency, level, waveform=waveform)
     except SimulationError:
         return False
-    low, high = (LEVELS[0] * end for end in softening_limit(law))
+    low, high = (LEVELS[0] * end for end in law.softening_limit)
     return bool(
         low <= moved.angle.min()
         and moved.angle.max() <= high
@@ -141,7 +141,7 @@ def _highest_of(law: Law, actuator: Actuator, frequency: float, waveform: str, g
 
 def _first_guess(laws: Sequence[Law], actuator: Actuator, frequency: float) -> float:
     """Return about the highest level: by the limits, and the softening of the joints."""
-    softening = min(min(abs(end) for end in softening_limit(law)) for law in laws)
+    softening = min(min(abs(end) for end in law.softening_limit) for law in laws)
     angle = min(actuator.angle, actuator.rate / (2 * pi * frequency), softening)
     if actuator.drive == "angle" and angle < inf:
         return angle

@@ -163,8 +163,7 @@ def _spectrum(run: Run, state: ForceStates) -> tuple[Array, Complex, Complex, Ar
     top = int(BAND_SHARE * state.sample_rate / state.frequency)
     orders = np.arange(1, min(top, (state.n_samples - 8) // 4, DRIVE_POINTS // 4) + 1)
     basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, orders)
-    signals = np.array([run.moment[span_of(run, state)], state.angle])
-    mean, a, b = basis.fit_all(signals)
+    mean, a, b = basis.fit_all(np.array([run.moment[span_of(run, state)], state.angle]))
     kept = state.series[0]
     moment, angle = a - 1j * b
     angle = np.where(np.isin(orders, kept.orders), angle, 0.0)

@@ -14,7 +14,7 @@ from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TEST_SIGNALS
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import FormulaLaw, Law, LawWithNumbers, PaperLaw, SumLaw, as_compiled
+from sindyjoint.mechanics.laws import FormulaLaw, Law, LawWithNumbers, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, root_of
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
@@ -104,8 +104,7 @@ def simulated_states(model: JointModel, start: Array, time: Array, moment: Array
     if not model.inertia > 0:
         raise InputError("the model has no inertia: its motion under a moment is not determined; declare one")
     rate = 1.0 / float(time[1] - time[0])
-    law = model_law(model)
-    motion = simulate(law, sampled(moment, rate), time.size / rate, rate, initial=start)
+    motion = simulate(model_law(model), sampled(moment, rate), time.size / rate, rate, initial=start)
     return np.column_stack([motion.angle, motion.rate])
 
 
@@ -195,8 +194,7 @@ def _find_softening_limit(law: Law, tested: float) -> tuple[float, float]:
     for side in (-1.0, 1.0):
         moment = elastic_moment(law, side * angle)
         rise = side * np.diff(moment)
-        floor = 1e-9 * float(np.abs(np.diff(moment)).max())
-        falls = np.flatnonzero(rise < -floor)
+        falls = np.flatnonzero(rise < -(1e-9 * float(np.abs(np.diff(moment)).max())))
         # Without a stiffness at zero nothing can soften.
         limits.append(side * float(angle[falls[0]]) if falls.size and falls[0] > 0 else side * np.inf)
     return limits[0], limits[1]
@@ -298,7 +296,7 @@ class LawInRun(LawWithNumbers):
     @classmethod
     def of(cls, held: Law, added: Array, moves: tuple[str, ...]) -> LawInRun:
         """Return a law that is held at the means of its inputs, with what these add."""
-        return cls(held, as_compiled(held).parameters, held.inertia, added, moves)
+        return cls(held, held.compiled().parameters, held.inertia, added, moves)
 
 
 def with_added(law: Law | LawInRun, added: Law | None) -> Law | LawInRun:

@@ -236,8 +236,7 @@ class OutputError:
         gain, delay, offset = (self._get_value(name, sets) for name in ("gain", "delay", "offset"))
         if record.drive == "motion":
             signals = np.array([self._predict_moment(record, x) for x in sets])
-            slope = np.gradient(signals, 1 / record.run.sample_rate, axis=1)
-            shifted = signals - delay * slope
+            shifted = signals - delay * np.gradient(signals, 1 / record.run.sample_rate, axis=1)
         else:
             motion = self._simulate_motion(record, sets)
             # The moment is late by the delay, and so is what it moves.

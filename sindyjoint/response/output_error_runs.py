@@ -15,7 +15,7 @@ from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
-from sindyjoint.mechanics.laws import Law, as_compiled
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.segments import segment_starts
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
 from sindyjoint.numeric import Array, rms
@@ -302,12 +302,12 @@ def numbers_in_law(
 
     They are linear in these, whatever inputs the law is held at: one number after the other is doubled.
     """
-    start, columns = as_compiled(law).parameters, []
+    start, columns = law.compiled().parameters, []
     for place, value in enumerate(model.numbers):
         change = np.zeros(model.numbers.size)
         change[place] = value if value != 0 else 1.0
         other = law_of_test(test, model.with_numbers(model.numbers + change), states)
-        columns.append((as_compiled(other).parameters - start) / change[place])
+        columns.append((other.compiled().parameters - start) / change[place])
     return start, np.column_stack(columns)
 
 

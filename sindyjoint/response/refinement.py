@@ -148,8 +148,7 @@ def refine(
     if progress is not None:
         progress("fitting the simulated response")
     others = [problem.start_of(other) for other in spread_starts(problem.model, states)]
-    found = _best_end(problem, start, others)
-    refined = _summarise_refinement(model, problem, found, before, left_out)
+    refined = _summarise_refinement(model, problem, _best_end(problem, start, others), before, left_out)
     # An error of a channel is of all runs: where one is estimated, those kept out are not comparable without it.
     worse = (
         ""

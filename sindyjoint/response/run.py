@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
-from sindyjoint.mechanics.laws import Law, softening_limit
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import (
     Motion,
@@ -141,8 +141,7 @@ class SimulatedRun:
     @property
     def moment_nrmse(self) -> float:
         """The same of the moment along the measured motion, over moving samples, relative to :attr:`moment_scale`."""
-        moving = self.states.moving
-        return rms((self.simulated_moment - self.moment)[moving]) / self.moment_scale
+        return rms((self.simulated_moment - self.moment)[self.states.moving]) / self.moment_scale
 
     @property
     def moment_scale(self) -> float:
@@ -371,7 +370,7 @@ def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
         if drive != "moment":
             # What nothing pulls back may drift as far as it will: that is what a free run is to show.
             return (-np.inf, np.inf)
-    low, high = softening_limit(law)
+    low, high = law.softening_limit
     least, most = float(np.min(states.angle)), float(np.max(states.angle))
     reach = most - least
     if drive == "moment" and low < least and most < high:
@@ -396,8 +395,7 @@ def measured_drive(run: Run, states: ForceStates) -> Excitation:
     per = run.sample_rate / states.frequency
     nodes, periods = round(per), int((moment.size - 1) / per + 1e-9)
     positions = (np.arange(periods)[:, None] + np.arange(nodes) / nodes) * per
-    mean = sampled(moment, 1.0)(positions).mean(axis=0)
-    return repeated(mean, 1 / states.frequency)
+    return repeated(sampled(moment, 1.0)(positions).mean(axis=0), 1 / states.frequency)
 
 
 def simulate_motion(

@@ -215,8 +215,7 @@ def _energy_per_cycle(
     if n < 3:
         return None
     at = np.interp(simulated.amplitude_time[:n], response.time, response.energy)
-    ratio = (measured.amplitude[:n] / simulated.amplitude[:n]) ** 2
-    energies = np.array([at * ratio, at])
+    energies = np.array([at * ((measured.amplitude[:n] / simulated.amplitude[:n]) ** 2), at])
     return energies[:, :-2:2] - energies[:, 2::2]
 
 

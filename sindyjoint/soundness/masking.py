@@ -184,8 +184,7 @@ def bridge(signal: Array, valid: Mask, period: float | None = None) -> Array:
             continue
         centre = (start + stop - 1) / 2
         half = float(np.max(np.abs(near - centre)))
-        powers = np.vander((near - centre) / half, 4)
-        cubic = np.linalg.lstsq(powers, signal[near], rcond=None)[0]
+        cubic = np.linalg.lstsq(np.vander((near - centre) / half, 4), signal[near], rcond=None)[0]
         filled[gap] = np.polyval(cubic, (gap - centre) / half)
     return filled
 

@@ -296,8 +296,7 @@ def cut_periods(signal: Array, per: float, order: int = 1) -> Periods:
     grid = np.arange(n + 1)
 
     def integrals(values: Array) -> Array:
-        running = np.concatenate([[0.0], np.cumsum(values)])
-        return np.asarray(np.diff(np.interp(edges, grid, running)))
+        return np.asarray(np.diff(np.interp(edges, grid, np.concatenate([[0.0], np.cumsum(values)]))))
 
     line: NDArray[np.complex128] = np.asarray(integrals(turn.real) + 1j * integrals(turn.imag), dtype=complex)
     return Periods(integrals(shifted) / per + centre, 2 * line / per)

@@ -257,8 +257,7 @@ def add_joint_moments(
                 "a joint has negative friction: its sticking is not determined; expected M_F ≥ 0"
             )
         # What the balance leaves for the friction is −out; in time, and moved on by the rate, it is projected.
-        shift = to_rate @ angle + CENTRING * (to_time @ angle)
-        moved = to_time @ -out[own] + hold[j] * shift
+        moved = to_time @ -out[own] + hold[j] * (to_rate @ angle + CENTRING * (to_time @ angle))
         mean, by_ends, by_limit = _clipped_means(moved, (moment.friction + np.roll(moment.friction, -1)) / 2)
         out[own] += onto @ mean
         if not slopes:

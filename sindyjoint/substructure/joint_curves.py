@@ -237,8 +237,7 @@ class Varied:
         found = []
         blocks: list[Array] = []
         for model in {id(m): m for m in models if m is not None}.values():
-            varied = varied_laws(model)
-            for low, high, step in varied:
+            for low, high, step in varied_laws(model):
                 ends = (
                     tuple(end if m is model else law for m, law in zip(models, laws, strict=True))
                     for end in (low, high)

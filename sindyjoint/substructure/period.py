@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.laws import as_compiled
 from sindyjoint.numeric import Array, partials
 
 
@@ -139,7 +138,7 @@ def steady_states(law: Any, angle: Array, rate: Array, period: float) -> Array:
     SimulationError
         If a state does not stay finite.
     """
-    compiled = as_compiled(law)
+    compiled = law.compiled()
     states = np.zeros((compiled.n_states, angle.size + 1))
     if not compiled.n_states:
         return states[:, :-1]
@@ -194,8 +193,7 @@ def period_moment(
         none = np.zeros((middle.size, 1))
         return PeriodMoment(middle, friction, none, none)
     d_at = [*slopes, *_state_slopes(law, at, slopes, period)]
-    partial = partials(parts, at)
-    total = sum(p[..., None] * d for p, d in zip(partial, d_at, strict=True))
+    total = sum(p[..., None] * d for p, d in zip(partials(parts, at), d_at, strict=True))
     return PeriodMoment(middle, friction, total[0], total[1])
 
 

@@ -212,8 +212,7 @@ def solve_channels(
         Of the structure at these, where it is known already.
     """
     transfer = transfer or open_joints(test.structure, test.at, test.sensors, angular)
-    sigma = np.sqrt(spectra.variance.T)
-    estimator, _, left = solved(transfer.design, sigma, spectra.amplitudes.T)
+    estimator, _, left = solved(transfer.design, np.sqrt(spectra.variance.T), spectra.amplitudes.T)
     return Solved(transfer, transfer.design, estimator, left)
 
 

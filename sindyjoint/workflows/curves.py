@@ -12,7 +12,7 @@ from sindyjoint.clock import single_threaded
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import as_model, read_models
 from sindyjoint.errors import InputError, checks_options, refuse
-from sindyjoint.mechanics.laws import softening_limit
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rig_file import rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import BASE, RigTest
 from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure
@@ -200,8 +200,8 @@ def _of_joint(
     )  # fmt: skip
 
 
-def _softens(law: object) -> float:
-    low, high = softening_limit(law)
+def _softens(law: Law) -> float:
+    low, high = law.softening_limit
     return min(-low, high)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.mechanics import INTER_PANEL, Actuator, PaperLaw, softening_limit, tones
+from sindyjoint.mechanics import INTER_PANEL, Actuator, PaperLaw, tones
 from sindyjoint.planning import (
     POLICY,
     Choice,
@@ -109,8 +109,8 @@ def test_the_highest_level_keeps_every_joint_within_the_limits_and_no_less(drive
         moved = motion(law, drive, 4.0, level)
         shares = [np.abs(getattr(moved, name)).max() / getattr(actuator, name) for name in limits]
         shares += [
-            moved.angle.max() / softening_limit(law)[1],
-            moved.angle.min() / softening_limit(law)[0],
+            moved.angle.max() / law.softening_limit[1],
+            moved.angle.min() / law.softening_limit[0],
         ]
         used.append(max(shares))
     assert 0.9 < max(used) < 1.0

@@ -46,7 +46,7 @@ class JointKind:
     @classmethod
     def of(cls, name: str, places: tuple[int, ...], model: JointModel, least: float) -> JointKind:
         """Return joints whose numbers move by their covariance, each by `least` of itself at least."""
-        laws = JointLaws(model, getattr(model_law(model), "softening_limit", (-np.inf, np.inf)))
+        laws = JointLaws(model, model_law(model).softening_limit)
         kept = kept_numbers(model)
         values, covariance = model.numbers[kept], model.covariance_matrix[np.ix_(kept, kept)]
         return cls(name, places, model, laws, root_of(covariance + np.diag((least * values) ** 2)))

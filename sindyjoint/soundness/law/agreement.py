@@ -227,8 +227,7 @@ def _step(equations: Equations, fault: Fault | None, delayed: bool) -> tuple[Fit
         own[:, fault.channel] = np.where(
             clean.of(fault.run), (clean.values / clean.sigma)[:, fault.channel], 0
         )
-        turned = [own, -1j * clean.angular[:, None] * own]
-        changes = np.concatenate([changes, turned[: 1 + delayed]])
+        changes = np.concatenate([changes, [own, -1j * clean.angular[:, None] * own][: 1 + delayed]])
     columns = np.einsum("lcd,kld->klc", onto, changes) - changes
     flat = columns.reshape(len(columns), left.size)
     design = np.hstack([flat.real, flat.imag]).T

@@ -74,8 +74,7 @@ def find_signs(
 
 
 def _likeness(one: Array, other: Array) -> float:
-    norm = np.sqrt(np.mean(one**2) * np.mean(other**2))
-    return float(np.mean(one * other) / max(norm, 1e-300))
+    return float(np.mean(one * other) / max(np.sqrt(np.mean(one**2) * np.mean(other**2)), 1e-300))
 
 
 def find_inertia(cycles: Motions, inertia: float | None, words: Words) -> Iterator[Finding]:
@@ -116,8 +115,7 @@ class Undone(NamedTuple):
 
 def _high_pass(lines: Array, corner: float) -> Complex:
     """Inverse of a first-order high-pass; its corner in Hz."""
-    safe = np.where(lines > 0, lines, 1.0)
-    return np.where(lines > 0, 1 + corner / (1j * safe), 1.0)
+    return np.where(lines > 0, 1 + corner / (1j * np.where(lines > 0, lines, 1.0)), 1.0)
 
 
 def _low_pass(lines: Array, time: float) -> Complex:
@@ -195,8 +193,7 @@ def _undone(runs: Motions, inertia: float | None, kinds: Sequence[str] = tuple(I
 
 def _is_one_time(runs: Motions, inertia: float | None, best: Undone) -> bool:
     """Return whether the slower half of the runs and the faster one show one time."""
-    order = np.argsort(runs.cycle)
-    halves = [runs.take(half.tolist()) for half in np.array_split(order, 2)]
+    halves = [runs.take(half.tolist()) for half in np.array_split(np.argsort(runs.cycle), 2)]
     times = [_undone(half, inertia, [best.id])[0].parameter for half in halves if len(half) > 1]
     return all(abs(time - best.parameter) < POLICY.large_part * best.parameter for time in times)
 

@@ -146,8 +146,7 @@ def _steady(values: Array, record: Record) -> tuple[Complex, int]:
 def _harmonics(values: Array, record: Record) -> Complex:
     """Return mean and harmonics of a channel, those left out that are below the floor between them."""
     bins, periods = _steady(values, record)
-    away = np.abs((np.arange(bins.size) + periods // 2) % periods - periods // 2)
-    between = away > periods // 4
+    between = np.abs((np.arange(bins.size) + periods // 2) % periods - periods // 2) > periods // 4
     floor = float(np.median(np.abs(bins[between]))) if between.any() else 0.0
     found = np.zeros(MOST_HARMONICS + 1, dtype=complex)
     kept = bins[::periods][: MOST_HARMONICS + 1]
@@ -249,8 +248,7 @@ def solve(products: Array) -> tuple[Array, float]:
     pooled = products.sum(axis=0)
     gram, right, square = pooled[:-1, :-1], pooled[:-1, -1], pooled[-1, -1]
     law = inverted(gram) @ right
-    rest = square - 2 * right @ law + law @ gram @ law
-    return law, float(max(rest, 0.0)) / len(products)
+    return law, float(max(square - 2 * right @ law + law @ gram @ law, 0.0)) / len(products)
 
 
 def inverted(gram: Array) -> Array:

@@ -200,8 +200,7 @@ class SteadyRun:
             for unit in (1.0, 1j) if order else (1.0,):
                 step = np.zeros(self.drive.size, dtype=complex)
                 step[order] = unit * self.drive_error[order]
-                moved = answer.moved(-answer.balance.load(step))
-                yield answer.balance.shown(moved, step)
+                yield answer.balance.shown(answer.moved(-answer.balance.load(step)), step)
 
     def _structure_errors(self, answer: Answer, structure: Structure) -> Iterator[Complex]:
         """Yield what the sensors show of what is not trusted of stiffness, and of loss, at each harmonic."""

@@ -112,8 +112,7 @@ class MeasuredRun:
     @property
     def left_out(self) -> Array:
         """Of each sensor the share of its RMS that lies above, shape (sensors,)."""
-        first = self.run.drive.size - self.time.size
-        whole = self.run.responses[:, first:].std(axis=1)
+        whole = self.run.responses[:, (self.run.drive.size - self.time.size) :].std(axis=1)
         return np.asarray(np.sqrt(np.clip(1 - (self.signals.std(axis=1) / whole) ** 2, 0, None)))
 
     @property
