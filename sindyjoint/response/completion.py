@@ -80,7 +80,7 @@ def _agrees(better: ForceStates, run: Run, state: ForceStates) -> bool:
         return True
     measured = run.angle[span_of(run, state)]
     floor = max(state.noise.angle, rms(measured - state.angle))
-    return rms(measured - better.angle) <= floor * (1 + POLICY.completion_chance / np.sqrt(2 * measured.size))
+    return rms(measured - better.angle) <= floor * (1 + POLICY.chance / np.sqrt(2 * measured.size))
 
 
 def _follows(angle: Array, state: ForceStates) -> bool:
@@ -136,7 +136,7 @@ def _strong(state: ForceStates) -> tuple[list[HarmonicBasis], tuple[Harmonics, .
     for kept, signal in zip(state.series, (state.angle, state.rate), strict=False):
         basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, kept.orders)
         _, a, b = basis.fit(signal)
-        strong = np.hypot(a, b) > POLICY.harmonic_as_measured * kept.standard_error
+        strong = np.hypot(a, b) > POLICY.many_times * kept.standard_error
         strong[0] = True
         bases.append(basis.take(strong))
         series.append(Harmonics(kept.orders[strong], kept.standard_error[strong]))
@@ -190,7 +190,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
             values += later.sum()
         elif state.method == "broadband":
             moment = state.moment if state.repeated else run.moment[span_of(run, state)]
-            lower, band = POLICY.inertia_band, 2 * state.bandwidth / state.sample_rate
+            lower, band = POLICY.inertia_seen, 2 * state.bandwidth / state.sample_rate
             accelerations.append(_upper(state.acceleration, state))
             # The acceleration went through the kernel once already.
             moments.append(_upper(_low_passed(moment, state, state.bandwidth), state))
@@ -203,7 +203,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
     if not (size > 0 and square > 0):
         return 0.0
-    least = max(POLICY.inertia_correlation, POLICY.inertia_significance / np.sqrt(2 * max(values, 1)))
+    least = max(POLICY.inertia_seen, POLICY.chance / np.sqrt(2 * max(values, 1)))
     if not both > least * size:
         return 0.0
     inertia = square / both
@@ -214,7 +214,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
 def _upper(signal: Array, state: ForceStates) -> Array:
     """Return what of a signal lies in the upper part of the band of a run's motion."""
     band = state.bandwidth
-    return _low_passed(signal, state, band) - _low_passed(signal, state, POLICY.inertia_band * band)
+    return _low_passed(signal, state, band) - _low_passed(signal, state, POLICY.inertia_seen * band)
 
 
 def _drive(run: Run, state: ForceStates, between: float) -> Array | None:
@@ -260,7 +260,7 @@ def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     if not _follows(motion.angle, state):
         return None
     moved = np.array([motion.angle, motion.rate, motion.acceleration])
-    known = signal_end(state.angle, state.sample_rate, POLICY.harmonic_as_measured * state.noise.angle / 2)
+    known = signal_end(state.angle, state.sample_rate, POLICY.many_times * state.noise.angle / 2)
     measured = np.array([state.angle, state.rate, state.acceleration])
     moved += _smoothed(state, min(known.bandwidth, state.bandwidth), measured - moved)
     return replace(state, angle=moved[0], rate=moved[1], acceleration=moved[2], completed=True)

@@ -34,9 +34,7 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
     restoring = (high - low) / 2
-    return (
-        "moment" if restoring > POLICY.small_moment * rms(states.transfer_moment(law.inertia)) else "windows"
-    )
+    return "moment" if restoring > POLICY.nearly * rms(states.transfer_moment(law.inertia)) else "windows"
 
 
 def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0) -> bool:
@@ -190,7 +188,7 @@ def fitted_start(
         Of :func:`~sindyjoint.mechanics.stickslip.simulate`.
     """
     free = np.flatnonzero(size)
-    bound, found = np.where(free < 2, POLICY.correction, np.inf), np.zeros(free.size)
+    bound, found = np.where(free < 2, POLICY.reach, np.inf), np.zeros(free.size)
     for share in STAGES:
         count = min(max(round(share * measured.size), POLICY.fewest_initial), measured.size)
 

@@ -357,7 +357,7 @@ def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
     value = term.coefficient
     scale = abs(value) if value != 0 else max(term.standard_error, 1e-12)
     # Where the term's share is not known, it is taken for the whole.
-    reach = POLICY.carried * scale / min(term.unique_share if term.unique_share > 0 else 1.0, 1.0)
+    reach = POLICY.reach * scale / min(term.unique_share if term.unique_share > 0 else 1.0, 1.0)
     low, high = value - reach, value + reach
     if name == "coulomb_friction" and value < 0:
         return Parameter(name, "coefficient", 0.0, scale, 0.0, moment)
@@ -387,7 +387,7 @@ def range_of(element: JointElement, number: Value) -> float:
 def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     """Return a nuisance parameter for a response of this RMS whose fastest motion has this period, s."""
     start, whole = NUISANCE[name].start, {"delay": period, "gain": 1.0, "offset": size}[name]
-    reach = POLICY.correction * whole
+    reach = POLICY.reach * whole
     # A gain is one of one, a delay and an offset are small: their scale is a hundredth of the motion's.
     scale = whole if name == "gain" else 0.01 * whole
     return Parameter(name, "nuisance", start, scale, start - reach, start + reach)

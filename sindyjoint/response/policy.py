@@ -11,10 +11,13 @@ from sindyjoint.policy import limit
 class ResponsePolicy:
     """Limits that decide how a response is simulated, compared and refined; the meaning of each is in its metadata."""
 
-    small_moment: float = limit(
+    nearly: float = limit(
         0.1,
-        "share of the moment's RMS below which it counts as none: a joint whose elastic moment is smaller is simulated "
-        "with restarts, and one whose moment is smaller for all but this share of the time vibrates freely",
+        "share that hardly counts: of the moment's RMS, below which a joint whose elastic moment is smaller is "
+        "simulated with restarts, and one whose moment is smaller for all but this share of the time vibrates "
+        "freely; and by which a refined model may miss the runs kept for validation by more than before, beside "
+        "their noise, to be used",
+        source="chosen by judgement: the pendulum's, which lacks a law, triples",
     )
     beyond_noise: float = limit(
         1.5,
@@ -31,32 +34,34 @@ class ResponsePolicy:
         "distance from the measured angles, in their range, at which a simulation without a softening limit is ended: "
         "with negative damping its amplitude would grow in ever shorter steps",
     )
-    input_moves: float = limit(
+    hardly: float = limit(
         0.01,
-        "largest change of the moment within a run, in its RMS, that an input may make where it is held at its mean",
+        "share that does not count: change of the moment within a run, in its RMS, that an input may make where it is "
+        "held at its mean; lead by which another start must fit better than the given one before its end is used",
     )
     completion_follows: float = limit(
         0.15,
         "RMS difference of simulated and measured angle, relative to the angle's, up to which a simulation completes "
         "the states of a run",
     )
-    completion_chance: float = limit(
+    chance: float = limit(
         3.0,
-        "standard deviations of the noise's mean square by which a completed angle may miss the measured one by more",
-        source="one run in a thousand",
+        "standard errors that are chance: of the noise's mean square, by which a completed angle may miss the "
+        "measured one by more, and of the correlation of as many harmonics with which an exciter inertia is seen",
+        source="one run in a thousand; two or three harmonics agree by chance",
     )
-    harmonic_as_measured: float = limit(
-        10.0, "standard errors from which a harmonic is the measured one", source="known to a tenth"
+    many_times: float = limit(
+        10.0,
+        "standard errors from which a harmonic is the measured one; and how many times better parameters would be "
+        "known if others were, from which they are not determined one by one although a change of all together "
+        "shows that many times sooner",
+        source="known to a tenth",
     )
     drive_band: float = limit(0.8, "share of the angle's band below which the band of the drive must end")
-    inertia_band: float = limit(0.5, "share of the angle's band above which an exciter inertia is looked for")
-    inertia_correlation: float = limit(
-        0.5, "least correlation of acceleration and moment with which an exciter inertia is seen"
-    )
-    inertia_significance: float = limit(
-        3.0,
-        "the same in standard errors of a correlation of as many harmonics",
-        source="two or three harmonics agree by chance",
+    inertia_seen: float = limit(
+        0.5,
+        "share of the angle's band above which an exciter inertia is looked for, and least correlation of "
+        "acceleration and moment with which it is seen",
     )
     same_inertia: float = limit(
         1e-3, "relative difference up to which model and campaign have the same inertia"
@@ -73,9 +78,11 @@ class ResponsePolicy:
         "a vibration that ends so many periods before the other has no amplitude from there on",
         unit="periods",
     )
-    carried: float = limit(
+    reach: float = limit(
         0.5,
-        "a coefficient may be refined until its term carries so much more or less of the moment, or of itself",
+        "farthest that a parameter is searched: a coefficient until its term carries so much more or less of the "
+        "moment, or of itself, a gain by that share, a delay in periods of the fastest motion, where a run starts "
+        "in the signal's RMS; a standard error beyond this share of a parameter's size leaves it undetermined",
     )
     element_range: float = limit(
         20.0,
@@ -83,39 +90,15 @@ class ResponsePolicy:
         "of its nonlinear parameters lie a third of that way, as a logarithm",
     )
     shape_range: float = limit(2.0, "the same of a nonlinear parameter without a unit")
-    correction: float = limit(
-        0.5,
-        "widest correction that is searched of a channel, or of where a run starts: of its gain, in periods of the "
-        "fastest motion, and in the signal's RMS",
-    )
-    coarse_lag: float = limit(
+    large_part: float = limit(
         0.2,
-        "share by which another start may fit worse than the best end, after its first steps, to be followed",
-    )
-    least_lead: float = limit(
-        0.01, "share by which another start must fit better than the given one before its end is used"
-    )
-    kept_out_growth: float = limit(
-        0.1,
-        "share by which a refined model may miss the runs kept for validation by more than it did before, beside their "
-        "noise, to be used",
-        source="chosen by judgement: the pendulum's, which lacks a law, triples",
+        "share by which another start may fit worse than the best end, after its first steps, to be followed; and "
+        "share of a direction that is not determined which a parameter must have to be named with it",
     )
     least_noise: float = limit(
         1e-4,
         "noise, as a share of the response, below which residuals are weighted as if it were this",
         source="less would weigh what no simulation can reach",
-    )
-    undetermined: float = limit(
-        0.5, "standard error, as a share of a parameter's size, beyond which it is not determined"
-    )
-    entangled: float = limit(
-        10.0,
-        "how many times better parameters would be known if others were, from which they are not determined one by one "
-        "although a change of all together shows that many times sooner",
-    )
-    named_share: float = limit(
-        0.2, "share of such a direction that a parameter must have to be named with it"
     )
 
 

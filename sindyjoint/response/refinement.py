@@ -169,10 +169,10 @@ def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Ar
     for other in others:
         trial, cost = _fit(problem, other, FIRST_EVALUATIONS)
         apart = np.abs((trial - best) / scale)[shared].max()
-        if cost > (1 + POLICY.coarse_lag) * least or apart < SAME_END:
+        if cost > (1 + POLICY.large_part) * least or apart < SAME_END:
             continue
         end, cost = _fit(problem, trial, MOST_EVALUATIONS)
-        if cost < (1 - POLICY.least_lead) * least:
+        if cost < (1 - POLICY.hardly) * least:
             best, least = end, cost
     return best
 
@@ -296,15 +296,15 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
     """
     variances, directions = np.linalg.eigh(covariance)
     entangled = (
-        np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True))) > POLICY.entangled
+        np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True))) > POLICY.many_times
     )
     sentences = []
     for variance, direction in zip(variances[::-1], directions.T[::-1], strict=True):
         size = float(np.sqrt(variance))
         order = np.argsort(-np.abs(direction))
-        named = [parameters[i].name for i in order if abs(direction[i]) >= POLICY.named_share]
+        named = [parameters[i].name for i in order if abs(direction[i]) >= POLICY.large_part]
         single = len(named) == 1
-        seen = POLICY.undetermined / (1 if single else POLICY.entangled)
+        seen = POLICY.reach / (1 if single else POLICY.many_times)
         if size <= seen or not (single or entangled[order[1]]):
             continue
         if single:

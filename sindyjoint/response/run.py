@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,8 @@ SUBSTEPS = 8
 AT_REST = 0.05
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
+
+Simulated = TypeVar("Simulated")
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,6 +275,14 @@ def simulate_run(
         inertia=law.inertia,
         failure=failure,
     )
+
+
+def attempted(simulate: Callable[[Any], Simulated], subject: Any) -> tuple[Simulated | None, str]:
+    """Return what a simulation gives, and nothing to be said; or none of it, and why it failed."""
+    try:
+        return simulate(subject), ""
+    except SimulationError as error:
+        return None, str(error)
 
 
 def _check_samples(run: Run, samples: int, end: int) -> None:

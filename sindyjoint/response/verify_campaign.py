@@ -188,8 +188,8 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
     """
     if simulated.drive not in ("moment", "free run"):
         return False
-    driven = np.abs(simulated.moment) > POLICY.small_moment * simulated.moment_scale
-    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.small_moment
+    driven = np.abs(simulated.moment) > POLICY.nearly * simulated.moment_scale
+    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.nearly
 
 
 def cycle_energy(simulated: SimulatedRun) -> Array | None:

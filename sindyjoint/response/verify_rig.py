@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import range_warnings
-from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.errors import InputError
 from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rig_test_file import UNKNOWN
@@ -24,6 +24,7 @@ from sindyjoint.response.oscillations import (
     compare_oscillations,
     oscillation,
 )
+from sindyjoint.response.run import attempted
 from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
 
 # Placeholder in a rig for the joints whose law is "model", or sought, until a model replaces it.
@@ -39,9 +40,7 @@ def verify_rig(
     say: Callable[[str], None],
 ) -> Verification:
     """Compare the rig's measured response, or a virtual pulse test, with the model's simulation."""
-    if model.joint.motion != "rotation":
-        raise InputError("the model is of a joint in translation; the joints of a rig rotate")
-    modelled = find_model_joints(rig, model)
+    modelled = set(_standing([model], rig.name, "rotation", lambda each: find_model_joints(rig, each)))
     say("the measured response")
     test = _provide_pulse_test(rig, truth, settings.generator)
     warnings = []
@@ -55,17 +54,15 @@ def verify_rig(
         return with_laws(rig, lambda hinge: law if hinge.name in modelled else hinge.law).respond(**options)
 
     say("simulating the rig")
-    failure, simulated = "", None
-    try:
-        simulated = response(model_law(model))
-    except SimulationError as error:
-        failure = str(error)
-    n = test.displacement.size
-    band = None
-    if simulated is not None and settings.draws:
-        say(f"simulating {settings.draws} sets of coefficients")
-        band = band_of([_simulate_tip(response, draw, test.point, n) for draw in settings.drawn(model)])
-    exceeded = [] if simulated is None else joint_range_warnings(model, simulated, modelled)
+    simulated, failure = attempted(response, model_law(model))
+    band, exceeded = None, list[str]()
+    if simulated is not None:
+        exceeded = joint_range_warnings(model, simulated, modelled)
+        if settings.draws:
+            say(f"simulating {settings.draws} sets of coefficients")
+        drawn = [attempted(response, model_law(draw))[0] for draw in settings.drawn(model)]
+        shown = slice(test.displacement.size)
+        band = band_of([None if each is None else each.displacement[test.point][shown] for each in drawn])
     compared = _compare_pulse(rig, test, simulated, band, failure)
     result = judged(model, "rig", rig.name, settings.tolerance, [compared], [*warnings, *exceeded])
     return replace(result, beyond_range=tuple(line.partition(":")[0] for line in exceeded))
@@ -82,54 +79,42 @@ def joint_range_warnings(
     return lines
 
 
-def _simulate_tip(response: Callable[[Law], Any], draw: JointModel, point: str, n: int) -> Array | None:
-    try:
-        return response(model_law(draw)).displacement[point][:n]
-    except SimulationError:
-        return None
+def place_by_name(rig: Rig, models: Sequence[JointModel]) -> tuple[Rig, tuple[JointModel | None, ...]]:
+    """Return a rig whose joints have their laws, and the model of each joint where it has one.
 
-
-@dataclass(frozen=True, eq=False)
-class PlacedModels:
-    """A rig whose joints have their laws, and the model of each joint where it has one."""
-
-    rig: Rig
-    models: tuple[JointModel | None, ...]
-
-    @property
-    def tested(self) -> Array:
-        """Tested angle of each joint, rad; infinite without a model."""
-        return np.array([np.inf if m is None else m.fitted.angle for m in self.models])
-
-    @classmethod
-    def in_rig(cls, rig: Rig, models: Sequence[JointModel]) -> PlacedModels:
-        """Put models in the place of the joints of a rig that they stand for; none may be left without a law.
-
-        Raises
-        ------
-        InputError
-        """
-        standing: dict[str, JointModel] = {}
-        for model in models:
-            if model.joint.motion != "rotation":
-                raise InputError("the model is of a joint in translation; the joints of a rig rotate")
-            for name in find_model_joints(rig, model):
-                if name in standing:
-                    raise InputError(
-                        f"two models stand for joint {name!r} of the rig {rig.name!r}; expected one"
-                    )
-                standing[name] = model
-        left = [h.name for h in hinges(rig) if h.law is MODEL_PLACEHOLDER and h.name not in standing]
-        if left:
-            raise InputError(
-                f"the rig {rig.name!r} has a joint whose law is 'model', and no model was given; give --model "
-                f"(joint {left[0]})"
-            )
-        laws = {id(model): model_law(model) for model in models}
-        placed = with_laws(
-            rig, lambda hinge: laws[id(standing[hinge.name])] if hinge.name in standing else hinge.law
+    Raises
+    ------
+    InputError
+        As :func:`place_by_kind`.
+    """
+    standing = _standing(models, rig.name, "rotation", lambda model: find_model_joints(rig, model))
+    left = [h.name for h in hinges(rig) if h.law is MODEL_PLACEHOLDER and h.name not in standing]
+    if left:
+        raise InputError(
+            f"the rig {rig.name!r} has a joint whose law is 'model', and no model was given; give --model "
+            f"(joint {left[0]})"
         )
-        return cls(placed, tuple(standing.get(hinge.name) for hinge in hinges(rig)))
+    laws = {name: model_law(model) for name, model in standing.items()}
+    placed = with_laws(rig, lambda hinge: laws.get(hinge.name, hinge.law))
+    return placed, tuple(standing.get(hinge.name) for hinge in hinges(rig))
+
+
+def _standing(
+    models: Sequence[JointModel], name: str, motion: str, joints: Callable[[JointModel], Collection[str]]
+) -> dict[str, JointModel]:
+    """Return the model of each joint, or kind of joints, that one stands for."""
+    standing: dict[str, JointModel] = {}
+    for model in models:
+        for joint in joints(model):
+            if joint in standing:
+                raise InputError(f"two models stand for {joint!r} of {name!r}; expected one")
+            if model.joint.motion != motion:
+                raise InputError(
+                    f"the model {model.joint.name!r} is of a joint in {model.joint.motion}; those of {name!r} are in "
+                    f"{motion}"
+                )
+            standing[joint] = model
+    return standing
 
 
 def find_model_joints(rig: Rig, model: JointModel) -> set[str]:
@@ -232,45 +217,25 @@ def place_by_kind(
     InputError
         For a model that fits no joint, two for one kind, or a joint that is left without a law.
     """
-    standing: dict[str, JointModel] = {}
-    for model in models:
-        kind = _kind_of(test, model, len(models) == 1)
-        if kind in standing:
-            raise InputError(f"two models stand for {kind!r} of {test.name!r}; expected one")
-        if model.joint.motion != test.motion:
+    of_kind = list(zip(test.kinds, test.structure.hinges, strict=True))
+    lawless = list(dict.fromkeys(kind for kind, hinge in of_kind if hinge.law is UNKNOWN))
+
+    def kind_of(model: JointModel) -> list[str]:
+        name = model.joint.name
+        if name not in test.kinds and not (len(models) == len(lawless) == 1):
             raise InputError(
-                f"the model {model.joint.name!r} is of a joint in {model.joint.motion}; those of {test.name!r} are in "
-                f"{test.motion}"
+                f"{test.name!r} has no joint of kind {name!r}, after which the model is named; it has "
+                f"{', '.join(dict.fromkeys(test.kinds))}: write kind = {name!r} for those that it stands for"
             )
-        standing[kind] = model
-    hinges = test.structure.hinges
-    left = [
-        kind
-        for kind, hinge in zip(test.kinds, hinges, strict=True)
-        if hinge.law is UNKNOWN and kind not in standing
-    ]
+        return [name] if name in test.kinds else lawless
+
+    standing = _standing(models, test.name, test.motion, kind_of)
+    left = [kind for kind in lawless if kind not in standing]
     if left:
         raise InputError(
-            f"{test.name!r} has joints without a law ({', '.join(dict.fromkeys(left))}); give --model: what discover "
-            "wrote of it, or a model.json"
+            f"{test.name!r} has joints without a law ({', '.join(left)}); give --model: what discover wrote of it, or a "
+            "model.json"
         )
     laws = {kind: model_law(model) for kind, model in standing.items()}
-    placed = tuple(
-        replace(hinge, law=laws.get(kind, hinge.law)) for kind, hinge in zip(test.kinds, hinges, strict=True)
-    )
+    placed = tuple(replace(hinge, law=laws.get(kind, hinge.law)) for kind, hinge in of_kind)
     return replace(test.structure, hinges=placed), tuple(standing.get(kind) for kind in test.kinds)
-
-
-def _kind_of(test: RigTest, model: JointModel, alone: bool) -> str:
-    name = model.joint.name
-    if name in test.kinds:
-        return name
-    without = dict.fromkeys(
-        kind for kind, hinge in zip(test.kinds, test.structure.hinges, strict=True) if hinge.law is UNKNOWN
-    )
-    if alone and len(without) == 1:
-        return next(iter(without))
-    raise InputError(
-        f"{test.name!r} has no joint of kind {name!r}, after which the model is named; it has "
-        f"{', '.join(dict.fromkeys(test.kinds))}: write kind = {name!r} for those that it stands for"
-    )

@@ -21,7 +21,7 @@ from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 from sindyjoint.response.laws import model_law
-from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, place_by_kind
+from sindyjoint.response.verify_rig import PLACEHOLDERS, place_by_kind, place_by_name
 from sindyjoint.substructure.continuation import FOLLOWED
 from sindyjoint.substructure.forced import ForcedResponse, StructureCurves, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance
@@ -149,11 +149,9 @@ class _Placed:
 
 
 def _in_rig(rig: Rig | str | Path, models: Sequence[JointModel]) -> _Placed:
-    placed = PlacedModels.in_rig(
-        rig if isinstance(rig, Rig) else load_rig(rig_path(rig), PLACEHOLDERS), models
-    )
-    made = placed.rig
-    return _Placed(made.name, "rotation", made.structure(), placed.models, made.at, made.points[0])
+    given = rig if isinstance(rig, Rig) else load_rig(rig_path(rig), PLACEHOLDERS)
+    made, standing = place_by_name(given, models)
+    return _Placed(made.name, "rotation", made.structure(), standing, made.at, made.points[0])
 
 
 def _in_test(rig: RigTest | str | Path, models: Sequence[JointModel]) -> _Placed:
@@ -263,7 +261,7 @@ class _CurveMaker:
             self.placed.motion,
         )  # fmt: skip
 
-    def _limits(self, laws: Sequence[object]) -> Array:
+    def _limits(self, laws: Sequence[Law]) -> Array:
         """Return the angle of each joint at which modes end, rad (m)."""
         softens = [TO_SOFTENING * _softens(law) for law in laws]
         limits = np.minimum(softens, BEYOND * self.placed.tested)

@@ -27,7 +27,7 @@ from sindyjoint.numeric import RNG, Array
 from sindyjoint.planning.plan_file import play, read_plan
 from sindyjoint.record import Campaign
 from sindyjoint.response.laws import model_law
-from sindyjoint.response.verify_rig import PLACEHOLDERS, PlacedModels, joint_range_warnings
+from sindyjoint.response.verify_rig import PLACEHOLDERS, joint_range_warnings, place_by_name
 
 if TYPE_CHECKING:
     from sindyjoint.mechanics.laws import Law
@@ -351,13 +351,12 @@ def rig_motion(
     say("reading the rig")
     made = rig if isinstance(rig, Rig) else load_rig(rig, PLACEHOLDERS)
     known = None if model is None else as_model(model)
-    placed = PlacedModels.in_rig(made, [] if known is None else [known])
-    made = placed.rig
+    made, standing = place_by_name(made, [] if known is None else [known])
     say("frequencies")
     structure = made.structure()
     slipping, locked = structure.frequencies(MODES), structure.frequencies(MODES, locked=True)
     say(f"simulating {made.duration:g} s")
     response = made.respond()
-    modelled = {h.name for h, stands in zip(hinges(made), placed.models, strict=True) if stands is not None}
+    modelled = {h.name for h, stands in zip(hinges(made), standing, strict=True) if stands is not None}
     warnings = () if known is None else tuple(joint_range_warnings(known, response, modelled))
     return RigMotion(made, slipping, locked, response, warnings)

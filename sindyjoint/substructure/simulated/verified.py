@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import has_seen, range_warnings
-from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
 from sindyjoint.numeric import Array, rms
-from sindyjoint.response.laws import model_law
 from sindyjoint.response.oscillations import compare_oscillations, oscillation
+from sindyjoint.response.run import attempted
 from sindyjoint.response.verification import (
     Band,
     RunVerification,
@@ -204,7 +203,7 @@ def verify_runs(
     chosen = kept or [run for run in driven if seen[run.name] is False] or driven
     warnings = ["the response is simulated (a virtual test of the rig), not measured"] * test.simulated
     warnings += seen_words({run.name: seen[run.name] for run in chosen})
-    draws = [_replaced(structure, standing, models, drawn) for drawn in _drawn(models, settings)]
+    draws = [place_by_kind(test, drawn)[0] for drawn in zip(*map(settings.drawn, models), strict=True)]
     entries: list[RunVerification] = []
     beyond: list[str] = []
     for number, run in enumerate(chosen, 1):
@@ -221,15 +220,17 @@ def verify_runs(
                 f"{run.name}: compared up to {measured.highest:.3g} Hz; {100 * share.max():.0f} % of what {worst} "
                 "shows lies above"
             )
-        failure, motion = "", None
-        try:
-            motion = measured.simulate(structure)
-        except SimulationError as error:
-            failure = str(error)
-        exceeded = [] if motion is None else list(_beyond(test, standing, motion, run.name))
+        motion, failure = attempted(measured.simulate, structure)
+        moved = zip(structure.hinges, standing, motion.angle, motion.rate, strict=True) if motion else ()
+        exceeded = [
+            line
+            for hinge, model, angle, rate in moved
+            if model is not None
+            for line in range_warnings(model.fitted, test.motion, angle, rate, f"{run.name}, {hinge.name}")
+        ]
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
-        bands = [_attempt(measured, other) for other in draws] if motion is not None else []
+        bands = [attempted(measured.simulate, other)[0] for other in draws if motion is not None]
         entries += (replace(e, seen=seen[run.name]) for e in _entries(measured, motion, bands, failure))
     result = judged(models[0], "rig", test.name, settings.tolerance, entries, warnings)
     return replace(result, beside=tuple(models[1:]), beyond_range=tuple(beyond))
@@ -239,38 +240,6 @@ def _has_seen(models: Sequence[JointModel], run: RigRun) -> bool | None:
     """Return whether a fit of any model has used a run; None where that is not known of one of them."""
     known = {has_seen(model.fitted, signals_hash(run.sample_rate, [run.signals])) for model in models}
     return True if True in known else None if None in known else False
-
-
-def _drawn(models: Sequence[JointModel], settings: Settings) -> Iterator[tuple[JointModel, ...]]:
-    return zip(*(settings.drawn(model) for model in models), strict=True)
-
-
-def _replaced(
-    structure: Structure,
-    standing: Sequence[JointModel | None],
-    models: Sequence[JointModel],
-    drawn: Sequence[JointModel],
-) -> Structure:
-    laws: dict[int, Law] = {id(model): model_law(other) for model, other in zip(models, drawn, strict=True)}
-    hinges = tuple(
-        hinge if model is None else replace(hinge, law=laws[id(model)])
-        for hinge, model in zip(structure.hinges, standing, strict=True)
-    )
-    return replace(structure, hinges=hinges)
-
-
-def _attempt(measured: MeasuredRun, structure: Structure) -> Motion | None:
-    try:
-        return measured.simulate(structure)
-    except SimulationError:
-        return None
-
-
-def _beyond(test: RigTest, standing: Sequence[JointModel | None], motion: Motion, run: str) -> Iterator[str]:
-    parts = zip(test.structure.hinges, standing, motion.angle, motion.rate, strict=True)
-    for hinge, model, angle, rate in parts:
-        if model is not None:
-            yield from range_warnings(model.fitted, test.motion, angle, rate, f"{run}, {hinge.name}")
 
 
 def _entries(
