@@ -24,7 +24,7 @@ from sindyjoint.described import Described, same
 from sindyjoint.documents import refuse_foreign_file
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_file import read_model
-from sindyjoint.errors import InputError, UnknownNameError, nearest
+from sindyjoint.errors import UnknownNameError, nearest, refuse
 from sindyjoint.export.fidelity import ALL_TERMS, Cycles, Fidelity, not_carried, shares
 from sindyjoint.files.atomic import output_folder, write_bytes
 from sindyjoint.hooks import fetched
@@ -225,33 +225,42 @@ def check_exportable(model: JointModel) -> None:
     InputError
         For a model without terms and elements, numbers that are not finite, or no tested range.
     """
-    if not model.terms and not model.elements:
-        raise InputError("the model has no terms: nothing was found, so there is nothing to export")
-    for name, value in zip(_names_of_numbers(model), model.numbers, strict=True):
-        if not np.isfinite(value):
-            raise InputError(
-                f"{name} of the model is {float(value)!r}; expected a finite number, as discover writes it"
-            )
-    for element in model.elements:
-        known = {"theta", "omega", *element.form.names, *(state.name for state in element.form.states)}
-        others = sorted({symbol.name for symbol in element.form.symbols} - known)
-        if others:
-            raise InputError(
-                f"element {element.id!r} of the model depends on {', '.join(others)}; expected formulas of angle, rate "
-                "and its own states, which are all that the targets know"
-            )
-    for name in ("angle", "rate", "moment_rms"):
-        value = getattr(model.fitted, name)
-        if not (np.isfinite(value) and value > 0):
-            raise InputError(
-                f"'fitted' of the model gives {name} = {value!r}; expected a positive number, as the tested range is "
-                "what an export is made for and judged on"
-            )
-
-
-def _names_of_numbers(model: JointModel) -> list[str]:
     names = [f"coefficient of term {term.id!r}" for term in model.terms]
-    return names + [f"{number.name} of element {e.id!r}" for e in model.elements for number in e.numbers]
+    names += [f"{number.name} of element {e.id!r}" for e in model.elements for number in e.numbers]
+    known = {
+        each.id: {"theta", "omega", *each.form.names, *(state.name for state in each.form.states)}
+        for each in model.elements
+    }
+    others = {e.id: sorted({symbol.name for symbol in e.form.symbols} - known[e.id]) for e in model.elements}
+    tested = [(name, getattr(model.fitted, name)) for name in ("angle", "rate", "moment_rms")]
+    refuse(
+        [
+            (not names, "the model has no terms: nothing was found, so there is nothing to export"),
+            *(
+                (
+                    not np.isfinite(value),
+                    f"{name} of the model is {float(value)!r}; expected a finite number, as discover writes it",
+                )
+                for name, value in zip(names, model.numbers, strict=True)
+            ),
+            *(
+                (
+                    found,
+                    f"element {id!r} of the model depends on {', '.join(found)}; expected formulas of angle, rate and "
+                    "its own states, which are all that the targets know",
+                )
+                for id, found in others.items()
+            ),
+            *(
+                (
+                    not 0 < value < np.inf,
+                    f"'fitted' of the model gives {name} = {value!r}; expected a positive number, as the tested range "
+                    "is what an export is made for and judged on",
+                )
+                for name, value in tested
+            ),
+        ]
+    )
 
 
 def held_rows(model: JointModel, held: JointModel) -> tuple[Fidelity, ...]:

@@ -33,36 +33,23 @@ class Stepper:
         self.unbounded = np.tile([-np.inf, np.inf], (joints, 1))
         self.room = np.zeros(kernel.room_for(len(self.mass), joints, self.n_states))
         # Per set of moving joints: for whole steps, and for one of any length, whose first matrix is made anew.
-        self._whole: dict[bytes, Array] = {}
-        self._any: dict[bytes, Array] = {}
+        self._made: dict[tuple[bytes, bool], Array] = {}
 
     def matrices(self, direction: Array, h: float | None = None) -> Array:
         """Inverses for a step of h (the whole step without it) and of the mass, mass, damping and stiffness.
 
         Those for a step of h are overwritten by the next.
         """
-        key = (direction != 0).tobytes()
-        if h is None:
-            if key not in self._whole:
-                self._whole[key] = self._filled(direction, self.step)
-            return self._whole[key]
-        if key not in self._any:
-            self._any[key] = self._filled(direction, h)
-        else:
-            self._fill_inverse(self._any[key], direction, h)
-        return self._any[key]
-
-    def _filled(self, direction: Array, h: float) -> Array:
-        matrices = np.zeros((5, *self.mass.shape))
-        matrices[2:] = self.mass, self.damping, self.stiffness
-        matrices[1] = _invert_moving(self.mass, direction)
-        self._fill_inverse(matrices, direction, h)
-        return matrices
-
-    def _fill_inverse(self, matrices: Array, direction: Array, h: float) -> None:
-        """Fill in the inverse of M + h/2·C + h²/4·K over what moves, zero elsewhere."""
-        whole = self.mass + h / 2 * self.damping + h * h / 4 * self.stiffness
-        matrices[0] = _invert_moving(whole, direction)
+        key, fresh = ((direction != 0).tobytes(), h is None), False
+        if key not in self._made:
+            inverse = _invert_moving(self.mass, direction)
+            self._made[key] = np.stack([inverse, inverse, self.mass, self.damping, self.stiffness])
+            fresh = True
+        if fresh or h is not None:
+            h = h or self.step
+            whole = self.mass + h / 2 * self.damping + h * h / 4 * self.stiffness
+            self._made[key][0] = _invert_moving(whole, direction)
+        return self._made[key]
 
     def march(self, first: int, last: int, direction: Array, limits: Array, forces: tuple[Array, Array],
               rows: tuple[Array, Array, Array, Array, NDArray[np.bool_]], work: Array,
@@ -83,17 +70,10 @@ class Stepper:
 
 
 def _invert_moving(matrix: Array, direction: Array) -> Array:
-    still = direction == 0
-    if not still.any():
-        return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    """Return the inverse over what moves, zero elsewhere; the joints' coordinates are the first ones."""
+    moving = np.ix_(*2 * [np.append(np.flatnonzero(direction), np.arange(direction.size, len(matrix)))])
     result = np.zeros_like(matrix)
-    if still.all():
-        # The joints' coordinates are the first ones: a block is quicker to cut out than rows and columns are.
-        moving = slice(direction.size, None)
-        result[moving, moving] = np.linalg.inv(matrix[moving, moving])
-        return result
-    index = np.ix_(*2 * [np.delete(np.arange(len(matrix)), np.flatnonzero(still))])
-    result[index] = np.linalg.inv(matrix[index])
+    result[moving] = np.linalg.inv(matrix[moving])
     return result
 
 
@@ -130,36 +110,29 @@ class Crossing:
         self.events = 0
         # Two samples each of q, v, z, moments and sticking: now, and where a trial ends.
         joints = direction.size
-        self.q_rows, self.v_rows, self.z_rows = (np.zeros((2, *x.shape)) for x in state)
-        self.moment_rows, self.stuck_rows = np.empty((2, joints, 3)), np.empty((2, joints), np.bool_)
-        self.forces = np.empty((2, 2))
+        motion = [np.zeros((2, *x.shape)) for x in state]
+        self.rows = (*motion, np.empty((2, joints, 3)), np.empty((2, joints), np.bool_))
 
     def trial(self, x: float) -> tuple[Array, Array, Array, Array, Array]:
         """State a time x ahead, room of the joints there, and the work done; the next trial overwrites the state."""
-        self.forces[0] = self.excitation.mean(self.time, self.time + x)
-        self.forces[1] = self.excitation(self.time + x * (1 - 1e-9))
-        q, v, z, moments = self.q_rows, self.v_rows, self.z_rows, self.moment_rows
-        rows, forces = (q, v, z, moments, self.stuck_rows), (self.forces[0], self.forces[1])
+        mean = self.excitation.mean(self.time, self.time + x)
+        forces = np.full(2, mean), np.full(2, self.excitation(self.time + x * (1 - 1e-9)))
+        q, v, z, moments, _ = self.rows
         q[0], v[0], z[0] = self.q, self.v, self.z
-        work = np.zeros((2, self.direction.size, 2))
-        s, direction = self.stepper, self.direction.copy()
-        _, reason, _ = s.march(0, 1, direction, s.unbounded, forces, rows, work, x)
+        work, s = np.zeros((2, self.direction.size, 2)), self.stepper
+        _, reason, _ = s.march(0, 1, self.direction.copy(), s.unbounded, forces, self.rows, work, x)
         if reason == kernel.NOT_CONVERGED:
             raise not_converged(self.time, x)
         return q[1], v[1], z[1], margins(self.direction, moments[1], v[1], self.rate_scale), work[1]
 
-    def room_now(self) -> Array:
-        """Room of the joints before the step."""
-        s = self.stepper
-        moments = s.moments(self.direction, float(self.excitation(self.time)), self.q, self.v, self.z)
-        return margins(self.direction, moments, self.v, self.rate_scale)
+    def _moments(self) -> Array:
+        force = float(self.excitation(self.time))
+        return self.stepper.moments(self.direction, force, self.q, self.v, self.z)
 
     def decide(self, j: int) -> None:
         """Let joint j, at standstill, hold or break away."""
-        s = self.stepper
         self.direction[j] = 0.0
-        moments = s.moments(self.direction, float(self.excitation(self.time)), self.q, self.v, self.z)
-        self.direction[j] = side_of(moments[j])
+        self.direction[j] = side_of(self._moments()[j])
         self.events += 1
 
     def accept(self, x: float, trial: tuple) -> None:
@@ -185,7 +158,7 @@ class Crossing:
             if not wrong:
                 self.accept(x, whole)
                 return
-            now = self.room_now()
+            now = margins(self.direction, self._moments(), self.v, self.rate_scale)
             at_once = [j for j in wrong if now[j] <= 0]
             if at_once:
                 j = at_once[0]
@@ -231,10 +204,7 @@ class Crossing:
         if self.direction[j] != 0:
             self.decide(j)
             return
-        s = self.stepper
-        moment, low, high = s.moments(
-            self.direction, float(self.excitation(self.time)), self.q, self.v, self.z
-        )[j]
+        moment, low, high = self._moments()[j]
         # On the bound itself rounding decides; the nearer bound is the one it breaks.
         self.direction[j] = 1.0 if moment > 0.5 * (low + high) else -1.0
         self.events += 1

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from sindyjoint.documents import read_toml
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.tables import StrictTable
 
 RIG_FOLDER = Path(__file__).parent / "rig_files"
@@ -88,18 +88,22 @@ class PartTable(StrictTable):
     @model_validator(mode="after")
     def _one_kind(self) -> PartTable:
         kinds = [kind for kind in ("beam", "joint", "mass") if getattr(self, kind) is not None]
-        if len(kinds) != 1:
-            raise ValueError("exactly one of the keys 'beam', 'joint' and 'mass' names a part")
         section = self.section is not None
         both = self.bending_stiffness is not None and self.mass_per_length is not None
-        if kinds[0] == "beam" and (self.length is None or section == both):
-            raise ValueError(
-                "a beam wants length, and either section or bending_stiffness and mass_per_length"
-            )
-        if kinds[0] == "joint" and self.law is None:
-            raise ValueError("a joint wants law, the name of a shipped joint or 'model'")
-        if kinds[0] == "mass" and self.value is None:
-            raise ValueError("a mass wants value, such as '8 kg'")
+        refuse(
+            [
+                (len(kinds) != 1, "exactly one of the keys 'beam', 'joint' and 'mass' names a part"),
+                (
+                    self.beam is not None and (self.length is None or section == both),
+                    "a beam wants length, and either section or bending_stiffness and mass_per_length",
+                ),
+                (
+                    self.joint is not None and self.law is None,
+                    "a joint wants law, the name of a shipped joint or 'model'",
+                ),
+                (self.mass is not None and self.value is None, "a mass wants value, such as '8 kg'"),
+            ]
+        )
         return self
 
 
@@ -123,12 +127,19 @@ class PulseTable(StrictTable):
 
     @model_validator(mode="after")
     def _shape_or_file(self) -> PulseTable:
-        if (self.shape is None) == (self.file is None):
-            raise ValueError("expected either shape or file")
-        if self.shape is not None and (self.duration is None or not isinstance(self.force, str)):
-            raise ValueError("a shape wants force, such as '65 N', and duration, such as '5 ms'")
-        if self.file is not None and (self.time is None or isinstance(self.force, str)):
-            raise ValueError("a file wants time and force, each { column = ..., unit = ... }")
+        refuse(
+            [
+                ((self.shape is None) == (self.file is None), "expected either shape or file"),
+                (
+                    self.shape is not None and (self.duration is None or not isinstance(self.force, str)),
+                    "a shape wants force, such as '65 N', and duration, such as '5 ms'",
+                ),
+                (
+                    self.file is not None and (self.time is None or isinstance(self.force, str)),
+                    "a file wants time and force, each { column = ..., unit = ... }",
+                ),
+            ]
+        )
         return self
 
 
@@ -295,8 +306,11 @@ class RigFile(StrictTable):
 
     @model_validator(mode="after")
     def _chain_or_matrices(self) -> RigFile:
-        if bool(self.chain) == (self.matrices is not None):
-            raise ValueError("expected either [[chain]] or [matrices]")
-        if self.pulse is None and not (self.run and self.sensor):
-            raise ValueError("expected [pulse], or [[sensor]] and [[run]]")
+        driven = self.pulse is not None or (self.run and self.sensor)
+        refuse(
+            [
+                (bool(self.chain) == (self.matrices is not None), "expected either [[chain]] or [matrices]"),
+                (not driven, "expected [pulse], or [[sensor]] and [[run]]"),
+            ]
+        )
         return self

@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
-from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError
+from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError, refuse
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import Source
@@ -212,17 +212,27 @@ def _build_rig(given: RigFile, path: Path, laws: Mapping[str, Law]) -> Rig:
 def _check_sizes(items: Sequence[Item], times: Mapping[str, float], where: str) -> None:
     """Refuse what would take hours or all memory to simulate."""
     elements = sum(item.elements for item in items if isinstance(item, Beam))
-    if elements > MOST_ELEMENTS_OF_ALL:
-        raise InputError(f"{elements} elements in all; expected at most {MOST_ELEMENTS_OF_ALL}")
-    for name, value in times.items():
-        if not (SMALLEST < value < LARGEST):
-            raise InputError(f"{where} {name} is {value:g} in SI; expected a positive number")
-    steps = times["duration"] * max(1 / times["step"], times["sample_rate"])
-    if steps > MOST_STEPS:
-        raise InputError(
-            f"{where}: {steps:.3g} steps of time; expected at most {MOST_STEPS:g}: a shorter duration, a lower "
-            "sample_rate or a larger step"
-        )
+    steps = times["duration"] * max(1 / (times["step"] or np.inf), times["sample_rate"])
+    refuse(
+        [
+            (
+                elements > MOST_ELEMENTS_OF_ALL,
+                f"{elements} elements in all; expected at most {MOST_ELEMENTS_OF_ALL}",
+            ),
+            *(
+                (
+                    not SMALLEST < value < LARGEST,
+                    f"{where} {name} is {value:g} in SI; expected a positive number",
+                )
+                for name, value in times.items()
+            ),
+            (
+                steps > MOST_STEPS,
+                f"{where}: {steps:.3g} steps of time; expected at most {MOST_STEPS:g}: a shorter duration, a lower "
+                "sample_rate or a larger step",
+            ),
+        ]
+    )
 
 
 def solvable_structure(items: Sequence[Item], clamp_stiffness: float) -> Structure:

@@ -64,26 +64,25 @@ class Motion:
 def _describe_failure(status: int, time: float, limits: Array, where: str) -> SimulationError:
     import sindyjoint.mechanics.stickslip_kernel as kernel
 
-    if status == kernel.LIMIT:
-        text = (
+    texts = {
+        kernel.LIMIT: (
             f"the joint left its range ({limits[0]:.4g} to {limits[1]:.4g}) at t = {time:.6g} s: past a "
             "softening limit its tangent stiffness is negative and it snaps through, with negative damping it swings "
             "ever wider; lower the excitation, or pass limits=None to follow it"
-        )
-    elif status == kernel.NOT_FINITE:
-        text = f"the state is no longer finite at t = {time:.6g} s; the law is unbounded there"
-    elif status == kernel.STEP_TOO_SMALL:
-        text = (
+        ),
+        kernel.NOT_FINITE: f"the state is no longer finite at t = {time:.6g} s; the law is unbounded there",
+        kernel.STEP_TOO_SMALL: (
             f"the step fell to zero at t = {time:.6g} s; the law jumps where only friction may (at zero rate)"
-        )
-    elif status == kernel.ACTIVE_FRICTION:
-        text = (
+        ),
+        kernel.ACTIVE_FRICTION: (
             f"at t = {time:.6g} s the joint came to a standstill with negative friction "
             "(the moment there is larger for slip towards −1 than towards +1); Coulomb friction must not be negative"
-        )
-    else:
-        text = f"hundreds of steps a sample did not suffice; it stopped at t = {time:.6g} s; the law is too stiff"
-    return SimulationError(where + text, time=float(time))
+        ),
+        kernel.TOO_MANY_STEPS: (
+            f"hundreds of steps a sample did not suffice; it stopped at t = {time:.6g} s; the law is too stiff"
+        ),
+    }
+    return SimulationError(where + texts[status], time=float(time))
 
 
 def _expand_parameters(parameters: ArrayLike | None, law: CompiledLaw, runs: int) -> Array:
@@ -101,14 +100,11 @@ def _expand_parameters(parameters: ArrayLike | None, law: CompiledLaw, runs: int
     return numbers
 
 
-def _find_limits(law: Any, limits: tuple[float, float] | str | None) -> Array:
-    if limits is None:
-        return np.array([-np.inf, np.inf])
-    if isinstance(limits, str):
-        if limits != "softening":
-            raise InputError(f"limits is {limits!r}; expected 'softening', a pair of angles or None")
-        return np.array(law.softening_limit)
-    return np.array(limits, dtype=np.float64)
+def _find_limits(law: Law, limits: tuple[float, float] | str | None) -> Array:
+    if isinstance(limits, str) and limits != "softening":
+        raise InputError(f"limits is {limits!r}; expected 'softening', a pair of angles or None")
+    chosen = (-np.inf, np.inf) if limits is None else limits
+    return np.array(law.softening_limit if limits == "softening" else chosen, dtype=np.float64)
 
 
 def simulate_many(

@@ -137,7 +137,7 @@ def respond(
     parts = _check_step(structure, step, duration, sample_rate)
     reduced = craig_bampton(structure, [at, *points], modes)
     stepper = Stepper(reduced, reduced.point(at).copy(), 1 / (sample_rate * parts))
-    record = _Record.begin(stepper, excitation, round(duration * sample_rate) * parts)
+    record = _Record(stepper, excitation, round(duration * sample_rate) * parts)
     bounds = _softening_bounds(reduced) if limits else np.full((reduced.n_joints, 2), [-np.inf, np.inf])
     events = _advance(stepper, excitation, record, bounds)
     return _collect_response(stepper, points, parts, record, events)
@@ -168,45 +168,28 @@ def trajectory(
     """
     _check_step(reduced, 1 / sample_rate, duration, sample_rate)
     stepper = Stepper(reduced, reduced.point(at).copy(), 1 / sample_rate)
-    record = _Record.begin(stepper, excitation, round(duration * sample_rate))
+    record = _Record(stepper, excitation, round(duration * sample_rate))
     if initial is not None:
         record.q[0], record.v[0], record.z[0] = initial
     _advance(stepper, excitation, record, _softening_bounds(reduced))
     return record.q, record.v, record.z
 
 
-@dataclass(frozen=True, eq=False)
 class _Record:
     """One row per step: force, its value before a jump, its mean over the next step; motion and joints.
 
     `moments` holds what each joint transfers and the bounds of its friction, `work` that of all steps and of the last.
     """
 
-    grid: Array
-    force: Array
-    before_jump: Array
-    mean_force: Array
-    q: Array
-    v: Array
-    z: Array
-    moments: Array
-    stuck: NDArray[np.bool_]
-    work: Array
-
-    @classmethod
-    def begin(cls, stepper: Stepper, excitation: Excitation, count: int) -> _Record:
+    def __init__(self, stepper: Stepper, excitation: Excitation, count: int):
         joints, n = stepper.structure.n_joints, len(stepper.mass)
-        grid = stepper.step * np.arange(count + 1, dtype=np.float64)
-        return cls(
-            grid, excitation(grid), excitation(grid * (1 - 1e-12)), excitation.mean(grid[:-1], grid[1:]),
-            np.zeros((count + 1, n)), np.zeros((count + 1, n)), np.zeros((count + 1, joints, stepper.n_states)),
-            np.zeros((count + 1, joints, 3)), np.zeros((count + 1, joints), np.bool_), np.zeros((2, joints, 2)),
-        )  # fmt: skip
-
-    @property
-    def rows(self) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
-        """What the steps fill."""
-        return self.q, self.v, self.z, self.moments, self.stuck
+        self.grid = stepper.step * np.arange(count + 1, dtype=np.float64)
+        self.force, before_jump = excitation(self.grid), excitation(self.grid * (1 - 1e-12))
+        self.forces = excitation.mean(self.grid[:-1], self.grid[1:]), before_jump
+        self.q, self.v = np.zeros((2, count + 1, n))
+        self.z = np.zeros((count + 1, joints, stepper.n_states))
+        self.moments, self.stuck = np.zeros((count + 1, joints, 3)), np.zeros((count + 1, joints), np.bool_)
+        self.work = np.zeros((2, joints, 2))
 
 
 def _advance(stepper: Stepper, excitation: Excitation, record: _Record, bounds: Array) -> int:
@@ -217,21 +200,14 @@ def _advance(stepper: Stepper, excitation: Excitation, record: _Record, bounds: 
     still = direction == 0
     start = stepper.moments(direction, record.force[0], q[0], v[0], z[0])
     direction[still] = [side_of(row) for row in start[still]]
+    start[still, 0] = np.clip(start[still, 0], start[still, 1], start[still, 2])
     record.moments[0] = start
-    record.moments[0, still, 0] = np.clip(start[still, 0], start[still, 1], start[still, 2])
     record.stuck[0] = direction == 0
     reached, events = 0, 0
     spend(STEP_SAMPLES * last * q.shape[1])
     while reached < last:
-        reached, reason, j = stepper.march(
-            reached,
-            last,
-            direction,
-            bounds,
-            (record.mean_force, record.before_jump),
-            record.rows,
-            record.work,
-        )
+        rows = q, v, z, record.moments, record.stuck
+        reached, reason, j = stepper.march(reached, last, direction, bounds, record.forces, rows, record.work)
         if reason == kernel.NOT_CONVERGED:
             raise not_converged(grid[reached], stepper.step)
         if reason == kernel.PAST_LIMIT:
@@ -243,12 +219,12 @@ def _advance(stepper: Stepper, excitation: Excitation, record: _Record, bounds: 
             crossing.run(stepper.step)
             reached += 1
             q[reached], v[reached], z[reached] = crossing.q, crossing.v, crossing.z
-            now = stepper.moments(direction, record.before_jump[reached], q[reached], v[reached], z[reached])
+            now = stepper.moments(direction, record.forces[1][reached], q[reached], v[reached], z[reached])
             record.moments[reached], record.stuck[reached] = now, direction == 0
             events += crossing.events
-            angles = q[reached, :joints]
-            for k in np.flatnonzero((angles < bounds[:, 0]) | (angles > bounds[:, 1])):
-                raise _limit_error(hinges[k].name, bounds[k], grid[reached])
+            past = (q[reached, :joints] < bounds[:, 0]) | (q[reached, :joints] > bounds[:, 1])
+            if past.any():
+                raise _limit_error(hinges[np.argmax(past)].name, bounds[np.argmax(past)], grid[reached])
     return events
 
 

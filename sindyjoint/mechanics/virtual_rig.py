@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import scipy
 
-from sindyjoint.errors import InputError, checks_options
+from sindyjoint.errors import InputError, checks_options, refuse
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FunctionLaw, Law, PaperLaw
@@ -65,13 +65,12 @@ class Drive:
         needed = {
             "sine": ("frequency",), "multisine": ("frequency", "band"), "sweep": ("band",), "impact": ("width",),
         }  # fmt: skip
-        if self.shape not in needed:
-            raise InputError(
-                f"run {self.name!r}: shape is {self.shape!r}; expected one of {', '.join(needed)}"
-            )
-        missing = [name for name in needed[self.shape] if getattr(self, name) is None]
-        if missing:
-            raise InputError(f"run {self.name!r}: a {self.shape} wants {' and '.join(missing)}")
+        missing = [name for name in needed.get(self.shape, ()) if getattr(self, name) is None]
+        faults = [
+            (self.shape not in needed, f"shape is {self.shape!r}; expected one of {', '.join(needed)}"),
+            (missing, f"a {self.shape} wants {' and '.join(missing)}"),
+        ]
+        refuse((there, f"run {self.name!r}: {words}") for there, words in faults)
 
     @property
     def period(self) -> float | None:
@@ -362,10 +361,16 @@ def presliding_law(law: PaperLaw, angle: float) -> FunctionLaw:
     InputError
         For an angle that is not above zero, or a law that is not the paper's.
     """
-    if not (np.isfinite(angle) and angle > 0):
-        raise InputError(f"presliding angle is {angle!r} rad; expected a finite number above zero")
-    if not isinstance(law, PaperLaw):
-        raise InputError("presliding is known of the paper's law only; the rig's joint has another one")
+    another = not isinstance(law, PaperLaw)
+    refuse(
+        [
+            (
+                not 0 < angle < np.inf,
+                f"presliding angle is {angle!r} rad; expected a finite number above zero",
+            ),
+            (another, "presliding is known of the paper's law only; the rig's joint has another one"),
+        ]
+    )
     return FunctionLaw(
         _presliding, (*law.parameters, float(angle)), n_states=1, inertia=law.inertia,
         softening_limit=law.softening_limit,

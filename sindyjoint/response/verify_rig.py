@@ -233,8 +233,8 @@ def place_by_kind(
     left = [kind for kind in lawless if kind not in standing]
     if left:
         raise InputError(
-            f"{test.name!r} has joints without a law ({', '.join(left)}); give --model: what discover wrote of it, or a "
-            "model.json"
+            f"{test.name!r} has joints without a law ({', '.join(left)}); give --model: what discover wrote of it, or "
+            "a model.json"
         )
     laws = {kind: model_law(model) for kind, model in standing.items()}
     placed = tuple(replace(hinge, law=laws.get(kind, hinge.law)) for kind, hinge in of_kind)

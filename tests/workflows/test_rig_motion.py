@@ -46,7 +46,7 @@ def test_a_model_takes_the_places_that_wait_for_it(tmp_path):
     same = rig_motion(tmp_path / "rig.toml", paper_model())
     shipped = rig_motion("pulse-rig")
     assert soft.slipping[0] < same.slipping[0] == pytest.approx(shipped.slipping[0], rel=1e-6)
-    with pytest.raises(InputError, match="joint in translation; the joints of a rig rotate"):
+    with pytest.raises(InputError, match="joint in translation; those of .pulse rig. are in rotation"):
         rig_motion("pulse-rig", paper_model(motion="translation"))
 
 
