@@ -110,8 +110,8 @@ class Crossing:
         self.events = 0
         # Two samples each of q, v, z, moments and sticking: now, and where a trial ends.
         joints = direction.size
-        motion = [np.zeros((2, *x.shape)) for x in state]
-        self.rows = (*motion, np.empty((2, joints, 3)), np.empty((2, joints), np.bool_))
+        q, v, z = (np.zeros((2, *x.shape)) for x in state)
+        self.rows = q, v, z, np.empty((2, joints, 3)), np.empty((2, joints), np.bool_)
 
     def trial(self, x: float) -> tuple[Array, Array, Array, Array, Array]:
         """State a time x ahead, room of the joints there, and the work done; the next trial overwrites the state."""

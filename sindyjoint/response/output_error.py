@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from sindyjoint.response.output_error_runs import (
     nuisance_parameter,
     record_of,
 )
-from sindyjoint.response.run import along_motion, rest_of
+from sindyjoint.response.run import along_motion, attempted, rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
@@ -95,13 +95,15 @@ class OutputError:
 
     def failing_runs(self) -> dict[str, str]:
         """Return the runs whose simulation fails at the start, and why each fails."""
-        start, found = np.array([parameter.start for parameter in self.parameters]), {}
-        for record in self.runs:
-            try:
-                self._predict(record, start[None])
-            except SimulationError as error:
-                found[record.run.name] = str(error)
-        return found
+        tried = [
+            (r.run.name, attempted(partial(self._predict, r), self.table[0][None])[1]) for r in self.runs
+        ]
+        return {name: why for name, why in tried if why}
+
+    @cached_property
+    def table(self) -> Array:
+        """Start, scale, lowest and highest value of all parameters, shape (4, p)."""
+        return np.array([(each.start, each.scale, each.low, each.high) for each in self.parameters]).T
 
     @property
     def n_shared(self) -> int:
@@ -123,8 +125,8 @@ class OutputError:
         And there to both sides: by one side EMPS ends between 3.6 and 4.3 mm, by both between 3.6 and 3.9.
         """
         wide = [self.rough or parameter.kind == "element" for parameter in self.parameters]
-        steps = np.where(wide, step, STEP) * [parameter.scale for parameter in self.parameters]
-        low, high = np.array([(parameter.low, parameter.high) for parameter in self.parameters]).T
+        _, scale, low, high = self.table
+        steps = np.where(wide, step, STEP) * scale
         both = self.rough & (x - steps >= low) & (x + steps <= high)
         # Away from a bound on the upper side.
         steps = np.where(x + steps > high, -steps, steps)
@@ -158,7 +160,7 @@ class OutputError:
         """
         jacobian, residual = self.jacobian(x), self.residual(x)
         count = self.n_shared
-        scale = np.array([parameter.scale for parameter in self.parameters])
+        scale = self.table[1]
         scaled, initial = (jacobian * scale)[:, :count], (jacobian * scale)[:, count:]
         if initial.shape[1]:
             scaled = scaled - initial @ np.linalg.lstsq(initial, scaled, rcond=None)[0]
@@ -315,7 +317,7 @@ class OutputError:
 
     def start_of(self, model: JointModel) -> Array:
         """Return parameters with the numbers of another model; nuisances and initial states as they start."""
-        x = np.array([parameter.start for parameter in self.parameters])
+        x = self.table[0].copy()
         x[self.number_indices] = model.numbers
         return x
 

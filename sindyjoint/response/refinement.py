@@ -12,7 +12,7 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.numeric import Array, scaled_least_squares
+from sindyjoint.numeric import Array, rms, scaled_least_squares
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import law_of_test, predicts_worse
 from sindyjoint.response.output_error import ROUGH_STEP, OutputError, without_negative_friction
@@ -143,7 +143,7 @@ def refine(
     left_out = [f"{name} ({why})" for name, why in failing.items()]
     if not pairs:
         return Refinement(model, False, f"not refined: {'; '.join(left_out)}", {}, {}, {}, ())
-    start = np.array([parameter.start for parameter in problem.parameters])
+    start = problem.table[0]
     before = problem.nrmse(start)
     if progress is not None:
         progress("fitting the simulated response")
@@ -163,12 +163,10 @@ def refine(
 
 def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Array:
     """Return the parameters of the best end over all starts; the others are followed where they come near it."""
-    scale = np.array([parameter.scale for parameter in problem.parameters])
-    shared = slice(problem.n_shared)
     best, least = _fit(problem, start, MOST_EVALUATIONS)
     for other in others:
         trial, cost = _fit(problem, other, FIRST_EVALUATIONS)
-        apart = np.abs((trial - best) / scale)[shared].max()
+        apart = np.abs((trial - best) / problem.table[1])[: problem.n_shared].max()
         if cost > (1 + POLICY.large_part) * least or apart < SAME_END:
             continue
         end, cost = _fit(problem, trial, MOST_EVALUATIONS)
@@ -188,8 +186,7 @@ def _fit(problem: OutputError, start: Array, most: int) -> tuple[Array, float]:
 
 
 def _descend(problem: OutputError, start: Array, most: int, step: float) -> tuple[Array, float]:
-    scale = np.array([parameter.scale for parameter in problem.parameters])
-    low, high = np.array([(parameter.low, parameter.high) for parameter in problem.parameters]).T
+    _, scale, low, high = problem.table
     solution = scipy.optimize.least_squares(
         lambda x: problem.residual(x * scale),
         np.clip(start, low, high) / scale,
@@ -215,7 +212,7 @@ def _summarise_refinement(
     """Return what a fit came to; residual and shares of the model are those before."""
     after = problem.nrmse(found)
     lasting = problem.parameters[: problem.n_shared]
-    scale = np.array([parameter.scale for parameter in lasting])
+    scale = problem.table[1][: problem.n_shared]
     physical = problem.covariance(found)
     covariance = physical / np.outer(scale, scale)
     errors = np.sqrt(np.diag(physical))
@@ -236,7 +233,7 @@ def _summarise_refinement(
     what = "coefficients and elements" if model.elements else "coefficients"
     reason = (
         f"{what} refined on the simulated response of {count} run(s): NRMSE "
-        f"{100 * _pool_nrmse(before):.3f} % before, {100 * _pool_nrmse(after):.3f} % after"
+        f"{100 * rms(list(before.values())):.3f} % before, {100 * rms(list(after.values())):.3f} % after"
     )
     if without_negative_friction(model) is not model:
         reason += "; negative Coulomb friction, which cannot be simulated, was started from zero"
@@ -254,10 +251,6 @@ def _summarise_refinement(
         undetermined=undetermined_directions(lasting, covariance),
         misfit=float(np.sum(problem.residual(found) ** 2)),
     )
-
-
-def _pool_nrmse(values: dict[str, float]) -> float:
-    return float(np.sqrt(np.mean(np.square(list(values.values())))))
 
 
 def _without_stale(before: JointModel, after: JointModel) -> JointModel:

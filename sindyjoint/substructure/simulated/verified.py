@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import scipy
@@ -65,110 +64,70 @@ class MeasuredRun:
 
     Parameters
     ----------
-    test : RigTest
-    recovery : Recovery
+    run : RigRun
+    repeats : bool
+    signals : ndarray, shape (sensors, samples)
+        What is compared of the sensors, without their mean, which accelerometers do not see.
+    noise : ndarray, shape (sensors,)
+        RMS of what does not repeat; of a run that does not of what was declared or measured.
+    highest : float
+        Up to which frequency it is compared, Hz.
+    simulate : callable
+        Returns what the run shows of a structure whose joints have their laws; raises SimulationError.
     """
 
-    test: RigTest
-    recovery: Recovery
-
-    @property
-    def run(self) -> RigRun:
-        """What was recorded."""
-        return self.recovery.run
-
-    @property
-    def repeats(self) -> bool:
-        """Whether its drive does."""
-        return self.recovery.spectra.repeats
-
-    @cached_property
-    def signals(self) -> Array:
-        """What is compared of the sensors, without their mean, which accelerometers do not see, (sensors, samples)."""
-        if not self.repeats:
-            return self._in_band(self.run.responses)
-        spectra = self.recovery.spectra
-        shown = self.run.responses[:, spectra.first :]
-        above = spectra.amplitudes[1:].copy()
-        above[:, : self._steady.measured.shape[1]] = 0.0
-        left = shown - _series(above, self._steady.omega, np.arange(shown.shape[1]) / self.run.sample_rate)
-        return np.asarray(left - left.mean(axis=1, keepdims=True))
-
-    def _in_band(self, shown: Array) -> Array:
-        """Return signals without their mean and without what lies above the band of the recovery."""
-        parts = scipy.fft.dct(shown, norm="ortho", axis=1)
-        parts[:, 0] = 0.0
-        parts[:, int(2 * LIMITS.band * shown.shape[1]) :] = 0.0
-        return np.asarray(scipy.fft.idct(parts, norm="ortho", axis=1))
-
-    @property
-    def highest(self) -> float:
-        """Up to which frequency it is compared, Hz."""
-        if not self.repeats:
-            return LIMITS.band * self.run.sample_rate
-        return self._steady.measured.shape[1] * self.recovery.spectra.frequency
-
-    @property
-    def left_out(self) -> Array:
-        """Of each sensor the share of its RMS that lies above, shape (sensors,)."""
-        whole = self.run.responses[:, (self.run.drive.size - self.time.size) :].std(axis=1)
-        return np.asarray(np.sqrt(np.clip(1 - (self.signals.std(axis=1) / whole) ** 2, 0, None)))
+    run: RigRun
+    repeats: bool
+    signals: Array
+    noise: Array
+    highest: float
+    simulate: Callable[[Structure], Motion]
 
     @property
     def time(self) -> Array:
         """s, shape (samples,)."""
         return np.arange(self.signals.shape[1]) / self.run.sample_rate
 
-    @cached_property
-    def noise(self) -> Array:
-        """RMS of what does not repeat; of a run that does not of what was declared or measured, shape (sensors,)."""
-        spectra = self.recovery.spectra
-        if not self.repeats:
-            return np.asarray(np.sqrt(spectra.variance[1:, 0] * (self.run.drive.size - 1) / 2))
-        compared = spectra.amplitudes[1:, : self._steady.measured.shape[1]]
-        return np.array([rms(row) for row in self.signals - _series(compared, self._steady.omega, self.time)])
 
-    @cached_property
-    def _steady(self) -> SteadyRun:
-        return SteadyRun.of(self.test, self.recovery)
+def _steady_run(test: RigTest, recovery: Recovery) -> MeasuredRun:
+    """Return a run that repeats, by its harmonics."""
+    run, spectra, steady = recovery.run, recovery.spectra, SteadyRun.of(test, recovery)
+    count, shown = steady.measured.shape[1], run.responses[:, spectra.first :]
+    time = np.arange(shown.shape[1]) / run.sample_rate
+    above = spectra.amplitudes[1:].copy()
+    above[:, :count] = 0.0
+    left = shown - _series(above, steady.omega, time)
+    signals = left - left.mean(axis=1, keepdims=True)
+    unexplained = signals - _series(spectra.amplitudes[1:, :count], steady.omega, time)
 
-    @cached_property
-    def _segments(self) -> SegmentedRun:
-        return SegmentedRun.of(self.test, self.recovery)
+    def simulate(structure: Structure) -> Motion:
+        answer = steady.answer(steady.balance(structure, [hinge.law for hinge in structure.hinges]))
+        angles = steady.angles(answer)[:, 1:]
+        rates = 1j * steady.omega * np.arange(1, angles.shape[1] + 1) * angles
+        return Motion(*(_series(each, steady.omega, time) for each in (answer.shown, angles, rates)))
 
-    def simulate(self, structure: Structure) -> Motion:
-        """Return what the run shows of a structure whose joints have their laws.
+    noise = np.array([rms(row) for row in unexplained])
+    return MeasuredRun(run, True, signals, noise, count * spectra.frequency, simulate)
 
-        Raises
-        ------
-        SimulationError
-        """
-        if self.repeats:
-            return self._simulate_steady(structure)
-        return self._simulate_record(structure)
 
-    def _simulate_steady(self, structure: Structure) -> Motion:
-        run = self._steady
-        answer = run.answer(run.balance(structure, [hinge.law for hinge in structure.hinges]))
-        angles = run.angles(answer)[:, 1:]
-        rates = 1j * run.omega * np.arange(1, angles.shape[1] + 1) * angles
-        return Motion(
-            *(_series(amplitudes, run.omega, self.time) for amplitudes in (answer.shown, angles, rates))
-        )
+def _recorded_run(test: RigTest, recovery: Recovery) -> MeasuredRun:
+    """Return a run that does not repeat, within the band of the recovery and without its mean."""
+    run, segments = recovery.run, SegmentedRun.of(test, recovery)
 
-    def _simulate_record(self, structure: Structure) -> Motion:
-        run = self._segments
-        reduced = run.reduced(structure, [hinge.law for hinge in structure.hinges])
-        shown, q, v = run.from_standstill(reduced)
-        joints = slice(0, structure.n_joints)
-        inside = slice(None, OVERSAMPLING * self.time.size, OVERSAMPLING)
-        return Motion(self._in_band(shown), q.T[joints, inside], v.T[joints, inside])
+    def in_band(shown: Array) -> Array:
+        parts = scipy.fft.dct(shown, norm="ortho", axis=1)
+        parts[:, 0] = 0.0
+        parts[:, int(2 * LIMITS.band * shown.shape[1]) :] = 0.0
+        return np.asarray(scipy.fft.idct(parts, norm="ortho", axis=1))
 
-    @property
-    def at_rest(self) -> bool:
-        """Whether it begins so; a run that repeats need not."""
-        begins = self.run.responses[:, 0] / self.run.responses.std(axis=1)
-        return self.repeats or rms(begins) < AT_REST
+    def simulate(structure: Structure) -> Motion:
+        reduced = segments.reduced(structure, [hinge.law for hinge in structure.hinges])
+        shown, q, v = segments.from_standstill(reduced)
+        inside = slice(structure.n_joints), slice(None, OVERSAMPLING * run.drive.size, OVERSAMPLING)
+        return Motion(in_band(shown), q.T[inside], v.T[inside])
+
+    noise = np.sqrt(recovery.spectra.variance[1:, 0] * (run.drive.size - 1) / 2)
+    return MeasuredRun(run, False, in_band(run.responses), noise, LIMITS.band * run.sample_rate, simulate)
 
 
 def verify_runs(
@@ -208,12 +167,15 @@ def verify_runs(
     beyond: list[str] = []
     for number, run in enumerate(chosen, 1):
         say(f"simulating runs: {number} of {len(chosen)}")
-        measured = MeasuredRun(test, recover(test, run))
-        if not measured.at_rest:
+        recovery = recover(test, run)
+        measured = (_steady_run if recovery.spectra.repeats else _recorded_run)(test, recovery)
+        begins = rms(run.responses[:, 0] / run.responses.std(axis=1)) < AT_REST
+        if not (measured.repeats or begins):
             warnings.append(
                 f"{run.name}: simulated from standstill, and it does not begin there: begin the record before the drive"
             )
-        share = measured.left_out
+        whole = run.responses[:, run.drive.size - measured.time.size :].std(axis=1)
+        share = np.sqrt(np.clip(1 - (measured.signals.std(axis=1) / whole) ** 2, 0, None))
         if measured.repeats and share.max() > SMALL:
             worst = test.sensors[int(np.argmax(share))].name
             warnings.append(
@@ -231,7 +193,7 @@ def verify_runs(
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
         bands = [attempted(measured.simulate, other)[0] for other in draws if motion is not None]
-        entries += (replace(e, seen=seen[run.name]) for e in _entries(measured, motion, bands, failure))
+        entries += (replace(e, seen=seen[run.name]) for e in _entries(test, measured, motion, bands, failure))
     result = judged(models[0], "rig", test.name, settings.tolerance, entries, warnings)
     return replace(result, beside=tuple(models[1:]), beyond_range=tuple(beyond))
 
@@ -243,10 +205,10 @@ def _has_seen(models: Sequence[JointModel], run: RigRun) -> bool | None:
 
 
 def _entries(
-    measured: MeasuredRun, motion: Motion | None, drawn: Sequence[Motion | None], failure: str
+    test: RigTest, measured: MeasuredRun, motion: Motion | None, drawn: Sequence[Motion | None], failure: str
 ) -> Iterator[RunVerification]:
     run = measured.run
-    for place, (sensor, signal) in enumerate(zip(measured.test.sensors, measured.signals, strict=True)):
+    for place, (sensor, signal) in enumerate(zip(test.sensors, measured.signals, strict=True)):
         simulated = None if motion is None else motion.shown[place]
         band: Band | None = band_of([None if one is None else one.shown[place] for one in drawn])
         # An acceleration has turning points at every corner; a steady motion has one amplitude and one period.
