@@ -31,7 +31,6 @@ from sindyjoint.export.fidelity import (
     words_of,
 )
 from sindyjoint.export.parts import RAMP, Curve, Parts
-from sindyjoint.numeric import Array
 
 POINTS = 41
 NAME = "sindyjoint_elements"
@@ -109,33 +108,16 @@ def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) ->
 
 
 def _script(model: JointModel, parts: Parts, curve: Curve, rates: Curve | None, threshold: float) -> str:
-    unit = words_of(model)
-    quantity = "torque" if model.joint.motion == "rotation" else "force"
-    name = ascii_line(model.joint.name).replace("'", "''")
-    lines = ["joint = struct();", f"joint.name = '{name}';"]
-    rate = f"{unit.angle_unit}/s"
-    vectors = [("spring", "deformation", unit.angle_unit, curve)] if parts.elastic else []
-    vectors += [] if rates is None else [("damper", "velocity", rate, rates)]
-    for block, along, own, table in vectors:
-        meaning = "block parameter: vector of"
-        lines += _vector(f"joint.{block}.{along}", table.x, f"{own}, {meaning} {VECTORS[along]}")
-        lines += _vector(f"joint.{block}.{quantity}", table.y, f"{unit.moment_unit}, {meaning} {quantity}s")
-    if parts.friction > 0 or parts.damping > 0:
-        friction, damping = max(parts.friction, 0.0), max(parts.damping, 0.0)
-        breakaway = 10 * threshold  # the block takes a tenth of it as the threshold of its Coulomb part
-        lines += [
-            f"joint.friction.breakaway_{quantity} = {number(friction)};  % {unit.moment_unit}",
-            f"joint.friction.breakaway_velocity = {number(breakaway)};  % {unit.angle_unit}/s",
-            f"joint.friction.coulomb_{quantity} = {number(friction)};  % {unit.moment_unit}",
-            f"joint.friction.viscous_coefficient = {number(damping)};  % {unit.damping_unit}",
-        ]
-    return "\n".join(lines) + "\n"
-
-
-def _vector(name: str, values: Array, meaning: str) -> list[str]:
-    texts = [number(value) for value in values]
-    rows = [", ".join(texts[i : i + 5]) for i in range(0, len(texts), 5)]
-    return [f"{name} = [ ...  % {meaning}", *(f"    {row}, ..." for row in rows[:-1]), f"    {rows[-1]}];"]
+    words = words_of(model)
+    vectors = [("spring", "deformation", words.angle_unit, curve)] if parts.elastic else []
+    vectors += [] if rates is None else [("damper", "velocity", f"{words.angle_unit}/s", rates)]
+    return filled_in(
+        "joint.m.j2", words=words, vectors=vectors, plural=VECTORS,
+        name=ascii_line(model.joint.name).replace("'", "''"),
+        quantity="torque" if model.joint.motion == "rotation" else "force", friction=max(parts.friction, 0.0),
+        damping=max(parts.damping, 0.0),
+        breakaway=10 * threshold,  # the block takes a tenth of it as the threshold of its Coulomb part
+    )  # fmt: skip
 
 
 class SimscapePrinter(StrPrinter):

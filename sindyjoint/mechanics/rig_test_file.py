@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,6 +48,7 @@ from sindyjoint.numeric import Array
 
 #: In the place of a law that is sought; its numbers are never used.
 UNKNOWN = PaperLaw(k1=1.0, name="unknown")
+LAWS: dict[str, Law] = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
 MOST_FREEDOMS = 2000
 # Records of one pulse have one rate, to this.
 SAME_RATE = 1e-6
@@ -74,13 +75,11 @@ def load_rig_test(rig: str | Path) -> RigTest:
         In one line that names file and field.
     """
     path, given = read_rig_file(rig)
-
-    laws = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
     with naming_file(path):
         files = [table for table in given.run if table.file is not None]
         if not files and given.pulse is not None and given.measured:
-            return _pulse_test(given, path, laws)
-        test = _build_test(given, path, laws)
+            return _pulse_test(given, path)
+        test = _build_test(given, path, LAWS)
         if not files:
             raise InputError(
                 "no [[run]] has a file and no [[measured]] stands beside a [pulse]; expected a record, or a virtual "
@@ -100,9 +99,8 @@ def load_rig_structure(rig: str | Path) -> RigTest:
         In one line that names file and field.
     """
     path, given = read_rig_file(rig)
-    laws = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
     with naming_file(path):
-        return _build_test(given, path, laws)
+        return _build_test(given, path, LAWS)
 
 
 def has_pulse(rig: str | Path) -> bool:
@@ -162,7 +160,10 @@ def _build_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
     else:
         structure, kinds, uncertain, chain = _chain(given, laws, stations)
         motion = "rotation"
-    sensors = tuple(_sensor(table, number) for number, table in enumerate(given.sensor, 1))
+    sensors = tuple(
+        Sensor(str(each.column), _point(each.point), each.quantity, _noise(each, f"[[sensor]] {number}"))
+        for number, each in enumerate(given.sensor, 1)
+    )
     at = BASE if shaken else _point(given.drive.point)
     noise = _noise(given.drive, "[drive]")
     return RigTest(
@@ -266,19 +267,13 @@ def _point(place: str | StationTable) -> str:
     return place if isinstance(place, str) else f"{place.beam} at {place.at}"
 
 
-def _sensor(table: SensorTable, number: int) -> Sensor:
-    return Sensor(
-        str(table.column), _point(table.point), table.quantity, _noise(table, f"[[sensor]] {number}")
-    )
-
-
 def _noise(table: SensorTable | DriveTable, where: str) -> float | None:
     return (
         None if table.noise is None else parse_quantity(table.noise, UNITS[table.quantity], f"{where} noise")
     )
 
 
-def _pulse_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
+def _pulse_test(given: RigFile, path: Path) -> RigTest:
     """Return the test of a rig whose only run is its pulse, with the displacements that were measured after it.
 
     Each sample of the force is its mean over the time that it stands for, which keeps impulse and centre of a pulse
@@ -297,24 +292,21 @@ def _pulse_test(given: RigFile, path: Path, laws: Mapping[str, Law]) -> RigTest:
     time = np.arange(n) / rate
     force = build_excitation(given.pulse, path).mean(time - 0.5 / rate, time + 0.5 / rate)
     relative = max(given.pulse.uncertainty, PULSE_KNOWN_TO)
-    names = _different([record.point for record in records])
+    # Records at one point are told apart by a number.
+    points = [record.point for record in records]
+    again = [points[:index].count(point) for index, point in enumerate(points)]
     sensors = [
-        SensorTable(column=name, quantity="displacement", unit="m", point=record.point)
-        for name, record in zip(names, records, strict=True)
+        SensorTable(
+            column=f"{point} ({n + 1})" if n else point, quantity="displacement", unit="m", point=point
+        )
+        for point, n in zip(points, again, strict=True)
     ]
     drive = DriveTable(point=given.pulse.point)
-    test = _build_test(given.model_copy(update={"sensor": sensors, "drive": drive}), path, laws)
+    test = _build_test(given.model_copy(update={"sensor": sensors, "drive": drive}), path, LAWS)
     run = RigRun("pulse", force, np.array([record.displacement[:n] for record in records]), rate)
     # White noise by which the strongest line of the force is known as it is.
     noise = relative * float(np.abs(np.fft.rfft(force)).max()) * np.sqrt(2 / n)
     return replace(test, runs=(run,), drive_noise=noise)
-
-
-def _different(names: Sequence[str]) -> list[str]:
-    return [
-        name if name not in names[:index] else f"{name} ({names[:index].count(name) + 1})"
-        for index, name in enumerate(names)
-    ]
 
 
 def _drive_of(table: RunTable, number: int, drive: DriveTable) -> Drive:

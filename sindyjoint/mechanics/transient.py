@@ -138,13 +138,8 @@ def respond(
     reduced = craig_bampton(structure, [at, *points], modes)
     stepper = Stepper(reduced, reduced.point(at).copy(), 1 / (sample_rate * parts))
     record = _Record(stepper, excitation, round(duration * sample_rate) * parts)
-    bounds = _softening_bounds(reduced) if limits else np.full((reduced.n_joints, 2), [-np.inf, np.inf])
-    events = _advance(stepper, excitation, record, bounds)
+    events = _advance(stepper, excitation, record, limits is not None)
     return _collect_response(stepper, points, parts, record, events)
-
-
-def _softening_bounds(structure: Structure) -> Array:
-    return np.array([hinge.law.softening_limit for hinge in structure.hinges], dtype=np.float64)
 
 
 #: Coordinates of a reduced structure, their rates, and the internal states of its joints, at one instant or several.
@@ -171,7 +166,7 @@ def trajectory(
     record = _Record(stepper, excitation, round(duration * sample_rate))
     if initial is not None:
         record.q[0], record.v[0], record.z[0] = initial
-    _advance(stepper, excitation, record, _softening_bounds(reduced))
+    _advance(stepper, excitation, record)
     return record.q, record.v, record.z
 
 
@@ -192,11 +187,12 @@ class _Record:
         self.work = np.zeros((2, joints, 2))
 
 
-def _advance(stepper: Stepper, excitation: Excitation, record: _Record, bounds: Array) -> int:
+def _advance(stepper: Stepper, excitation: Excitation, record: _Record, limited: bool = True) -> int:
     """Fill the record from its first row on; return the number of events."""
     grid, q, v, z = record.grid, record.q, record.v, record.z
     hinges, joints, last = stepper.structure.hinges, stepper.structure.n_joints, len(grid) - 1
-    direction = np.sign(v[0, :joints])
+    ends = [hinge.law.softening_limit if limited else (-np.inf, np.inf) for hinge in hinges]
+    bounds, direction = np.array(ends, dtype=np.float64).reshape(-1, 2), np.sign(v[0, :joints])
     still = direction == 0
     start = stepper.moments(direction, record.force[0], q[0], v[0], z[0])
     direction[still] = [side_of(row) for row in start[still]]

@@ -128,17 +128,14 @@ class SimulatedRun:
         simulated = self.simulated_response
         if simulated is None:
             return float("nan")
-        if self.states.method == "path" or self._prescribed_once:
+        once = self.drive == "motion" and self.states.method == "broadband" and self.inertia > 0
+        if self.states.method == "path" or once:
             # At a reversal a mean over both branches is no moment of either; friction jumps there, and noise says when.
             return self.moment_nrmse
         error = simulated - self.measured_response
         if self.drive == "motion":
             error = error[self._slides]
         return rms(error) / self.response_scale
-
-    @property
-    def _prescribed_once(self) -> bool:
-        return self.drive == "motion" and self.states.method == "broadband" and self.inertia > 0
 
     @property
     def moment_nrmse(self) -> float:

@@ -172,7 +172,8 @@ def law_errors(
         seen = kept_of(source.recovery, source.joint)
         seen[part.orders - 1] = False
         angle.append(np.sqrt(of_slow + np.sum(source.recovery.standard_error[source.joint, seen] ** 2)))
-    would_be = beyond.T @ _weighted(rows) / unique
+    weighted = np.concatenate([np.sqrt(w) * r for w, r in zip(rows.weights, rows.residual, strict=True)])
+    would_be = beyond.T @ weighted / unique
     would_leave = (left - would_be**2 * unique) / expected
     spread = np.sqrt(np.diag(_covariance(sources, of_others)) * np.maximum(would_leave, 1.0))
     ratios = np.divide(would_be, spread, out=np.zeros_like(spread), where=spread > 0)
@@ -188,10 +189,6 @@ def _size(rows: LawRows, sources: Sequence[Source]) -> float:
     """Return the norm of the weighted moment of the rows."""
     moments = (source.states.moment[kept] for source, kept in zip(sources, rows.kept, strict=True))
     return float(np.sqrt(sum(w * np.sum(m**2) for w, m in zip(rows.weights, moments, strict=True))))
-
-
-def _weighted(rows: LawRows) -> Array:
-    return np.concatenate([np.sqrt(w) * left for w, left in zip(rows.weights, rows.residual, strict=True)])
 
 
 def _rows(recovery: Recovery, joint: int) -> list[int]:

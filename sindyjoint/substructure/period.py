@@ -37,19 +37,11 @@ def analysis(harmonics: int, samples: int) -> Array:
 
 
 @lru_cache(maxsize=16)
-def differentiation(harmonics: int) -> Array:
-    """Return the matrix of d/dτ on coefficients, shape (2H + 1, 2H + 1)."""
-    matrix = np.zeros((2 * harmonics + 1, 2 * harmonics + 1))
-    for h in range(1, harmonics + 1):
-        matrix[2 * h - 1, 2 * h], matrix[2 * h, 2 * h - 1] = h, -h
-    matrix.flags.writeable = False
-    return matrix
-
-
-@lru_cache(maxsize=16)
 def rates(harmonics: int, samples: int) -> Array:
     """Return the matrix that gives samples of dx/dτ, shape (samples, 2H + 1)."""
-    matrix = synthesis(harmonics, samples) @ differentiation(harmonics)
+    whole, orders = synthesis(harmonics, samples), np.arange(1, harmonics + 1)
+    matrix = np.zeros_like(whole)
+    matrix[:, 1::2], matrix[:, 2::2] = -orders * whole[:, 2::2], orders * whole[:, 1::2]
     matrix.flags.writeable = False
     return matrix
 

@@ -62,13 +62,8 @@ class Explained(NamedTuple):
     ratio: float
 
 
-class Told(NamedTuple):
-    """What is said of a channel at fault."""
-
-    id: str
-    severity: Severity
-    extent: str
-    remedy: str
+#: What is said of a channel at fault: id, severity, extent and remedy of its finding.
+Told = tuple[str, Severity, str, str]
 
 
 def with_assumed_numbers(test: RigTest) -> RigTest:
@@ -238,13 +233,12 @@ def _describe(
     better = f"agree {found.ratio**-0.5:.3g} times better"
     if found.kind == "swapped":
         extent = f"{said[0]} and {said[1]} are in each other's place: the channels then {better}"
-        told: Told | None = Told(
-            "swapped_channels", "stops", extent, "exchange their columns or their points in [[sensor]]"
-        )
+        remedy = "exchange their columns or their points in [[sensor]]"
+        told: Told | None = ("swapped_channels", "stops", extent, remedy)
     elif found.kind == "left_out":
         extent = f"without the {said[0]} all others {better}, and no gain, sign or delay of it explains that"
         remedy = "look at its place and direction, and at how it is mounted; or leave it out"
-        told = Told("sensors_disagree", severity, extent, remedy)
+        told = ("sensors_disagree", severity, extent, remedy)
     else:
         told = _tell_fault(found, said[0], severity, main, certain)
     if told is not None:
@@ -254,7 +248,8 @@ def _describe(
             "k1, k3, c1 and M_F"
         )
         channel = names[found.channels[0]]
-        yield Finding(told.id, run, channel, told.severity, told.extent, effect, told.remedy)
+        id, grade, extent, remedy = told
+        yield Finding(id, run, channel, grade, extent, effect, remedy)
 
 
 def _tell_fault(found: Explained, said: str, severity: Severity, main: float, certain: bool) -> Told | None:
@@ -269,11 +264,11 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
     if abs(fault.gain) < POLICY.changed:
         shown = 100 * max(abs(fault.gain), SMALLEST)
         extent = f"the {said} shows {shown:.2g} % of what the others predict: {agree}"
-        return Told("no_signal", "stops", extent, "check its cable, range and unit; leave it out")
+        return ("no_signal", "stops", extent, "check its cable, range and unit; leave it out")
     if fault.gain < 0:
         size = "" if off < POLICY.gain else f", times {abs(fault.gain):.4g}"
         extent = f"the {said} has the other sign than the others predict{size}: {agree}"
-        return Told("reversed_sign", "stops", extent, "turn its sign in the file, or leave it out")
+        return ("reversed_sign", "stops", extent, "turn its sign in the file, or leave it out")
     if off >= max(POLICY.gain, sure * errors[0]) and (off >= late or late < POLICY.bears):
         units = [f" (as {u})" for factor, u in UNITS.items() if abs(fault.gain / factor - 1) < POLICY.gain]
         extent = f"the {said} is {fault.gain:.4g} times what the others predict{''.join(units[:1])}: {agree}"
@@ -282,8 +277,8 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
             extent += (
                 ", or its part of the structure is another: with one sensor more than joints nothing tells"
             )
-            return Told("gain_differs", "note" if severity == "note" else "biases", extent, remedy)
-        return Told("gain_differs", "stops" if off > POLICY.unit else severity, extent, remedy)
+            return ("gain_differs", "note" if severity == "note" else "biases", extent, remedy)
+        return ("gain_differs", "stops" if off > POLICY.unit else severity, extent, remedy)
     if late < max(POLICY.bears, sure * errors[1] * turn):
         return None
     extent = (
@@ -291,7 +286,7 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
         f"predict ({np.degrees(late):.2g}° at {main:.3g} Hz): {agree}"
     )
     remedy = "record all channels with one clock and one filter; shift it in time, or leave it out"
-    return Told("channel_delay", severity, extent, remedy)
+    return ("channel_delay", severity, extent, remedy)
 
 
 def _size(values: Complex) -> Array:

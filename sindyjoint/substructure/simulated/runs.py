@@ -210,14 +210,14 @@ class SteadyRun:
             replace(structure, stiffness=structure.stiffness + elastic),
             replace(structure, loss=structure.loss + elastic),
         ):
-            other = answer.balance.with_structure(self.condensed(changed))
+            other = replace(answer.balance, condensed=self.condensed(changed))
             yield from self._by_harmonic(answer, other, first)
 
     def _by_harmonic(self, answer: Answer, other: Steady, first: float) -> Iterator[Complex]:
         """Yield what the sensors show where one harmonic alone is that of another structure."""
         balance = answer.balance
         off = (
-            (other.linear - balance.linear) @ answer.angles
+            (other.condensed.linear - balance.condensed.linear) @ answer.angles
             - other.load(self.drive)
             + balance.load(self.drive)
         )

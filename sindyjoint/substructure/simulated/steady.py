@@ -120,23 +120,14 @@ class Steady:
         """Return the same structure under another drive."""
         return replace(self, drive=drive)
 
-    def with_structure(self, condensed: Condensed) -> Steady:
-        """Return the same joints in another structure."""
-        return replace(self, condensed=condensed)
-
-    @property
-    def linear(self) -> Array:
-        """The condensed structure on the coefficients of all angles, shape (size, size)."""
-        return self.condensed.linear
-
     def load(self, drive: Complex) -> Array:
         """Return the loads of a drive on the joints as coefficients, shape (size,)."""
         return np.ravel(coefficients(self.condensed.load.T * drive))
 
     def residual(self, angles: Array, slopes: bool = True) -> tuple[Array, Array]:
         """Return what is out of balance, N·m, and its derivatives by the coefficients of the angles, shape (size,)."""
-        jacobian = self.linear.copy() if slopes else self.linear
-        out = self.linear @ angles - self.load(self.drive)
+        linear = self.condensed.linear
+        out, jacobian = linear @ angles - self.load(self.drive), linear.copy() if slopes else linear
         each = angles.reshape(len(self.laws), -1)
         add_joint_moments(out, jacobian, each, self.laws, self.omega, self.hold, slopes)
         return out, jacobian
