@@ -15,13 +15,14 @@ import numpy as np
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
-from sindyjoint.export.elements import Gap, Kind, Maxwell, Slider, written_as
-from sindyjoint.export.fidelity import Cycles, comment, fidelity_table, preamble, words_of
+from sindyjoint.export.elements import Gap, Maxwell, Slider, written_as
+from sindyjoint.export.fidelity import Cycles, comment, fidelity_table, filled_in, preamble, words_of
 from sindyjoint.export.parts import GIVE, Curve, Parts, total
 
 POINTS = 41
 # Numbers that a model rarely uses; the notes say to change them where they are taken.
-ELEMENT, DAMPER, TABLE_ELASTIC, TABLE_RATE, STILL, RELATIVE, SET, FAR, FIRST = range(900001, 900010)
+NUMBERS = "element damper table_elastic table_rate still relative set far first".split()
+AT = dict(zip(NUMBERS, range(900001, 900010), strict=True))
 NODES = (1, 2)
 WAYS = {
     Maxwell: "CELAS2 and CDAMP2, a scalar point between",
@@ -65,14 +66,14 @@ def export(model: JointModel) -> Export:
     tied = rotation and bool(tabulated) or any(not isinstance(kind, Maxwell) for _, kind in added)
     rows = fidelity_table(model, cycles, carried, whole)
     notes = (
-        f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {ELEMENT} on; the joint's "
-        f"axis is the basic {'z' if rotation else 'x'} axis (CID 0)",
+        f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {AT['element']} on; the "
+        f"joint's axis is the basic {'z' if rotation else 'x'} axis (CID 0)",
         "tables act in nonlinear solutions only (SOL 129, 400); linear ones see the stiffness at "
         "standstill and the damping",
         *(
             (
-                f"case control: MPC = {SET}; it makes the x displacement of grid point {RELATIVE} the relative "
-                + ("rotation, 1 m for 1 rad" if rotation else "displacement"),
+                f"case control: MPC = {AT['set']}; it makes the x displacement of grid point {AT['relative']} the "
+                + ("relative rotation, 1 m for 1 rad" if rotation else "relative displacement"),
             )
             if tied
             else ()
@@ -81,9 +82,18 @@ def export(model: JointModel) -> Export:
         *lumped.inertia_note(model),
     )
     text = comment(preamble(model, "Nastran", rows, notes), "$", width=72)
-    cards = _deck(rotation, parts, curve, rates if tabulated else None, tied)
-    cards += _hysteresis([kind for _, kind in added], 6 if rotation else 1, GIVE * model.fitted.angle)
-    return Export("nastran", {"joint.bdf": text + "".join(f"{card}\n" for card in cards)}, rows, notes)
+    step, kinds = 1e-6 * model.fitted.angle, [kind for _, kind in added]
+    low, high = total(parts.elastic, np.array([-step, step]), 0.0)
+    deck = filled_in(
+        "nastran.bdf.j2", at=AT, nodes=NODES, field=field, fields=_fields, rounded=_rounded, rotation=rotation, tied=tied,
+        stiffness=float(high - low) / (2 * step), damping=parts.damping, curve=curve,
+        rates=rates if tabulated else None, stick=GIVE * model.fitted.angle,
+        sliders=[kind for kind in kinds if isinstance(kind, Slider)],
+        gaps=[kind for kind in kinds if isinstance(kind, Gap)],
+        branches=[kind for kind in kinds if isinstance(kind, Maxwell)],
+    )  # fmt: skip
+    text += "".join(f"{_card(*line.split(','))}\n" for line in deck.splitlines())
+    return Export("nastran", {"joint.bdf": text}, rows, notes)
 
 
 def field(value: float) -> str:
@@ -111,9 +121,13 @@ def _rounded(curve: Curve) -> Curve:
     return Curve(*(np.array([read_field(field(v)) for v in values]) for values in (curve.x, curve.y)))
 
 
-def _card(name: str, *fields: object) -> str:
+def _fields(curve: Curve) -> str:
+    return ",".join(map(field, curve.flat))
+
+
+def _card(name: str, *fields: str) -> str:
     """Write a card in large format: sixteen characters per field, four fields per line."""
-    texts = ["" if f is None else field(f) if isinstance(f, float) else str(f) for f in fields]
+    texts = list(fields)
     while texts and not texts[-1]:
         texts.pop()
     rows = [texts[i : i + 4] for i in range(0, len(texts), 4)]
@@ -125,81 +139,3 @@ def _card(name: str, *fields: object) -> str:
         for start, row in zip(starts, rows, strict=True)
     ]
     return "\n".join(line.rstrip() for line in lines)
-
-
-def _table(number: int, curve: Curve) -> str:
-    return _card("TABLED1", number, *[None] * 7, *curve.flat, "ENDT")
-
-
-def _hysteresis(kinds: list[Kind], component: int, stick: float) -> list[str]:
-    """Return pairs of spring and slider, gaps in series with sliders, and Maxwell branches."""
-    count = iter(range(FIRST, 10**8))
-    cards = []
-    if any(not isinstance(kind, Maxwell) for kind in kinds):
-        cards.append(_card("GRID", FAR, None, -1.0, 0.0, 0.0, None, 123456))
-    for kind in kinds:
-        if isinstance(kind, Slider):
-            cards += _rod(next(count), RELATIVE, kind.stiffness, kind.stiffness * kind.deflection)
-    for kind in kinds:
-        if isinstance(kind, Gap):
-            point, spring = next(count), next(count)
-            cards.append(_card("GRID", point, None, 0.0, 0.0, 0.0, None, 23456))
-            cards += _rod(next(count), point, kind.moment / stick, kind.moment)
-            cards += [
-                _card("CBUSH1D", spring, spring, point, RELATIVE, 0),
-                _card("PBUSH1D", spring, kind.moment / kind.ramp, *[None] * 6, "SPRING", "TABLE", spring),
-                _table(spring, _rounded(kind.curve())),
-            ]
-    for kind in kinds:
-        if isinstance(kind, Maxwell):
-            point, spring, damper = next(count), next(count), next(count)
-            cards += [
-                _card("SPOINT", point),
-                _card("CELAS2", spring, kind.stiffness, NODES[0], component, point),
-                _card("CDAMP2", damper, kind.stiffness * kind.time, point, None, NODES[1], component),
-            ]
-    return cards
-
-
-def _rod(number: int, point: int, stiffness: float, limit: float) -> list[str]:
-    """Return a rod of length and area 1: its strain is the motion of its end, its stress the moment."""
-    return [
-        _card("CROD", number, number, FAR, point),
-        _card("PROD", number, number, 1.0),
-        _card("MAT1", number, stiffness, None, 0.3),
-        _card("MATS1", number, None, "PLASTIC", 0.0, 1, 1, limit),
-    ]
-
-
-def _deck(rotation: bool, parts: Parts, curve: Curve, rates: Curve | None, tied: bool) -> list[str]:
-    step, none = 1e-6 * parts.model.fitted.angle, [None] * 5
-    low, high = total(parts.elastic, np.array([-step, step]), 0.0)
-    stiffness = float(high - low) / (2 * step)
-    damper = [] if rates is None else ["DAMPER", "TABLE", TABLE_RATE]
-    if rotation:
-        cards = [
-            _card("CBUSH", ELEMENT, ELEMENT, *NODES, None, None, None, 0),
-            _card("PBUSH", ELEMENT, "K", *none, stiffness, None, "B", *none, parts.damping),
-            _card("PBUSHT", ELEMENT, "KN", *none, TABLE_ELASTIC),
-        ]
-        if rates is not None:
-            cards += [
-                _card("GRID", STILL, None, 0.0, 0.0, 0.0, None, 123456),
-                _card("CBUSH1D", DAMPER, DAMPER, STILL, RELATIVE, 0),
-                _card("PBUSH1D", DAMPER, 0.0, *none, None, *damper),
-            ]
-    else:
-        linear, spring = parts.damping if rates is None else None, ["SPRING", "TABLE", TABLE_ELASTIC]
-        cards = [
-            _card("CBUSH1D", ELEMENT, ELEMENT, *NODES, 0),
-            _card("PBUSH1D", ELEMENT, stiffness, linear, *none, *spring, *none, *damper),
-        ]
-    if tied:
-        dof = 6 if rotation else 1
-        # Far side minus base's side: a force on it is a pair of moments on the two sides.
-        cards += [
-            _card("GRID", RELATIVE, None, 0.0, 0.0, 0.0, None, 23456),
-            _card("MPC", SET, RELATIVE, 1, 1.0, NODES[1], dof, -1.0, None, None, NODES[0], dof, 1.0),
-        ]
-    tables = [(TABLE_ELASTIC, curve), *([] if rates is None else [(TABLE_RATE, rates)])]
-    return cards + [_table(number, own) for number, own in tables]

@@ -6,6 +6,8 @@ a node of its own. Everything else is spring-slider pairs (ElasticPP) fitted to 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
+
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
@@ -60,17 +62,9 @@ def export(model: JointModel) -> Export:
             **rows_of_elements,
         },
     )
-    joint = _Joint(GIVE * model.fitted.angle)
-    if parts.elastic:
-        joint.table(curve)
-    if parts.damping:
-        joint.material("Elastic", 0.0, parts.damping)
-    for power in powers.values():
-        joint.material("Viscous", *power)
-    if parts.friction > 0:
-        joint.material("ElasticPP", parts.stuck_stiffness, joint.stick)
-    for _, kind in added:
-        joint.add(kind)
+    materials = list(_materials(parts, powers.values(), curve, [kind for _, kind in added]))
+    aside = [tag for tag, material in enumerate(materials) if material[2]]
+    parallel = [tag for tag in range(len(materials)) if tag not in aside]
     notes = (
         "import this file and call add_joint(ops, ...) after the two coincident nodes, with openseespy.opensees as ops",
         "steps short enough for the sliders: a hundredth of the shortest period or less",
@@ -79,55 +73,46 @@ def export(model: JointModel) -> Export:
         *lumped.inertia_note(model),
     )
     script = filled_in(
-        "opensees.py.j2",
-        materials=joint.materials,
-        parallel=joint.parallel,
-        joined=int(bool(joint.parallel)),
-        chains=joint.chains,
+        "opensees.py.j2", materials=[(kind, _values(values)) for kind, values, _ in materials], parallel=parallel,
+        joined=int(bool(parallel)), chains=list(zip(aside[::2], aside[1::2], strict=True)),
         direction=6 if model.joint.motion == "rotation" else 1,
-    )
+    )  # fmt: skip
     text = comment(preamble(model, "OpenSees", rows, notes), "#") + script
     return Export("opensees", {"joint_opensees.py": text}, rows, notes)
 
 
-class _Joint:
-    """What the script holds: materials, which of them are in parallel, and pairs of them with a node between."""
+Material = tuple[str, Sequence[float] | Curve, bool]
 
-    def __init__(self, stick: float):
-        self.stick = stick
-        self.materials: list[tuple[str, str]] = []
-        self.parallel: list[int] = []
-        self.chains: list[tuple[int, int]] = []
 
-    def material(self, kind: str, *values: float, aside: bool = False) -> int:
-        """Add a material; one ``aside`` is not among those in parallel."""
-        return self._add(kind, ", ".join(str(v) if isinstance(v, int) else number(v) for v in values), aside)
-
-    def table(self, curve: Curve, aside: bool = False) -> int:
-        """Add a table of moments over angles."""
-        x, y = (f"*[{', '.join(map(number, values))}]" for values in (curve.x, curve.y))
-        return self._add("ElasticMultiLinear", f'"-strain", {x}, "-stress", {y}', aside)
-
-    def _add(self, kind: str, values: str, aside: bool) -> int:
-        self.materials.append((kind, values))
-        tag = len(self.materials) - 1
-        self.parallel += [] if aside else [tag]
-        return tag
-
-    def add(self, kind: Kind) -> None:
-        """Add an element with internal states."""
+def _materials(
+    parts: Parts, powers: Iterable[tuple[float, float]], curve: Curve, kinds: Sequence[Kind]
+) -> Iterator[Material]:
+    """Yield the materials with their values, and whether one is aside of those in parallel: in a pair with a node."""
+    stick = GIVE * parts.model.fitted.angle
+    if parts.elastic:
+        yield "ElasticMultiLinear", curve, False
+    if parts.damping:
+        yield "Elastic", (0.0, parts.damping), False
+    yield from (("Viscous", power, False) for power in powers)
+    if parts.friction > 0:
+        yield "ElasticPP", (parts.stuck_stiffness, stick), False
+    for kind in kinds:
         if isinstance(kind, BoucWen):
             # Of the state as a share of its largest, so that its tolerance means something.
             size, scale = kind.deflection, kind.deflection ** (kind.n - 1)
-            self.material(
-                "BoucWen", 0.0, kind.stiffness * size, kind.n, kind.gamma * scale, kind.beta * scale, 1 / size,
-                0.0, 0.0, 0.0, TOLERANCE, ITERATIONS,
-            )  # fmt: skip
+            shape = (0.0, kind.stiffness * size, kind.n, kind.gamma * scale, kind.beta * scale, 1 / size)
+            yield "BoucWen", (*shape, 0.0, 0.0, 0.0, TOLERANCE, ITERATIONS), False
         elif isinstance(kind, Maxwell):
-            self.material("ViscousDamper", kind.stiffness, kind.stiffness * kind.time, 1.0)
+            yield "ViscousDamper", (kind.stiffness, kind.stiffness * kind.time, 1.0), False
         elif isinstance(kind, Gap):
-            spring = self.table(kind.curve(), aside=True)
-            slider = self.material("ElasticPP", kind.moment / self.stick, self.stick, aside=True)
-            self.chains.append((spring, slider))
+            yield "ElasticMultiLinear", kind.curve(), True
+            yield "ElasticPP", (kind.moment / stick, stick), True
         elif isinstance(kind, Slider):
-            self.material("ElasticPP", kind.stiffness, kind.deflection)
+            yield "ElasticPP", (kind.stiffness, kind.deflection), False
+
+
+def _values(values: Sequence[float] | Curve) -> str:
+    if isinstance(values, Curve):
+        x, y = (f"*[{', '.join(map(number, each))}]" for each in (values.x, values.y))
+        return f'"-strain", {x}, "-stress", {y}'
+    return ", ".join(str(v) if isinstance(v, int) else number(v) for v in values)
