@@ -7,7 +7,7 @@ COMBIN40, each a spring in series with a slider, or two elements with a node bet
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.export import Export
 from sindyjoint.export import fidelity as lumped
-from sindyjoint.export.elements import Gap, Kind, Maxwell, Slider, written_as
+from sindyjoint.export.elements import Gap, Maxwell, written_as
 from sindyjoint.export.fidelity import (
     Cycles,
     Represented,
@@ -74,8 +74,9 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
         *lumped.inertia_note(model),
     )
     text = comment(preamble(model, "ANSYS Mechanical APDL", rows, notes), "!")
-    deck = [*elements.deck(), *elements.hysteresis(added)]
-    text += filled_in("joint.inp.j2", elements=deck, dof=elements.dof)
+    text += filled_in(
+        "joint.inp.j2", e=elements, added=added, title=_title, slides=LIMIT, moment=words_of(model).moment
+    )
     files: dict[str, str | bytes] = {"joint.inp": text}
     if rotation:
         name, structure = rig_deck(model, rig)
@@ -96,6 +97,7 @@ class _Elements:
         self.springs = tuple(t for t in parts.elastic if t not in self.constants)
         theta = variable_symbols()[0]
         self.linear = bool(self.springs) and all(t.expression == theta for t in parts.elastic)
+        self.straight = sum(t.coefficient for t in self.springs) if self.linear else 0.0
         nodes = parts.elastic_nodes(POINTS)
         values, middle = total(self.springs, nodes, 0.0), nodes.size // 2
         offset = float(values[middle])  # COMBIN39 passes through the origin
@@ -134,7 +136,7 @@ class _Elements:
             if constant == LIMIT:
                 how = "COMBIN37, FSLIDE by C1*|CPAR|^C2; sticks as a stiff spring"
                 limit = term.coefficient * np.abs(cycles.angle) ** exponent
-                moment = cycles.slider(limit, self._stuck(term, exponent))
+                moment = cycles.slider(limit, self.stuck(term, exponent))
             rows[term.id] = Represented(how, moment)
         why = (
             f"no element has a {words.moment} of this form "
@@ -142,70 +144,13 @@ class _Elements:
         )
         return rows | lumped.left_out(self.remaining, why) | lumped.inertial_rows(self.parts)
 
-    def _stuck(self, term: ModelTerm, exponent: float) -> float:
+    def stuck(self, term: ModelTerm, exponent: float) -> float:
+        """Return the stiffness with which a term sticks, whose friction limit is a power of the angle."""
         return term.coefficient * self.parts.model.fitted.angle**exponent / self.stick
 
-    def deck(self) -> Iterator[Element]:
-        """Yield the elements for the terms."""
-        moment = words_of(self.parts.model).moment
-        if self.springs and self.rising and not self.linear:
-            yield Element("COMBIN39", self.curve.flat, f"elastic {moment}")
-        k2 = sum(t.coefficient for t in self.springs) if self.linear else 0.0
-        if self.friction or self.parts.viscous or self.linear:
-            k1, damping = self.parts.stuck_stiffness, self.parts.damping
-            # K1, C, M, GAP, FSLIDE, K2. K1 and K2 must not both be zero: then a spring too soft to matter stands in.
-            values = [k1, damping, 0.0, 0.0, self.friction, k2 if k1 or k2 else 1e-9 * abs(damping)]
-            yield Element("COMBIN40", values, "friction and viscous damping")
-        for term, exponent, control, constant in self.powers:
-            stiffness = self._stuck(term, exponent) if constant == LIMIT else 0.0
-            values = [stiffness, 0.0, 0.0, 0.0, 0.0, 0.0]  # STIF, DAMP, MASJ, ONVAL, OFFVAL, AFORCE
-            values += [0.0, 0.0, term.coefficient, exponent, 0.0, 0.0]  # MASI, START, C1, C2, C3, C4
-            # FSLIDE itself: nearly all of it comes from C1 and C2, but zero would take the slider away.
-            values += [1e-6 * stiffness * self.stick] if constant == LIMIT else []
-            keys = [(1, control), (2, self.dof), (3, self.dof), (6, constant)]
-            yield Element("COMBIN37", values, term.id, "JNTI,JNTJ,JNTI,JNTJ", keys)
-        if self.preload:
-            # STIF, DAMP, MASJ, ONVAL, OFFVAL, AFORCE
-            yield Element("COMBIN37", [0.0, 0.0, 0.0, 0.0, 0.0, self.preload], f"constant {moment}")
 
-    def hysteresis(self, added: Sequence[tuple[str, Kind]]) -> Iterator[Element]:
-        """Yield the elements of elements with internal states; of two in series the first makes the inner node."""
-        for what, kind in added:
-            if isinstance(kind, Slider):
-                limit = kind.stiffness * kind.deflection
-                yield Element("COMBIN40", [kind.stiffness, 0.0, 0.0, 0.0, limit, 0.0], what)
-        for what, kind in added:
-            if isinstance(kind, Maxwell):
-                first, second = [kind.stiffness, 0.0], [0.0, kind.stiffness * kind.time]
-                names = ("COMBIN14",) * 2
-            elif isinstance(kind, Gap):
-                first = [kind.moment / self.stick, 0.0, 0.0, 0.0, kind.moment, 0.0]
-                # A COMBIN39 must rise at zero: a millionth of the ramp's slope does.
-                second, names = kind.curve(1e-6).flat, ("COMBIN40", "COMBIN39")
-            else:
-                continue
-            yield Element(names[0], first, what, "JNTI,JNT_N", inner=True)
-            yield Element(names[1], second, what, "JNT_N,JNTJ")
-
-
-@dataclass(frozen=True)
-class Element:
-    """One element: its type, real constants, what it is, its nodes, and its KEYOPTs.
-
-    By default the KEYOPT that takes the degree of freedom; before one with an ``inner`` node that is made.
-    """
-
-    kind: str
-    values: Sequence[float]
-    what: str
-    nodes: str = "JNTI,JNTJ"
-    keys: Sequence[tuple[int, int]] = ()
-    inner: bool = False
-
-    @property
-    def title(self) -> str:
-        """What it is, as a comment."""
-        return comment([self.what], "!").rstrip()
+def _title(what: str) -> str:
+    return comment([what], "!").rstrip()
 
 
 # A beam is given to us as EI and mass per length; with this Young's modulus they become a section.
@@ -299,7 +244,7 @@ def _parts(items: Sequence[Beam | Hinge | LumpedMass], frequency: float) -> list
         for length in lengths:
             node, x = node + 1, x + length
             nodes.append((node, x))
-        title = comment([item.name], "!").rstrip()
+        title = _title(item.name)
         parts.append(
             {"item": item, "title": title, "number": count, "section": section, "nodes": nodes, "end": node}
         )

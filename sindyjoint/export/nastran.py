@@ -85,8 +85,8 @@ def export(model: JointModel) -> Export:
     step, kinds = 1e-6 * model.fitted.angle, [kind for _, kind in added]
     low, high = total(parts.elastic, np.array([-step, step]), 0.0)
     deck = filled_in(
-        "nastran.bdf.j2", at=AT, nodes=NODES, field=field, fields=_fields, rounded=_rounded, rotation=rotation, tied=tied,
-        stiffness=float(high - low) / (2 * step), damping=parts.damping, curve=curve,
+        "nastran.bdf.j2", at=AT, nodes=NODES, field=field, fields=_fields, rounded=_rounded, rotation=rotation,
+        tied=tied, stiffness=float(high - low) / (2 * step), damping=parts.damping, curve=curve,
         rates=rates if tabulated else None, stick=GIVE * model.fitted.angle,
         sliders=[kind for kind in kinds if isinstance(kind, Slider)],
         gaps=[kind for kind in kinds if isinstance(kind, Gap)],
