@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, chain
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law,
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.rigs import load_rig
-from sindyjoint.mechanics.structure import Hinge, LumpedMass, assemble
+from sindyjoint.mechanics.structure import Hinge, Item, assemble
 
 POINTS = 19  # a COMBIN39 holds twenty
 DEFAULT_RIG = "pulse-rig"
@@ -194,7 +195,7 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
     # A joint without stiffness, a drive say, makes a mechanism: its beams then have the damping of the locked rig.
     locked = not bool(np.all(structure.tangent_stiffness() > 0))
     frequency = float(structure.frequencies(1, locked=locked)[0])
-    parts = _parts(items, frequency)
+    parts = _parts(items)
     name = ascii_line(given.name)
     file = "".join(c if c.isalnum() else "-" for c in name.lower()).strip("-") or "rig"
     if file == "joint":
@@ -216,39 +217,28 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
         "rig.inp.j2",
         name=name, rig=given, parts=parts, points=points,
         clamp_stiffness=given.clamp_stiffness if np.isfinite(given.clamp_stiffness) else None,
-        youngs_modulus=YOUNGS_MODULUS, density=DENSITY, pulse=pulse_table(given.excitation, given.duration),
+        youngs_modulus=YOUNGS_MODULUS, density=DENSITY, 
+        omega=2 * np.pi * frequency, pulse=pulse_table(given.excitation, given.duration),
         every=max(round(1 / (given.sample_rate * given.step)), 1),
     )  # fmt: skip
     return f"{file}.inp", text + deck
 
 
-def _parts(items: Sequence[Beam | Hinge | LumpedMass], frequency: float) -> list[dict[str, Any]]:
+def _parts(items: Sequence[Item]) -> list[dict[str, Any]]:
     """Return the parts, with number of section or real constant, new nodes with positions, and last node."""
-    parts: list[dict[str, Any]] = []
-    node, x, count = 1, 0.0, 0
-    for item in items:
-        section: dict[str, float] | None = None
-        lengths = [0.0] if isinstance(item, Hinge) else []
-        if isinstance(item, Beam):
-            lengths = [item.length / item.elements] * item.elements
-            section = {
-                "area": item.mass_per_length / DENSITY,
-                "inertia": item.bending_stiffness / YOUNGS_MODULUS,
-                "shear": 1e6 * item.bending_stiffness / item.length**2,
-                # BETD: a loss factor is twice the damping ratio, BETD * omega / 2 = loss / 2 at the first frequency.
-                "damping": item.loss_factor / (2 * np.pi * frequency),
-            }
-        if section or item.mass or item.inertia:  # type: ignore[union-attr]
-            count += 1
-        nodes = []
-        for length in lengths:
-            node, x = node + 1, x + length
-            nodes.append((node, x))
-        title = _title(item.name)
-        parts.append(
-            {"item": item, "title": title, "number": count, "section": section, "nodes": nodes, "end": node}
-        )
-    return parts
+    lengths = [
+        [item.length / item.elements] * item.elements
+        if isinstance(item, Beam)
+        else [0.0] * isinstance(item, Hinge)
+        for item in items
+    ]
+    nodes = list(enumerate(accumulate(chain(*lengths)), 2))
+    ends = list(accumulate(map(len, lengths), initial=1))
+    numbers = accumulate(int(isinstance(item, Beam) or item.mass + item.inertia > 0) for item in items)
+    return [
+        {"item": item, "title": _title(item.name), "number": number, "nodes": nodes[a - 1 : b - 1], "end": b}
+        for item, number, a, b in zip(items, numbers, ends, ends[1:], strict=False)
+    ]
 
 
 def pulse_table(excitation: Excitation, duration: float) -> list[tuple[float, float]]:

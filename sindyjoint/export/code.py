@@ -274,14 +274,15 @@ def bounds(model: JointModel) -> str:
 
 def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
     """Return the fidelity table of a target that computes the formulas themselves."""
-    cycles, inertial = Cycles.of(model), Parts.of(model).inertial
+    cycles = Cycles.of(model)
     represented = {term.id: Represented(how, cycles.term(term)) for term in model.terms}
     represented |= {e.id: Represented(f"{how}, internal states", cycles.element(e)) for e in model.elements}
-    for term in inertial:
-        if term.id == INERTIA:
-            represented[term.id] = Represented("the number INERTIA, used in steps", cycles.term(term))
-        else:
-            represented[term.id] = Represented("not carried: a formula of the acceleration", None)
+    represented |= {
+        term.id: Represented("the number INERTIA, used in steps", cycles.term(term))
+        if term.id == INERTIA
+        else Represented("not carried: a formula of the acceleration", None)
+        for term in Parts.of(model).inertial
+    }
     inputs = [
         (each.name, f"parameter {name}, {each.unit}; unless given, {each.shown(each.reference)}")
         for name, each in law_of(model).inputs

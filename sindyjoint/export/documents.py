@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.documents import LARGEST, parse_json
-from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.equation_text import latex_symbol, latex_text
 from sindyjoint.equation.formula import formula_latex, formula_text, parameter_symbol
-from sindyjoint.equation.model import JointModel, ModelTerm
+from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.export import Export
 from sindyjoint.export.fidelity import (
@@ -64,6 +63,30 @@ def export_latex(model: JointModel) -> Export:
         else ""
     )
     fitted = model.fitted
+    entries = [
+        (
+            latex_text(t.name)
+            + "".join(
+                rf", $ {latex_symbol(name)} = {_scientific(value, 4)} $" for name, value in t.parameters
+            ),
+            latex_symbol(t.symbol),
+            with_error(t.coefficient, t.standard_error),
+            _unit(t.unit),
+        )
+        for t in model.terms
+    ]
+    entries += [
+        (latex_text(e.name), symbol, with_error(number.value, number.standard_error), _unit(number.unit))
+        for e in model.elements
+        for symbol, number in zip(
+            [
+                *(latex_symbol(column.name) for column in e.columns),
+                *(formula_latex(parameter_symbol(each.name)) for each in e.parameters),
+            ],
+            e.numbers,
+            strict=True,
+        )
+    ]
     text = comment(preamble(model, "LaTeX", rows, notes), "%", ascii_only=False)
     text += "\n".join(
         [
@@ -79,8 +102,10 @@ def export_latex(model: JointModel) -> Export:
             r"    \toprule",
             r"    Term & Symbol & Coefficient & Unit \\",
             r"    \midrule",
-            *(f"    {_row(term)}" for term in model.terms),
-            *(f"    {line}" for element in model.elements for line in _element_rows(element)),
+            *(
+                rf"    {name} & $ {symbol} $ & $ {number} $ & {unit} \\"
+                for name, symbol, number, unit in entries
+            ),
             r"    \bottomrule",
             r"  \end{tabular}",
             r"\end{table}",
@@ -88,26 +113,6 @@ def export_latex(model: JointModel) -> Export:
         ]
     )
     return Export("latex", {"joint.tex": text}, rows, notes)
-
-
-def _row(term: ModelTerm) -> str:
-    parameters = "".join(
-        rf", $ {latex_symbol(name)} = {_scientific(value, 4)} $" for name, value in term.parameters
-    )
-    return (
-        rf"{latex_text(term.name)}{parameters} & $ {latex_symbol(term.symbol)} $ & "
-        rf"$ {with_error(term.coefficient, term.standard_error)} $ & {_unit(term.unit)} \\"
-    )
-
-
-def _element_rows(element: JointElement) -> list[str]:
-    symbols = [latex_symbol(column.name) for column in element.columns]
-    symbols += [formula_latex(parameter_symbol(parameter.name)) for parameter in element.parameters]
-    return [
-        rf"{latex_text(element.name)} & $ {symbol} $ & "
-        rf"$ {with_error(number.value, number.standard_error)} $ & {_unit(number.unit)} \\"
-        for symbol, number in zip(symbols, element.numbers, strict=True)
-    ]
 
 
 def with_error(value: float, error: float) -> str:
