@@ -17,9 +17,8 @@ import numpy as np
 import scipy
 
 from sindyjoint.equation.element import JointElement
-from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import JointModel
-from sindyjoint.export.fidelity import Cycles, Represented, Rows, column_moments
+from sindyjoint.export.fidelity import Cycles, Represented, Rows, column_moments, evaluated
 from sindyjoint.export.parts import Curve
 from sindyjoint.numeric import Array
 
@@ -186,12 +185,7 @@ def _as_pairs(
 
 def state_rates(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
     """Return the rates of the internal states, shape (n_states, ...), without their limits."""
-    form = element.form
-    function = compile_terms([state.rate for state in form.states], form.arguments)
-    angle, rate, *inner = np.broadcast_arrays(angle, rate, *states)
-    flat = [np.ascontiguousarray(x, dtype=np.float64).ravel() for x in (angle, rate, *inner)]
-    found = np.asarray(function(*flat, *map(float, element.values)))
-    return np.moveaxis(found.reshape(*angle.shape, len(form.states)), -1, 0)
+    return np.moveaxis(evaluated(element, [s.rate for s in element.form.states], angle, rate, states), -1, 0)
 
 
 def speeds(element: JointElement, cycles: Cycles) -> tuple[float, float]:

@@ -262,11 +262,17 @@ class Cycles:
 
 def column_moments(element: JointElement, angle: Array, rate: Array, states: Array) -> Array:
     """Return the columns of an element at states, shape (..., n_columns)."""
-    form = element.form
-    columns = compile_terms([column.expression for column in form.columns], form.arguments)
-    flat = [angle.ravel(), rate.ravel(), *(state.ravel() for state in states)]
-    values = [float(value) for value in element.values]
-    return np.asarray(columns(*flat, *values)).reshape(*angle.shape, len(form.columns))
+    return evaluated(element, [column.expression for column in element.form.columns], angle, rate, states)
+
+
+def evaluated(
+    element: JointElement, formulas: Sequence[Any], angle: Array, rate: Array, states: Array
+) -> Array:
+    """Return formulas of an element at states, shape (..., n_formulas)."""
+    given = np.broadcast_arrays(angle, rate, *states)
+    flat = [np.ascontiguousarray(x, dtype=np.float64).ravel() for x in given]
+    found = compile_terms(formulas, element.form.arguments)(*flat, *map(float, element.values))
+    return np.asarray(found).reshape(*given[0].shape, len(formulas))
 
 
 @dataclass(frozen=True, eq=False)

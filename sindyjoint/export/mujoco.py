@@ -26,7 +26,6 @@ from sindyjoint.export.fidelity import (
     comment,
     fidelity_table,
     filled_in,
-    number,
     preamble,
     words_of,
 )
@@ -66,7 +65,7 @@ def export(model: JointModel) -> Export:
     added, rows_of_elements = written_as(model, cycles, _way, "fixed tendon, springyield")
     table = fidelity_table(model, cycles, rows | rows_of_elements)
     tendons = [kind for _, kind in added if isinstance(kind, Slider | Gap)]
-    motors = [_motor(kind) for _, kind in added if not isinstance(kind, Slider | Gap)]
+    motors = [kind for _, kind in added if not isinstance(kind, Slider | Gap)]
     version = NEEDED["tendon" if tendons else "joint"]
     notes = [
         f"needs MuJoCo {version} or later; the {words.moment} on the joint is minus the one of the equation, as a "
@@ -107,41 +106,31 @@ class _Polynomial:
     """Terms of one variable as a polynomial of MuJoCo: [jump or constant, a, b, c], and what each term gives to it."""
 
     variable: str
-    shares: dict[str, Array]
-    exact: frozenset[str]
-    missing: tuple[ModelTerm, ...]
+    fits: tuple[tuple[ModelTerm, Array | None, bool], ...]
 
     @classmethod
-    def of(cls, terms: tuple[ModelTerm, ...], cycles: Cycles, variable: str) -> _Polynomial:
-        """Fit the terms; what is a power already stays exactly that."""
-        found = cls._fitted(terms, cycles, variable, 4)
-        if variable == "rate" and found.jump < 0:  # no negative friction: without the jumps, then
-            return cls._fitted(terms, cycles, variable, 3)
-        return found
-
-    @classmethod
-    def _fitted(cls, terms: tuple[ModelTerm, ...], cycles: Cycles, variable: str, powers: int) -> _Polynomial:
-        shares, exact, missing = {}, set(), []
+    def of(cls, terms: tuple[ModelTerm, ...], cycles: Cycles, variable: str, powers: int = 4) -> _Polynomial:
+        """Fit the terms; what is a power already stays exactly that, and what no polynomial is near has no share."""
+        fits: list[tuple[ModelTerm, Array | None, bool]] = []
         columns = _basis(variable, getattr(cycles, variable))[4 - powers :][:, cycles.moving].T
         size = np.sqrt(np.mean(columns**2, axis=0))
         for term in terms:
-            power = _power(term, variable)
-            if power is not None and power[0] >= 4 - powers:
-                shares[term.id] = power[1] * np.eye(4)[power[0]]
-                exact.add(term.id)
+            power, factor = _power(term, variable) or (-1, 0.0)
+            if power >= 4 - powers:
+                fits.append((term, factor * np.eye(4)[power], True))
                 continue
             wanted = cycles.term(term)[cycles.moving]
             fit = np.linalg.lstsq(columns / size, wanted, rcond=None)[0] / size
-            if np.mean((columns @ fit - wanted) ** 2) < WORST_FIT**2 * np.mean(wanted**2):
-                shares[term.id] = np.concatenate([np.zeros(4 - powers), fit])
-            else:
-                missing.append(term)
-        return cls(variable, shares, frozenset(exact), tuple(missing))
+            near = np.mean((columns @ fit - wanted) ** 2) < WORST_FIT**2 * np.mean(wanted**2)
+            fits.append((term, np.concatenate([np.zeros(4 - powers), fit]) if near else None, False))
+        found = cls(variable, tuple(fits))
+        # No negative friction: without the jumps, then.
+        return cls.of(terms, cycles, variable, 3) if variable == "rate" and found.jump < 0 else found
 
     @property
     def whole(self) -> Array:
         """The polynomial, shape (4,)."""
-        return sum(self.shares.values(), np.zeros(4))
+        return sum((share for _, share, _ in self.fits if share is not None), np.zeros(4))
 
     @property
     def jump(self) -> float:
@@ -152,13 +141,15 @@ class _Polynomial:
         basis = _basis(self.variable, getattr(cycles, self.variable))
         if creep:
             basis[0] = np.clip(cycles.rate / creep, -1.0, 1.0)
-        rows = lumped.left_out(self.missing, f"no cubic polynomial of the {variable} is near it")
-        for name, share in self.shares.items():
-            alone = np.count_nonzero(share) == 1 and share[0]
-            constant = {"rate": "joint, frictionloss; creeps instead of sticking", "angle": "actuator, bias"}
-            how = constant[self.variable] if alone else f"{where} polynomial"
-            how += "" if name in self.exact else " fitted over the tested range"
-            rows[name] = Represented(how, np.tensordot(share, basis, 1))
+        missing = tuple(term for term, share, _ in self.fits if share is None)
+        rows = lumped.left_out(missing, f"no cubic polynomial of the {variable} is near it")
+        constant = {"rate": "joint, frictionloss; creeps instead of sticking", "angle": "actuator, bias"}
+        for term, share, exact in self.fits:
+            if share is not None:
+                alone = np.count_nonzero(share) == 1 and share[0]
+                how = constant[self.variable] if alone else f"{where} polynomial"
+                how += "" if exact else " fitted over the tested range"
+                rows[term.id] = Represented(how, np.tensordot(share, basis, 1))
         return rows
 
 
@@ -191,17 +182,6 @@ def _way(kind: Kind | None) -> str:
         LuGre: "dcmotor, lugre",
     }
     return ways.get(type(kind), "")
-
-
-def _motor(kind: Maxwell | LuGre | BoucWen) -> str:
-    """Return what makes an element of a motor."""
-    if isinstance(kind, Maxwell):
-        constant = number(sqrt(kind.stiffness))
-        return f'"{constant} {constant}" resistance="{number(1 / kind.time)}" inductance="1.0 0"'
-    rise, rate = (1 + kind.rise, kind.rate) if isinstance(kind, LuGre) else (1.0, 1.0)
-    slip = kind.stiffness * kind.deflection
-    numbers = " ".join(map(number, (kind.stiffness, 0.0, slip, slip * rise, rate)))
-    return f'"0" resistance="1" lugre="{numbers}"'
 
 
 def _xml_comment(text: str) -> str:
