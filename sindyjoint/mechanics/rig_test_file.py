@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.mechanics.laws import Law, PaperLaw
@@ -191,13 +191,15 @@ def _chain(
         }
         for part in given.chain
     }
-    for part in given.chain:
-        name = str(part.beam or part.joint or part.mass)
-        wrong = set(stated[name]) - ({"stiffness", "mass", "loss"} if part.beam else {"mass"})
-        if wrong:
-            raise InputError(
-                f"{name!r}: {min(wrong)}_uncertainty is of a beam; expected mass_uncertainty at most"
-            )
+    known = {str(part.beam): {"stiffness", "mass", "loss"} for part in given.chain if part.beam}
+    wrong = {name: set(kinds) - known.get(name, {"mass"}) for name, kinds in stated.items()}
+    refuse(
+        (
+            found,
+            f"{name!r}: {min(found, default='')}_uncertainty is of a beam; expected mass_uncertainty at most",
+        )
+        for name, found in wrong.items()
+    )
     chain = Chain(items, stiffness, stations, structure.loss_frequency)
     uncertain = uncertain_numbers(items, stiffness, stated, given.base.clamp_uncertainty)
     return structure, kinds, uncertain, chain

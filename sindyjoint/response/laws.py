@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from sindyjoint.equation.element import Form, JointElement
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TEST_SIGNALS
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, refuse
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, Law, LawWithNumbers, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
@@ -317,18 +317,23 @@ def as_followed(campaign: Campaign, model: JointModel) -> Campaign:
         If the campaign has no input that the law depends on, or has it in a unit of another kind.
     """
     declared = {each.name: each for each in campaign.inputs}
-    for each in model.used_inputs:
-        other = declared.get(each.name)
-        if other is None:
-            raise InputError(
-                f"the model depends on the input {each.name!r}, which the campaign does not have (it has "
-                f"{', '.join(declared) or 'none'}); declare it in [inputs], or use the model at a value of it"
-            )
-        if other.unit != each.unit:
-            raise InputError(
-                f"the input {each.name!r} is in {other.shown_unit} in the campaign and in {each.shown_unit} in the "
-                "model; state in [inputs] of the campaign a unit of the model's kind"
-            )
+    refuse(
+        (
+            each.name not in declared,
+            f"the model depends on the input {each.name!r}, which the campaign does not have (it has "
+            f"{', '.join(declared) or 'none'}); declare it in [inputs], or use the model at a value of it",
+        )
+        for each in model.used_inputs
+    )
+    pairs = [(declared[each.name], each) for each in model.used_inputs]
+    refuse(
+        (
+            other.unit != each.unit,
+            f"the input {each.name!r} is in {other.shown_unit} in the campaign and in {each.shown_unit} in the model; "
+            "state in [inputs] of the campaign a unit of the model's kind",
+        )
+        for other, each in pairs
+    )
     # One reference for the coefficients that the model has and for those that are added.
     of_model = {each.name: each.reference for each in model.inputs if each.name in declared}
     inputs = tuple(
@@ -378,9 +383,9 @@ def held_laws(model: JointModel, states: Sequence[ForceStates]) -> list[Law]:
     if not any(term.inputs for term in model.terms):
         return [model_law(model)] * len(states)
     laws = [law_in_run(model, each) for each in states]
-    for law, each in zip(laws, states, strict=True):
-        if isinstance(law, LawInRun):
-            raise InputError(
-                f"{', '.join(law.moves)} moves the law within run {each.run!r}: it is not simulated"
-            )
+    moved = [(law, each) for law, each in zip(laws, states, strict=True) if isinstance(law, LawInRun)]
+    refuse(
+        (True, f"{', '.join(law.moves)} moves the law within run {each.run!r}: it is not simulated")
+        for law, each in moved
+    )
     return laws

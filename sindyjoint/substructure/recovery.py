@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -132,36 +131,26 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
         )
     declared = declared_noise(test)
     spectra = spectra or channel_spectra(run, declared, _shown_band(test, run))
-    found = solve_channels(test, spectra, spectra.angular)
+    transfer = open_joints(test.structure, test.at, test.sensors, spectra.angular)
+    design, sigma, values = transfer.design, np.sqrt(spectra.variance.T), spectra.amplitudes.T
+    estimator, _, left = solved(design, sigma, values)
     ends = None
     if not spectra.repeats:
         sensors = spectra.amplitudes[1:]
         columns = jump_columns(test.structure, test.sensors, spectra.angular, 1 / spectra.frequency, sensors)
-        weight = 1 / np.sqrt(spectra.variance.T)
-        ends = find_ends(columns, found.design, found.estimator, weight, spectra.amplitudes)
-        freed = replace(spectra, amplitudes=spectra.amplitudes - ends.channels)
-        found = solve_channels(test, freed, spectra.angular, found.transfer)
-    transfer = found.transfer
-    of_moments = np.eye(1 + joints)[None, 1:].repeat(len(found.left), axis=0)
-    states = np.concatenate([transfer.angles, of_moments], axis=1) @ found.estimator
+        ends = find_ends(columns, design, estimator, 1 / sigma, spectra.amplitudes)
+        left = solved(design, sigma, values - ends.channels.T)[2]
+    of_moments = np.eye(1 + joints)[None, 1:].repeat(len(left), axis=0)
+    states = np.concatenate([transfer.angles, of_moments], axis=1) @ estimator
     degrees = 2 * spectra.angular.size * (len(test.sensors) - joints)
-    misfit = float(np.sum(np.abs(found.left) ** 2))
+    misfit = float(np.sum(np.abs(left) ** 2))
     if ends is not None:
         degrees -= ends.unknowns
         if not np.isfinite(declared).any() and 0 < misfit < degrees:
             # The signals do not end within the band, and what was taken for noise is more than sensors disagree by.
             spectra = replace(spectra, variance=spectra.variance * misfit / degrees)
             misfit = float(degrees)
-    return Recovery(
-        run,
-        spectra,
-        transfer,
-        found.estimator,
-        states,
-        misfit,
-        degrees,
-        ends,
-    )
+    return Recovery(run, spectra, transfer, estimator, states, misfit, degrees, ends)
 
 
 def declared_noise(test: RigTest) -> Array:
@@ -174,46 +163,6 @@ def _shown_band(test: RigTest, run: RigRun) -> float | None:
     if run.frequency is not None or not only_displacement(test.sensors):
         return None
     return max(signal_end(signal, run.sample_rate).bandwidth for signal in run.responses)
-
-
-class Solved(NamedTuple):
-    """The least-squares solution of all harmonics of a run.
-
-    Parameters
-    ----------
-    transfer : Transfer
-    design : ndarray, shape (h, channels, 1 + joints)
-        A of y = A·(f, m).
-    estimator : ndarray, shape (h, 1 + joints, channels)
-        P of (f, m) = P·y.
-    left : ndarray, shape (h, channels)
-        What is left of the channels, in standard errors of a real part.
-    """
-
-    transfer: Transfer
-    design: Complex
-    estimator: Complex
-    left: Complex
-
-
-def solve_channels(
-    test: RigTest, spectra: Spectra, angular: Array, transfer: Transfer | None = None
-) -> Solved:
-    """Solve drive and joint moments of the channels at the harmonics of some spectra.
-
-    Parameters
-    ----------
-    test : RigTest
-    spectra : Spectra
-        Whose amplitudes and variances are used.
-    angular : ndarray, shape (h,)
-        Their angular frequencies, rad/s.
-    transfer : Transfer, optional
-        Of the structure at these, where it is known already.
-    """
-    transfer = transfer or open_joints(test.structure, test.at, test.sensors, angular)
-    estimator, _, left = solved(transfer.design, np.sqrt(spectra.variance.T), spectra.amplitudes.T)
-    return Solved(transfer, transfer.design, estimator, left)
 
 
 def solved(design: Complex, sigma: Array, values: Complex) -> tuple[Complex, Complex, Complex]:
@@ -371,7 +320,11 @@ def update_structure(
 
     def left(change: Array) -> Array:
         changed = with_numbers(test, change)
-        parts = [solve_channels(changed, kept, angular).left.ravel() for kept, angular in spectra]
+        designs = (open_joints(changed.structure, changed.at, changed.sensors, w).design for _, w in spectra)
+        parts = [
+            solved(design, np.sqrt(kept.variance.T), kept.amplitudes.T)[2].ravel()
+            for design, (kept, _) in zip(designs, spectra, strict=True)
+        ]
         parts += [left_held(changed, kept, angular).ravel() for kept, angular in stuck]
         values = np.concatenate(parts)
         return np.concatenate([values.real, values.imag, change / prior])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -21,8 +21,9 @@ from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, moving_mask, rate_limit
 from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.policy import POLICY as LIMITS
-from sindyjoint.substructure.recovery import Recovery, solve_channels
+from sindyjoint.substructure.recovery import Recovery, solved
 from sindyjoint.substructure.spectra import strongest
+from sindyjoint.substructure.transfer import open_joints
 from sindyjoint.substructure.unseen import Slow
 
 Complex = NDArray[np.complex128]
@@ -334,7 +335,8 @@ def worth_of_sensors(test: RigTest, recoveries: Sequence[Recovery]) -> Array:
         spectra, angular = strongest(recovery.freed, HARMONICS)
 
         def information(variance: Array, spectra=spectra, angular=angular) -> Array:
-            estimator = solve_channels(test, replace(spectra, variance=variance), angular).estimator[:, 1:]
+            design = open_joints(test.structure, test.at, test.sensors, angular).design
+            estimator = solved(design, np.sqrt(variance.T), spectra.amplitudes.T)[0][:, 1:]
             return np.sum(1 / np.einsum("hkc,ch->hk", np.abs(estimator) ** 2, variance), axis=0)
 
         with_all += information(spectra.variance)
