@@ -5,8 +5,6 @@ every term and every element how it is represented and what moment the represent
 the table compares that with the model.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Mapping

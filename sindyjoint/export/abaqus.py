@@ -5,8 +5,6 @@ and its stick stiffness is a spring in series with a slider; two with a node bet
 a slider.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from sindyjoint.equation.model import JointModel, ModelTerm

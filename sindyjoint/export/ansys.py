@@ -5,8 +5,6 @@ friction that grow with a power of angle or rate. A linear joint is one COMBIN40
 COMBIN40, each a spring in series with a slider, or two elements with a node between: Maxwell branch, gap and slider.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, chain

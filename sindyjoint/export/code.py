@@ -3,8 +3,6 @@
 sympy's printers are imported here at the top; import this module only when code is to be written.
 """
 
-from __future__ import annotations
-
 import keyword
 import math
 import re

@@ -1,7 +1,5 @@
 """Documents that hold the model itself: LaTeX (packages ``booktabs`` and ``amsmath``), JSON, drawn coefficients."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -8,8 +8,6 @@ nothing that a program knows, a set of such pairs is fitted to its moment over t
 miss stands in the fidelity table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

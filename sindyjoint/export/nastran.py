@@ -6,8 +6,6 @@ with sliders are rods of an elastic-plastic material, tied in the same way; a Ma
 with a scalar point between (CELAS2, CDAMP2).
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -4,8 +4,6 @@ Elements with internal states are the materials ElasticPP, BoucWen and ViscousDa
 a node of its own. Everything else is spring-slider pairs (ElasticPP) fitted to it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 
 from sindyjoint.equation.model import JointModel

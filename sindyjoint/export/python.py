@@ -1,7 +1,5 @@
 """Python: a module that imports nothing but ``math``, with the law and exact stick-slip steps; FMI 2.0 around it."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

@@ -3,8 +3,6 @@
 Elements with internal states are a custom component beside them, in a file of its own.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Noise of a channel that does not repeat: the end of its spectrum, its differences, its steps, or as declared."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Limits of what channels show of their noise."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sindyjoint.policy import limit

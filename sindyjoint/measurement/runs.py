@@ -7,8 +7,6 @@ time, and sign(dθ/ds) is the side of the friction. Where the joint stands still
 sample.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any

@@ -13,8 +13,6 @@ noise, the correction is solved for on a coarser grid. What two sensors disagree
 shows the noise of both.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Euler–Bernoulli beams: element matrices and sections."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Steps of a structure with joints: whole steps in compiled code, and the instants at which joints change."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ double *out)`` writes the moment to ``out[0]`` and the rates of the internal sta
 it by address, so they are compiled once and cached; a new law costs only its few lines.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 

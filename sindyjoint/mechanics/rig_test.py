@@ -1,7 +1,5 @@
 """A test of an assembled structure: what drove it, what its sensors measured, and which of its joints are sought."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace

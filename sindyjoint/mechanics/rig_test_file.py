@@ -1,7 +1,5 @@
 """``rig.toml`` with sensors and runs: read for discovery, and written by a virtual test."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

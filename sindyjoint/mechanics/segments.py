@@ -1,7 +1,5 @@
 """Multiple shooting: a joint without restoring moment is restarted from the measured state at every segment."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

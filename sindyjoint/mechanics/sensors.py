@@ -1,7 +1,5 @@
 """Measuring channels: gain, zero error, time delay, noise and quantisation of ideal signals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The equation is (J + I)·θ̈ + M_T(θ, θ̇, z) = M(t): I the moving inertia be
 beam inertia between exciter and sensor. The sensor sees I·θ̈ + M_T = M − J·θ̈ (paper Eq. 7).
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor

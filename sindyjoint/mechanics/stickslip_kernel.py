@@ -8,8 +8,6 @@ the rate is set to zero, and the joint sticks if M lies in [M_T(θ, 0, −1, z),
 unmoved, until the instant M leaves that interval.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

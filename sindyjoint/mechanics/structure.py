@@ -4,8 +4,6 @@ The unknowns are deflections w, rotations φ, and the angle θ of every joint: t
 φ + θ. So the joint angles are separate coordinates, and a joint that sticks is a coordinate at standstill.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Between events, steps of fixed length; where a joint sticks or breaks away, the 
 instant. The implicit midpoint rule (the average-acceleration rule for linear parts) loses no energy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any

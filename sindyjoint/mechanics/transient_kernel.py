@@ -4,8 +4,6 @@ M·q̈ + C·q̇ + K·q + m(θ, θ̇, direction, z) = f, the joint angles θ bein
 coordinate stands still; a slipping one keeps its direction through a step. Who sticks changes between steps only.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

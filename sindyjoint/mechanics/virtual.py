@@ -1,7 +1,5 @@
 """Virtual tests: the vibration test of a joint whose law is known, and its measuring channels."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from inspect import signature

@@ -1,7 +1,5 @@
 """Virtual tests of an assembled structure: its joints' laws are known, and its sensors have noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

@@ -4,8 +4,6 @@ A diagnosis computes its gap on runs that were kept out of its fit by the same f
 saved model has that gap again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

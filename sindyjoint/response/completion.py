@@ -6,8 +6,6 @@ The model's motion x under the measured drive has it. With P the processing of t
 to P·measured + (x − P·x); harmonics that are known to less than a tenth are the model's, too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

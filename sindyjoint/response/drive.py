@@ -1,7 +1,5 @@
 """How a law is simulated against a run: by its moment, windows of that or its motion, and where that starts."""
 
-from __future__ import annotations
-
 from typing import Any, Literal
 from weakref import WeakKeyDictionary
 

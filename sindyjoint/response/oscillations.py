@@ -1,7 +1,5 @@
 """Amplitude and period of a vibration, cycle by cycle, and how two vibrations differ in them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

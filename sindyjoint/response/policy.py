@@ -1,7 +1,5 @@
 """Limits of the comparison of a model with a measured response, and of its refinement."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sindyjoint.policy import limit

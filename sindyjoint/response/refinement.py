@@ -1,7 +1,5 @@
 """Output-error refinement: numbers of a model that make the simulated response, not the moment, fit best."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Simulated against measured response of one run: the angle under the moment, or the moment of the motion."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache

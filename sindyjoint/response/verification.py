@@ -1,7 +1,5 @@
 """Result of a verification: by run, over all runs, and the verdict."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar

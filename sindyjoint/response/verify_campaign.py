@@ -1,7 +1,5 @@
 """A model against the runs of a campaign."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Models in the place of joints of rigs and structures, and one against a rig's response to a pulse."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """All detectors run on a campaign or a structure's test: findings, verdict, what is used, what is said first."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Generic, TypeVar

@@ -1,7 +1,5 @@
 """What a check of the data finds: a record for each fault, what it does to the law, the verdict that all make."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal

@@ -1,7 +1,5 @@
 """What is left out of every fit: samples at fault are marked and bridged, or filled in; dead ends are cut."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Limits of what data can show: a few, each shared by all detectors that ask the same question."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sindyjoint.policy import limit

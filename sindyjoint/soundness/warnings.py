@@ -1,7 +1,5 @@
 """What is said beside a result: warnings, and what a campaign cannot show, each with the number that caused it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Following a curve of solutions by its arc length."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 

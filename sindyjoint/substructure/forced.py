@@ -1,7 +1,5 @@
 """Frequency response of a structure with joints under a harmonic force, round its folds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar

@@ -8,8 +8,6 @@ and noise that angle and moment share is in it (propagation of errors through le
 of the noise: the sandwich of Huber, Proc. 5th Berkeley Symposium 1, 1967).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

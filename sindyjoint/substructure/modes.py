@@ -1,7 +1,5 @@
 """Modes of a structure with joints over their amplitude: backbone and damping."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

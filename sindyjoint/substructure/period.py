@@ -4,8 +4,6 @@ A signal with H harmonics is x(τ) = x₀ + Σ_h x_{2h−1} cos hτ + x_{2h} sin
 stand in one real vector of 2H + 1 numbers. The moment is that of the steady state of the internal states.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any

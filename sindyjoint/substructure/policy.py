@@ -1,7 +1,5 @@
 """Limits of what is recovered of joints inside a structure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sindyjoint.policy import limit

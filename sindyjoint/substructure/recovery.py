@@ -6,8 +6,6 @@ variances: (f, m) = (AᴴWA)⁻¹AᴴW·y with covariance (AᴴWA)⁻¹; the joi
 sensors show beyond the unknowns tells whether the structure is the one described.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

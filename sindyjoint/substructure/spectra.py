@@ -3,8 +3,6 @@
 The noise is measured: from what does not repeat, or from what is left where the channel has ended.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

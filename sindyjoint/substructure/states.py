@@ -1,7 +1,5 @@
 """Force states of a joint of the amplitudes that were recovered of it, and how well sensors show it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar

@@ -7,8 +7,6 @@ Signal Processing 45, 2014). At each frequency the dynamic stiffness K − ω²M
 left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

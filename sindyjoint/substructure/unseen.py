@@ -6,8 +6,6 @@ M = Σ c·φ + (∂M/∂θ)·δθ + (∂M/∂θ̇)·δθ̇ with the amplitudes o
 them, within its standard error.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Copies: blocks of samples, channels and runs that occur twice."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 

@@ -1,7 +1,5 @@
 """The course of a run from period to period: no excitation, or levels, gains, zeros and phases that change."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What was declared and the data deny: units, sizes, zeros, coverage, the main line; mains and noise."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 

@@ -1,7 +1,5 @@
 """Values that a sound channel does not take: constant, at a limit, held, lost, in coarse steps, spikes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ numbers p, which are known to σ: χ² = min Σ|r|² + Σ(p/σ)², u eliminated 
 Golub and Pereyra 1973). Noise is divided by g with its channel.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

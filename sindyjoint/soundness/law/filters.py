@@ -1,7 +1,5 @@
 """What the law between the channels shows of all runs: signs, the inertia, a filter on one channel, a delay."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Runs held against the others: the law that all others have in common, and the ones that depart from it or drift."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property

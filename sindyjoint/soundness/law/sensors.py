@@ -1,7 +1,5 @@
 """Sensors held against each other: the channel whose gain, sign, delay or place makes all others agree."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations

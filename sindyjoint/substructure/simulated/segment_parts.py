@@ -1,7 +1,5 @@
 """What segments of a run are made of: their time step, moves of a state, lines compared or projected out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

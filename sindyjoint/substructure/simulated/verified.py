@@ -5,8 +5,6 @@ motion, by harmonic balance with exact sticking, whose highest harmonics are too
 of both. One that does not is simulated from standstill, by steps of time, and compared in the band of the recovery.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
