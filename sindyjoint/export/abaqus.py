@@ -9,16 +9,25 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import Export
-from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import Gap, Maxwell, Slider, written_as
 from sindyjoint.export.fidelity import (
     Cycles,
     Represented,
     Rows,
     comment,
+    elastic_curve,
+    elastic_rows,
     fidelity_table,
     filled_in,
+    inertia_note,
+    inertial_rows,
+    left_out,
     preamble,
+    range_note,
+    rate_curve,
+    rate_rows,
+    sliding_note,
+    viscous_rows,
     words_of,
 )
 from sindyjoint.export.parts import GIVE, Parts, contribution, power_law, total
@@ -39,8 +48,8 @@ def export(model: JointModel) -> Export:
     by_position = tuple(t for t in parts.coupled if (power_law(t.expression) or (0, 0, ""))[2] == "sign")
     friction = _Friction(parts, (*parts.coulomb, *by_position))
     damping = tuple(term for term in parts.other_rate if term not in friction.terms)
-    curve = lumped.elastic_curve(parts, POINTS)
-    rates = lumped.rate_curve(parts, damping)
+    curve = elastic_curve(parts, POINTS)
+    rates = rate_curve(parts, damping)
     pair = "connector friction with its stick stiffness"
     added, rows_of_elements = written_as(model, cycles, lambda kind: WAYS.get(type(kind), ""), pair)
     rows = fidelity_table(
@@ -48,16 +57,16 @@ def export(model: JointModel) -> Export:
         cycles,
         {
             **rows_of_elements,
-            **lumped.elastic_rows(parts, cycles, curve.x, f"connector elasticity, table of {POINTS} points"),
-            **lumped.viscous_rows(parts, cycles, "connector damping, linear"),
-            **lumped.rate_rows(parts, damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
+            **elastic_rows(parts, cycles, curve.x, f"connector elasticity, table of {POINTS} points"),
+            **viscous_rows(parts, cycles, "connector damping, linear"),
+            **rate_rows(parts, damping, cycles, rates.x, f"connector damping, table of {rates.x.size} points"),
             **friction.rows(cycles),
-            **lumped.left_out(
+            **left_out(
                 tuple(t for t in parts.coupled if t not in by_position),
                 f"a connector has no {words.moment} that depends on "
                 f"{words.angle} and {words.rate} together in this form",
             ),
-            **lumped.inertial_rows(parts),
+            **inertial_rows(parts),
         },
     )  # fmt: skip
     last = BRANCH_NODE + sum(not isinstance(kind, Slider) for _, kind in added) - 1
@@ -66,10 +75,10 @@ def export(model: JointModel) -> Export:
     raised = " (STICK STIFFNESS); raise it where the stuck joint must be stiffer, at the price of smaller increments"
     notes = (
         "replace the two node numbers and the orientation; the connector's local 1-axis is the joint's axis",
-        lumped.range_note(model, "elasticity and damping go on with the last slope"),
-        *lumped.sliding_note(model, friction.stiffness, raised),
+        range_note(model, "elasticity and damping go on with the last slope"),
+        *sliding_note(model, friction.stiffness, raised),
         *((between,) if last >= BRANCH_NODE else ()),
-        *lumped.inertia_note(model),
+        *inertia_note(model),
     )
     rotation = model.joint.motion == "rotation"
     lines = filled_in(
@@ -104,7 +113,7 @@ class _Friction:
 
     def rows(self, cycles: Cycles) -> Rows:
         if not self.stiffness:
-            return lumped.left_out(self.terms, "friction must not be negative anywhere in the tested range")
+            return left_out(self.terms, "friction must not be negative anywhere in the tested range")
         share = {
             t.id: np.interp(cycles.angle, self.nodes, contribution(t, self.nodes, 1e-300)) for t in self.terms
         }

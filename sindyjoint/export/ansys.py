@@ -17,7 +17,6 @@ from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.export import Export
-from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import Gap, Maxwell, written_as
 from sindyjoint.export.fidelity import (
     Cycles,
@@ -28,7 +27,14 @@ from sindyjoint.export.fidelity import (
     fidelity_table,
     filled_in,
     heading,
+    inertia_note,
+    inertial_rows,
+    left_out,
     preamble,
+    range_note,
+    sliding_note,
+    sliding_rows,
+    viscous_rows,
     words_of,
 )
 from sindyjoint.export.parts import GIVE, Curve, Parts, contribution, power_law, total
@@ -68,9 +74,9 @@ def export(model: JointModel, rig: str | Path = DEFAULT_RIG) -> Export:
         "set JNTI and JNTJ to two coincident nodes, base's side first, then read this file; it defines element types "
         "and real constants behind those in use",
         f"the joint's degree of freedom is {'ROTZ' if rotation else 'UX'} of the nodal axes; couple the others (CP)",
-        *lumped.sliding_note(model, elements.parts.stuck_stiffness, raised),
-        lumped.range_note(model, "the table goes on with its last slope"),
-        *lumped.inertia_note(model),
+        *sliding_note(model, elements.parts.stuck_stiffness, raised),
+        range_note(model, "the table goes on with its last slope"),
+        *inertia_note(model),
     )
     text = comment(preamble(model, "ANSYS Mechanical APDL", rows, notes), "!")
     text += filled_in(
@@ -124,12 +130,12 @@ class _Elements:
                 load = ", its value at zero in the COMBIN37 load" if contribution(t, 0.0, 0.0) else ""
                 rows[t.id] = Represented(f"COMBIN39, table of {POINTS} points{load}", table(cycles.angle))
         elif not self.linear:
-            rows = lumped.left_out(
+            rows = left_out(
                 self.springs, "a COMBIN39 table must rise on both sides of zero, and this one does not"
             )
         rows |= {t.id: Represented("COMBIN37, AFORCE", cycles.term(t)) for t in self.constants}
-        rows |= lumped.viscous_rows(self.parts, cycles, "COMBIN40, C")
-        rows |= lumped.sliding_rows(self.parts, cycles, "COMBIN40, FSLIDE")
+        rows |= viscous_rows(self.parts, cycles, "COMBIN40, C")
+        rows |= sliding_rows(self.parts, cycles, "COMBIN40, FSLIDE")
         for term, exponent, _, constant in self.powers:
             how, moment = "COMBIN37, DAMP by C1*|CPAR|^C2", cycles.term(term)
             if constant == LIMIT:
@@ -141,7 +147,7 @@ class _Elements:
             f"no element has a {words.moment} of this form "
             f"(COMBIN37 has powers of |{words.angle}| or of |{words.rate}|)"
         )
-        return rows | lumped.left_out(self.remaining, why) | lumped.inertial_rows(self.parts)
+        return rows | left_out(self.remaining, why) | inertial_rows(self.parts)
 
     def stuck(self, term: ModelTerm, exponent: float) -> float:
         """Return the stiffness with which a term sticks, whose friction limit is a power of the angle."""

@@ -16,7 +16,6 @@ import numpy as np
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import Export
-from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, Slider, speeds, written_as
 from sindyjoint.export.fidelity import (
     Cycles,
@@ -26,6 +25,8 @@ from sindyjoint.export.fidelity import (
     comment,
     fidelity_table,
     filled_in,
+    inertial_rows,
+    left_out,
     preamble,
     words_of,
 )
@@ -56,11 +57,11 @@ def export(model: JointModel) -> Export:
     rows = {
         **elastic.rows(cycles, "joint, stiffness", words.angle),
         **rates.rows(cycles, "joint, damping", words.rate, creep),
-        **lumped.left_out(
+        **left_out(
             parts.coupled,
             f"a joint of MuJoCo has no {words.moment} of {words.angle} and {words.rate} together",
         ),
-        **lumped.inertial_rows(parts),
+        **inertial_rows(parts),
     }
     added, rows_of_elements = written_as(model, cycles, _way, "fixed tendon, springyield")
     table = fidelity_table(model, cycles, rows | rows_of_elements)
@@ -142,7 +143,7 @@ class _Polynomial:
         if creep:
             basis[0] = np.clip(cycles.rate / creep, -1.0, 1.0)
         missing = tuple(term for term, share, _ in self.fits if share is None)
-        rows = lumped.left_out(missing, f"no cubic polynomial of the {variable} is near it")
+        rows = left_out(missing, f"no cubic polynomial of the {variable} is near it")
         constant = {"rate": "joint, frictionloss; creeps instead of sticking", "angle": "actuator, bias"}
         for term, share, exact in self.fits:
             if share is not None:

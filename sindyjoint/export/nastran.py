@@ -12,9 +12,24 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
-from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import Gap, Maxwell, Slider, written_as
-from sindyjoint.export.fidelity import Cycles, comment, fidelity_table, filled_in, preamble, words_of
+from sindyjoint.export.fidelity import (
+    Cycles,
+    comment,
+    elastic_curve,
+    elastic_rows,
+    fidelity_table,
+    filled_in,
+    inertia_note,
+    inertial_rows,
+    left_out,
+    preamble,
+    range_note,
+    rate_curve,
+    rate_rows,
+    viscous_rows,
+    words_of,
+)
 from sindyjoint.export.parts import GIVE, Curve, Parts, total
 
 POINTS = 41
@@ -35,8 +50,8 @@ def export(model: JointModel) -> Export:
     tabulated = (*parts.coulomb, *parts.other_rate)
     if not rotation and tabulated:
         tabulated = parts.rate  # a PBUSH1D has either a damping constant or a table
-    curve = _rounded(lumped.elastic_curve(parts, POINTS))
-    rates = _rounded(lumped.rate_curve(parts, tabulated))
+    curve = _rounded(elastic_curve(parts, POINTS))
+    rates = _rounded(rate_curve(parts, tabulated))
     words = words_of(model)
     spring = f"{'PBUSHT KN' if rotation else 'PBUSH1D SPRING'} table of {POINTS} points"
     damper = f"PBUSH1D DAMPER table of {rates.x.size} points"
@@ -45,14 +60,14 @@ def export(model: JointModel) -> Export:
     )
     carried = {
         **rows_of_elements,
-        **lumped.elastic_rows(parts, cycles, curve.x, spring),
-        **lumped.viscous_rows(parts, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
-        **lumped.rate_rows(parts, tabulated, cycles, rates.x, damper),
-        **lumped.left_out(
+        **elastic_rows(parts, cycles, curve.x, spring),
+        **viscous_rows(parts, cycles, "PBUSH B" if rotation else "PBUSH1D B"),
+        **rate_rows(parts, tabulated, cycles, rates.x, damper),
+        **left_out(
             parts.coupled,
             f"the bushings of Nastran have no {words.moment} of {words.angle} and {words.rate} together",
         ),
-        **lumped.inertial_rows(parts),
+        **inertial_rows(parts),
     }
     # Of the deck as written, its numbers rounded to 16 characters.
     whole = curve(cycles.angle)
@@ -76,8 +91,8 @@ def export(model: JointModel) -> Export:
             if tied
             else ()
         ),
-        lumped.range_note(model, "they go on with the last slope"),
-        *lumped.inertia_note(model),
+        range_note(model, "they go on with the last slope"),
+        *inertia_note(model),
     )
     text = comment(preamble(model, "Nastran", rows, notes), "$", width=72)
     step, kinds = 1e-6 * model.fitted.angle, [kind for _, kind in added]

@@ -8,16 +8,24 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
-from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.elements import BoucWen, Gap, Kind, Maxwell, Slider, written_as
 from sindyjoint.export.fidelity import (
     Cycles,
     Represented,
     comment,
+    elastic_curve,
+    elastic_rows,
     fidelity_table,
     filled_in,
+    inertia_note,
+    inertial_rows,
+    left_out,
     number,
     preamble,
+    range_note,
+    sliding_note,
+    sliding_rows,
+    viscous_rows,
     words_of,
 )
 from sindyjoint.export.parts import GIVE, Curve, Parts, power_law
@@ -42,21 +50,21 @@ def export(model: JointModel) -> Export:
         for t, (p, q, kind) in laws
         if (p, kind) == (0, "rate") and t.coefficient > 0
     }
-    curve = lumped.elastic_curve(parts, POINTS)
+    curve = elastic_curve(parts, POINTS)
     added, rows_of_elements = written_as(model, cycles, lambda kind: WAYS.get(type(kind), ""), "ElasticPP")
     rows = fidelity_table(
         model,
         cycles,
         {
-            **lumped.elastic_rows(parts, cycles, curve.x, f"ElasticMultiLinear, table of {POINTS} points"),
-            **lumped.viscous_rows(parts, cycles, "Elastic, eta"),
-            **lumped.sliding_rows(parts, cycles, "ElasticPP"),
+            **elastic_rows(parts, cycles, curve.x, f"ElasticMultiLinear, table of {POINTS} points"),
+            **viscous_rows(parts, cycles, "Elastic, eta"),
+            **sliding_rows(parts, cycles, "ElasticPP"),
             **{t.id: Represented("Viscous", cycles.term(t)) for t in parts.other_rate if t.id in powers},
-            **lumped.left_out(
+            **left_out(
                 tuple(t for t in (*parts.other_rate, *parts.coupled) if t.id not in powers),
                 f"no uniaxial material has a {words.moment} of this form of {words.rate}, or of it and {words.angle}",
             ),
-            **lumped.inertial_rows(parts),
+            **inertial_rows(parts),
             **rows_of_elements,
         },
     )
@@ -66,9 +74,9 @@ def export(model: JointModel) -> Export:
     notes = (
         "import this file and call add_joint(ops, ...) after the two coincident nodes, with openseespy.opensees as ops",
         "steps short enough for the sliders: a hundredth of the shortest period or less",
-        *lumped.sliding_note(model, parts.stuck_stiffness),
-        lumped.range_note(model, "the table goes on with its last slope"),
-        *lumped.inertia_note(model),
+        *sliding_note(model, parts.stuck_stiffness),
+        range_note(model, "the table goes on with its last slope"),
+        *inertia_note(model),
     )
     script = filled_in(
         "opensees.py.j2", materials=[(kind, _values(values)) for kind, values, _ in materials], parallel=parallel,

@@ -14,7 +14,6 @@ from sympy.printing.str import StrPrinter
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export import Export
-from sindyjoint.export import fidelity as lumped
 from sindyjoint.export.code import DIRECTION, law_of
 from sindyjoint.export.fidelity import (
     Cycles,
@@ -22,10 +21,19 @@ from sindyjoint.export.fidelity import (
     Rows,
     ascii_line,
     comment,
+    elastic_curve,
+    elastic_rows,
     fidelity_table,
     filled_in,
+    inertia_note,
+    inertial_rows,
+    left_out,
     number,
     preamble,
+    range_note,
+    rate_curve,
+    rate_rows,
+    viscous_rows,
     words_of,
 )
 from sindyjoint.export.parts import RAMP, Curve, Parts
@@ -38,8 +46,8 @@ VECTORS = {"deformation": "deformations", "velocity": "velocities"}
 def export(model: JointModel) -> Export:
     """Write ``joint.m`` and, for a model with elements, ``sindyjoint_elements.ssc``."""
     parts, cycles = Parts.of(model), Cycles.of(model)
-    curve = lumped.elastic_curve(parts, POINTS)
-    rates = lumped.rate_curve(parts, parts.other_rate)
+    curve = elastic_curve(parts, POINTS)
+    rates = rate_curve(parts, parts.other_rate)
     threshold = RAMP * model.fitted.rate  # the block reaches 76 % of its friction here: ω_Coul
     words = words_of(model)
     kind = "Rotational" if model.joint.motion == "rotation" else "Translational"
@@ -47,15 +55,15 @@ def export(model: JointModel) -> Export:
         model,
         cycles,
         {
-            **lumped.elastic_rows(parts, cycles, curve.x, f"Nonlinear {kind} Spring, table of {POINTS} points"),
+            **elastic_rows(parts, cycles, curve.x, f"Nonlinear {kind} Spring, table of {POINTS} points"),
             **_friction_rows(parts, cycles, threshold, kind),
-            **lumped.rate_rows(
+            **rate_rows(
                 parts, parts.other_rate, cycles, rates.x, f"Nonlinear {kind} Damper, table of {rates.x.size} points"
             ),
-            **lumped.left_out(
+            **left_out(
                 parts.coupled, f"these blocks have no {words.moment} of {words.angle} and {words.rate} together"
             ),
-            **lumped.inertial_rows(parts),
+            **inertial_rows(parts),
             **{e.id: Represented(f"component {NAME}", cycles.element(e)) for e in model.elements},
         },
     )  # fmt: skip
@@ -78,8 +86,8 @@ def export(model: JointModel) -> Export:
             if parts.friction > 0
             else ()
         ),
-        lumped.range_note(model, "set the extrapolation method to linear"),
-        *lumped.inertia_note(model),
+        range_note(model, "set the extrapolation method to linear"),
+        *inertia_note(model),
     )
     text = comment(preamble(model, "Simscape", rows, notes), "%")
     text += _script(model, parts, curve, rates if parts.other_rate else None, threshold)
@@ -92,11 +100,11 @@ def export(model: JointModel) -> Export:
 def _friction_rows(parts: Parts, cycles: Cycles, threshold: float, kind: str) -> Rows:
     rows: Rows = {}
     if parts.damping >= 0:
-        rows |= lumped.viscous_rows(parts, cycles, f"{kind} Friction, viscous coefficient")
+        rows |= viscous_rows(parts, cycles, f"{kind} Friction, viscous coefficient")
     else:
-        rows |= lumped.left_out(parts.viscous, "the block's viscous coefficient must not be negative")
+        rows |= left_out(parts.viscous, "the block's viscous coefficient must not be negative")
     if parts.friction < 0:
-        return rows | lumped.left_out(parts.coulomb, "the block's friction must not be negative")
+        return rows | left_out(parts.coulomb, "the block's friction must not be negative")
     for term in parts.coulomb:
         smooth = term.coefficient * np.tanh(cycles.rate / threshold)
         rows[term.id] = Represented(

@@ -17,7 +17,6 @@ from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
 from sindyjoint.states.periodic import reversal_guard
 from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, moving_mask, rate_limit
-from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, solved
 from sindyjoint.substructure.spectra import strongest
@@ -278,7 +277,7 @@ class JointSeen:
         if self.together:
             others = ", ".join(map(repr, self.together))
             return f"joint {self.joint!r} shows only together with {others}: add a sensor between them"
-        if self.moment_error > POLICY.not_shown:
+        if self.moment_error > LIMITS.not_shown:
             return (
                 f"the moment of joint {self.joint!r} is known to {100 * self.moment_error:.0f} % only: add a sensor "
                 "near it, or drive it harder"
@@ -307,10 +306,10 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
         scale = np.sqrt(np.diag(of_moments).real)
         correlations.append(np.abs(of_moments) / np.outer(scale, scale))
     best, common = np.min(errors, axis=0), np.min(correlations, axis=0)
-    hidden = best[joints:] > POLICY.not_shown
+    hidden = best[joints:] > LIMITS.not_shown
     return tuple(
         JointSeen(            names[j], float(np.max(peaks, axis=0)[j]), float(best[j]), float(best[joints + j]),
-            tuple(names[k] for k in range(joints) if k != j and common[j, k] > POLICY.together and hidden[j]),
+            tuple(names[k] for k in range(joints) if k != j and common[j, k] > LIMITS.together and hidden[j]),
         )
         for j in range(joints)
     )  # fmt: skip
