@@ -83,16 +83,14 @@ class Parts:
     def of(cls, model: JointModel) -> Parts:
         """Sort the terms of a model."""
         theta, omega, alpha = variable_symbols()
-        groups: dict[str, list[ModelTerm]] = {name: [] for name in ("elastic", "rate", "coupled", "inertial")}
-        for term in model.terms:
+
+        def kind_of(term: ModelTerm) -> str:
             symbols = term.expression.free_symbols
-            if alpha in symbols:
-                groups["inertial"].append(term)
-            elif omega not in symbols:
-                groups["elastic"].append(term)
-            else:
-                groups["coupled" if theta in symbols else "rate"].append(term)
-        return cls(model, *(tuple(group) for group in groups.values()))
+            moving = "coupled" if theta in symbols else "rate"
+            return "inertial" if alpha in symbols else moving if omega in symbols else "elastic"
+
+        kinds = ("elastic", "rate", "coupled", "inertial")
+        return cls(model, *(tuple(t for t in model.terms if kind_of(t) == kind) for kind in kinds))
 
     @cached_property
     def viscous(self) -> tuple[ModelTerm, ...]:

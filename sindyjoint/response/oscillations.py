@@ -104,14 +104,9 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
 def _keep_alternating(
     indices: NDArray[np.intp], signs: Array, smooth: Array
 ) -> tuple[NDArray[np.intp], Array]:
-    """Keep the most extreme of neighbouring maxima, or minima, so that both kinds alternate."""
-    kept: list[int] = []
-    for i in range(indices.size):
-        if kept and signs[kept[-1]] == signs[i]:
-            if signs[i] * (smooth[indices[i]] - smooth[indices[kept[-1]]]) > 0:
-                kept[-1] = i
-        else:
-            kept.append(i)
+    """Return turning points of alternating sign: of several maxima (minima) in a row the highest (lowest)."""
+    groups = np.split(np.arange(indices.size), np.flatnonzero(np.diff(signs)) + 1)
+    kept = [g[np.argmax(signs[g] * smooth[indices[g]])] for g in groups if g.size]
     return indices[kept], signs[kept]
 
 
