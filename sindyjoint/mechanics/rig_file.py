@@ -32,13 +32,11 @@ def rig_path(rig: str | Path) -> Path:
 
 def is_rig_test(path: str | Path) -> bool:
     """Return whether a file, or that of a folder without a campaign, is a rig."""
-    if (Path(path) / "campaign.toml").is_file():
-        return False
-    path = rig_path(path)
-    if not path.is_file() or path.suffix != ".toml":
+    file = rig_path(path)
+    if (Path(path) / "campaign.toml").is_file() or not file.is_file() or file.suffix != ".toml":
         return False
     try:
-        read = read_toml(path)
+        read = read_toml(file)
     except InputError:
         return False
     return "chain" in read or "matrices" in read
@@ -46,10 +44,8 @@ def is_rig_test(path: str | Path) -> bool:
 
 def has_measured_runs(path: str | Path) -> bool:
     """Return whether a file is a rig with runs that were recorded."""
-    path = rig_path(path)
-    if not is_rig_test(path):
-        return False
-    return any(isinstance(run, dict) and "file" in run for run in read_toml(path).get("run", []))
+    runs = read_toml(rig_path(path)).get("run", []) if is_rig_test(path) else []
+    return any(isinstance(run, dict) and "file" in run for run in runs)
 
 
 class SectionTable(StrictTable):

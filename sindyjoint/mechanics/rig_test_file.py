@@ -212,20 +212,20 @@ def _matrices(
         raise InputError(f"[matrices] {n} freedoms; expected at most {MOST_FREEDOMS}: reduce the model")
     file = path.parent / given.file
     columns = read_table(file)[0]
-    matrices = {name: _matrix(columns, name, n, file) for name in ("mass", "stiffness", "damping")}
-    given_mass, given_stiffness, given_damping = matrices["mass"], matrices["stiffness"], matrices["damping"]
+    given_mass, given_stiffness, given_damping = (
+        _matrix(columns, name, n, file) for name in ("mass", "stiffness", "damping")
+    )
     if given_mass is None or given_stiffness is None:
         raise InputError(f"{file}: expected arrays mass and stiffness, {n} × {n} as there are freedoms")
     place = {name: index for index, name in enumerate(given.freedoms)}
-    across, behind = np.zeros((len(given.joint), n)), []
+    refuse(
+        (name not in place, f"[[matrices.joint]] {joint.name!r}: {name!r} is none of the freedoms")
+        for joint in given.joint
+        for name in joint.between
+    )
+    across, behind = np.zeros((len(given.joint), n)), [place[joint.between[-1]] for joint in given.joint]
     for row, joint in zip(across, given.joint, strict=True):
-        unknown = [name for name in joint.between if name not in place]
-        if unknown:
-            raise InputError(f"[[matrices.joint]] {joint.name!r}: {unknown[0]!r} is none of the freedoms")
-        row[place[joint.between[-1]]] = 1.0
-        if len(joint.between) == 2:
-            row[place[joint.between[0]]] = -1.0
-        behind.append(place[joint.between[-1]])
+        row[[place[name] for name in joint.between]] = [-1.0, 1.0][-len(joint.between) :]
     forward = np.vstack([across, np.eye(n)[[index for index in range(n) if index not in behind]]])
     if len(set(behind)) < len(behind) or np.linalg.matrix_rank(forward) < n:
         raise InputError(
@@ -241,12 +241,12 @@ def _matrices(
         {name: back[index] for name, index in place.items()}, viscous=damping,
         base=None if base is None else forward @ base,
     )  # fmt: skip
-    uncertain = []
-    if given.stiffness_uncertainty:
-        uncertain.append(UncertainNumber("stiffness", given.stiffness_uncertainty, zero, stiffness, zero))
-    if given.mass_uncertainty:
-        uncertain.append(UncertainNumber("mass", given.mass_uncertainty, mass, zero, zero))
-    return structure, tuple(joint.kind or joint.name for joint in given.joint), tuple(uncertain)
+    numbers = (
+        UncertainNumber("stiffness", given.stiffness_uncertainty, zero, stiffness, zero),
+        UncertainNumber("mass", given.mass_uncertainty, mass, zero, zero),
+    )
+    uncertain = tuple(number for number in numbers if number.uncertainty)
+    return structure, tuple(joint.kind or joint.name for joint in given.joint), uncertain
 
 
 def _matrix(table: Any, name: str, n: int, file: Path) -> Array | None:
@@ -313,10 +313,8 @@ def _drive_of(table: RunTable, number: int, drive: DriveTable) -> Drive:
     where = f"[[run]] {number}"
     if table.amplitude is None or table.shape is None:
         raise InputError(f"{where}: a run to simulate wants shape and amplitude")
-    band = None
-    if table.band is not None:
-        low, high = (parse_quantity(end, "Hz", f"{where} band") for end in table.band)
-        band = (low, high)
+    ends = [parse_quantity(end, "Hz", f"{where} band") for end in table.band or ()]
+    band = (ends[0], ends[1]) if ends else None
     frequency = (
         None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{where} frequency")
     )

@@ -287,11 +287,13 @@ def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
             name: parse_quantity(getattr(part.section, name), unit, f"{where} section.{name}")
             for name, unit in units.items()
         }
-        bad = [name for name, value in values.items() if not SMALLEST < value < LARGEST]
-        if bad:
-            raise InputError(
-                f"{where} section.{bad[0]} is {values[bad[0]]:g} in SI; expected a number above zero"
+        refuse(
+            (
+                not SMALLEST < value < LARGEST,
+                f"{where} section.{name} is {value:g} in SI; expected a number above zero",
             )
+            for name, value in values.items()
+        )
         stiffness, mass = rectangular_section(**values)
     return Beam(part.beam, number("length", "m"), stiffness, mass, part.elements, part.loss_factor)
 
