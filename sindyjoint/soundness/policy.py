@@ -67,9 +67,6 @@ class SoundnessPolicy:
         "ratio of the distances from its limit 9 and 3 samples away up to which a channel arrives with a slope",
         source="3 for a straight line, 9 for a standstill that is reached smoothly",
     )
-    copied_noise: float = limit(
-        0.98, "correlation of the noise of two runs from which one is a scaled copy", source=REFEREE
-    )
     # The law that runs have in common.
     departs: float = limit(
         0.04, "RMS, in parts of a moment's, by which a run departs from the law of the others", source=REFEREE
@@ -113,6 +110,11 @@ class SoundnessPolicy:
         0.02,
         "relative standard uncertainty of every stiffness and mass of a structure that is assumed where less is stated",
         source="beams and masses are hardly known better; what it explains is no fault of a sensor",
+    )
+    usual_loss: float = limit(
+        1.0,
+        "the same of every beam's loss factor",
+        source="viscous, hysteretic and modal damping that are alike in the first mode differ by more in the fifth",
     )
 
 

@@ -104,6 +104,32 @@ def test_a_gain_is_reported_with_its_size_and_what_it_does(sound):
     assert "1.1 times" in finding.extent and "shifts the recovered angle by" in finding.effect
 
 
+def test_what_friction_rings_in_all_sensors_and_a_run_again_are_no_copies_and_no_spikes(sound):
+    """A mode at 0.46 of the sampling rate, rung at each reversal: third differences take it for noise."""
+    first, rng = sound.runs[0], np.random.default_rng(2)
+    n, time = first.drive.size, np.arange(40)
+    ring = np.zeros(n)
+    for at in range(20, n - time.size, round(RATE / FREQUENCY / 2)):
+        ring[at : at + time.size] += np.exp(-time / 8) * np.cos(0.92 * np.pi * time)
+    size = np.array([1.0, 0.9, 0.8, 0.7])[:, None] * 8 * first.responses.std()
+    again = [
+        replace(
+            first,
+            name=name,
+            drive=first.drive * (1 + 1e-3 * rng.standard_normal(n)),
+            responses=first.responses + size * ring + 1e-3 * size * rng.standard_normal((4, n)),
+        )
+        for name in ("once", "again")
+    ]
+    found_here = check(replace(sound, runs=(*again, *sound.runs[1:]))).soundness.findings
+    assert {f.id for f in found_here} & {
+        "duplicate_channel",
+        "scaled_copy",
+        "duplicate_run",
+        "spikes",
+    } == set()
+
+
 def test_spikes_are_filled_in_from_the_other_periods(sound):
     runs = list(sound.runs)
     responses = runs[1].responses.copy()

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding, Words
@@ -12,8 +11,9 @@ from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Channel, Record
 
 Block = tuple[int, int, int]
-# Samples that the search for scaled copies looks at, and the deviation from a constant ratio that rounding leaves.
-LOOKED_AT, PROPORTIONAL = 4096, 1e-6
+# Samples that the search for scaled copies looks at, and the deviation from a constant ratio, in parts of the largest
+# value, that rounding to five digits leaves.
+LOOKED_AT, PROPORTIONAL = 4096, 2e-5
 
 
 def find_copies(records: Sequence[Record], words: Words) -> Iterator[Finding]:
@@ -130,15 +130,15 @@ def _between(one: Record, other: Record, found: dict[str, list[Block]], words: W
 
 
 def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
-    """Yield runs, or channels of a run, whose noise is that of another one, scaled: one recording with another gain.
+    """Yield runs, or channels of a run, that are another one scaled, noise included: one recording with another gain.
 
-    Noise of two recordings has nothing in common; with few samples a period friction steps, which have, are as dense.
+    What two sensors, or two recordings, have in common may be nearly all: a mode that friction rings, a filter, a run
+    that was repeated. The noise of either is its own, and far above rounding.
     """
-    dense = (r for r in records if r.samples_per_period >= 2 * POLICY.few_samples)
-    loud = [r for r in dense if any(c.noise > 0 for c in r.alive)]
+    loud = [r for r in records if any(c.noise > 0 for c in r.alive)]
     for record in loud if words.structure else ():
         for one, two in combinations(record.alive, 2):
-            gain = _gain_of_copy(one.values, two.values, computed=True)
+            gain = _gain_of_copy(one.values, two.values)
             if gain is None and not np.array_equal(one.values, two.values):
                 continue
             times = "" if gain is None else f" times {gain:.4g}, noise included"
@@ -154,7 +154,10 @@ def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     for before, after in combinations(loud, 2):
         for one in before.alive:
             other = after.channel(one.name)
-            gain = None if other is None or one.name == "rate" else _gain_of_copy(one.values, other.values)
+            # A motion without noise was prescribed, and is proportional in any two runs.
+            if other is None or one.name == "rate" or one.noise == 0:
+                continue
+            gain = _gain_of_copy(one.values, other.values)
             if gain is None:
                 continue
             yield words.finding(
@@ -167,31 +170,11 @@ def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             )
 
 
-def _gain_of_copy(one: Array, other: Array, computed: bool = False) -> float | None:
-    """Return the factor by which a channel is another one, noise included; None where it is not, or is the same.
-
-    Proportional to the last digit, without noise, is what was ``computed`` from another one of its record; of two runs
-    a motion that was prescribed is so, too.
-    """
+def _gain_of_copy(one: Array, other: Array) -> float | None:
+    """Return the factor by which a channel is another one, noise included; None where it is not, or is the same."""
     if one.size != other.size or np.array_equal(one[:LOOKED_AT], other[:LOOKED_AT]):
         return None
     one, other = one[:LOOKED_AT], other[:LOOKED_AT]
     gain = float(one @ other) / float(one @ one)
-    if computed and np.abs(other - gain * one).max() <= PROPORTIONAL * np.abs(other).max():
-        return gain
-    patterns = [noise_pattern(values) for values in (one, other)]
-    if patterns[0] is None or patterns[1] is None:
-        return None
-    return gain if abs(float(patterns[0] @ patterns[1])) > POLICY.copied_noise else None
-
-
-def noise_pattern(values: Array) -> NDArray[np.float64] | None:
-    """Return the normalised third differences of a channel, or None where they are no noise."""
-    third = np.diff(values, 3)
-    norm = float(np.linalg.norm(third))
-    # Of white noise the third differences have the correlation −3/4 from one to the next; of a smooth signal, 1.
-    if third.size < 64 or norm == 0 or float(third[1:] @ third[:-1]) > -0.5 * norm**2:
-        return None
-    # Friction steps and spikes stand out of the noise, and those of two runs may fall together.
-    kept = np.where(np.abs(third) < POLICY.outstanding * 1.4826 * np.median(np.abs(third)), third, 0.0)
-    return np.asarray(kept / max(float(np.linalg.norm(kept)), 1e-300))
+    proportional = np.abs(other - gain * one).max() <= PROPORTIONAL * np.abs(other).max()
+    return gain if proportional else None

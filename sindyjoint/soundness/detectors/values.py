@@ -253,8 +253,14 @@ def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
 REACH = 3
 # Samples before a jump whose two halves tell where the motion goes.
 BEFORE = 12
-# What so many of the samples stay below is usual.
-USUAL = 0.99
+# What so many of the samples stay below is usual; what all channels together stay below in so many, no event of theirs.
+USUAL, SELDOM = 0.99, 0.95
+
+
+def departures(values: Array) -> Array:
+    """Return by how much every sample of a channel differs from the median of its neighbourhood."""
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, REACH, mode="edge"), 2 * REACH + 1)
+    return np.asarray(np.abs(values - np.partition(windows, REACH, axis=1)[:, REACH]))
 
 
 def spike_samples(channel: Channel) -> Mask:
@@ -263,10 +269,7 @@ def spike_samples(channel: Channel) -> Mask:
     What is usual is what 99 % of the samples differ by, 2.6 standard deviations of noise: the crests of a signal with
     few samples per period differ as well, but all of them do. What jumps may do so within its range, two amplitudes.
     """
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.pad(channel.values, REACH, mode="edge"), 2 * REACH + 1
-    )
-    away = np.abs(channel.values - np.partition(windows, REACH, axis=1)[:, REACH])
+    away = departures(channel.values)
     usual = POLICY.outstanding * max(float(np.quantile(away, USUAL)), channel.step)
     marked: Mask = away > max(usual, (2.0 if channel.jumps else POLICY.unit) * channel.amplitude)
     # What happens all the time (impacts, stick-slip) belongs to the joint.
@@ -283,8 +286,8 @@ def find_spikes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             spans = spans_of(marked[channel.name])
             if not spans or channel.name in own:
                 continue
-            if words.structure and record.declared is None:
-                spans = _alone(channel, marked)
+            if words.structure:
+                spans = _alone(record, channel, marked[channel.name])
             size = float(np.abs(channel.values - np.median(channel.values))[marked[channel.name]].max())
             relative = size / max(channel.amplitude, 1e-300)
             jerk = channel.name == "moment" and relative < POLICY.another_scale
@@ -348,17 +351,22 @@ def _motion_shows(record: Record, spans: Spans) -> bool:
     return all(kink[max(begin - 1, 0) : end + 1].max(initial=0.0) > usual for begin, end in spans)
 
 
-def _alone(channel: Channel, marks: Mapping[str, Mask]) -> Spans:
-    """Return the spikes of a channel of a record that no blow explains.
+def _alone(record: Record, channel: Channel, own: Mask) -> Spans:
+    """Return the spikes of a channel that the others of the structure do not show, nor its other periods.
 
-    A blow shows in several channels, and a joint that comes to a stop after it shows as less than the blow did. The
-    blow itself is a spike of the drive, to which sensors answer more slowly.
+    A blow, and a joint that slips or stops, rings in all channels, and at each period's same time: how far they depart
+    there together (the mean of the logarithms, each of the largest nearby) is seldom so much elsewhere. Where nothing
+    repeats a few spikes of the drive are blows, to which sensors answer more slowly.
     """
-    x, own = np.abs(channel.values - np.median(channel.values)), marks[channel.name]
-    far = POLICY.clearly * float(x[~own].max(initial=0.0))
-    spans = [(a, b) for a, b in spans_of(own) if x[a:b].max() > far]
-    if channel.name == DRIVE:
-        return tuple(spans if len(spans) >= POLICY.fewest else ())
-    others = np.logical_or.reduce([m for other, m in marks.items() if other != channel.name])
-    near = np.convolve(others, np.ones(2 * BEFORE + 1), mode="same") > 0
-    return tuple((a, b) for a, b in spans if not near[a:b].any())
+    shown = [departures(c.values) for c in record.alive if c is not channel]
+    if record.declared is not None:
+        away, period = departures(channel.values), round(record.samples_per_period)
+        shown += [np.roll(away, period), np.roll(away, -period)]
+    nearby = (
+        np.lib.stride_tricks.sliding_window_view(np.pad(away, REACH), 2 * REACH + 1).max(axis=1)
+        for away in shown
+    )
+    together = np.mean([np.log(away + away.mean()) for away in nearby], axis=0)
+    spans = spans_of(own & (together < np.quantile(together, SELDOM)))
+    blows = record.declared is None and channel.name == DRIVE and len(spans) < POLICY.fewest
+    return () if blows else spans

@@ -65,7 +65,7 @@ Told = tuple[str, Severity, str, str]
 
 
 def with_assumed_numbers(test: RigTest) -> RigTest:
-    """Return a test in which every stiffness and mass of the structure may be off, as stated or as is usual."""
+    """Return a test in which each stiffness, mass and loss of the structure may be off, as stated or as is usual."""
     usual = POLICY.usual_uncertainty
     if test.chain is None:
         structure, zero = test.structure, np.zeros_like(test.structure.mass)
@@ -76,7 +76,9 @@ def with_assumed_numbers(test: RigTest) -> RigTest:
     else:
         chain = test.chain
         of_parts = {
-            item.name: {"stiffness": usual, "mass": usual} if isinstance(item, Beam) else {"mass": usual}
+            item.name: {"stiffness": usual, "mass": usual, "loss": POLICY.usual_loss}
+            if isinstance(item, Beam)
+            else {"mass": usual}
             for item in chain.items
             if isinstance(item, Beam | LumpedMass)
         }
@@ -190,8 +192,8 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
     without = [left_out(equations, channel) for channel in channels[1:]]
     found = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in enumerate(without, 1)]
     first, second = sorted(found, key=lambda each: each.ratio)[:2]
-    # A channel less leaves less, whichever it is.
-    alone = first.ratio <= POLICY.explains / 2 and second.ratio >= POLICY.clearly * first.ratio
+    # A channel less leaves less, whichever it is: what a second one explains as well is the structure.
+    alone = first.ratio <= POLICY.explains / 2 and second.ratio >= POLICY.explains
     return first if alone else None
 
 
