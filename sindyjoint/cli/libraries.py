@@ -39,9 +39,11 @@ def list_(as_json: AsJson = False) -> None:
     """
     from sindyjoint.equation.catalogue import list_catalogues
 
-    known = [vars(summary) for summary in list_catalogues()]
-    record = [{name: one[name] for name in ("name", "terms", "description")} for one in known]
-    rows = [(one["name"], str(one["terms"]), one["description"]) for one in record]
+    record = [
+        {"name": one.name, "terms": len(one.terms), "description": one.description}
+        for one in list_catalogues()
+    ]
+    rows = [tuple(map(str, one.values())) for one in record]
     pretty = [(f"{name}\n{description}", terms) for name, terms, description in rows]
     _print(as_json, record, (("library", "terms"), pretty), (("library", "terms", "description"), rows))
 

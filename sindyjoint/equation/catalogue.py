@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from sindyjoint.equation import dimensions, formula
 from sindyjoint.equation.catalogue_file import (
+    GatheredCatalogue,
     LocatedEntry,
     ParameterEntry,
     TermEntry,
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Catalogue",
-    "CatalogueSummary",
     "Parameter",
     "Reference",
     "ResolvedTerm",
@@ -159,22 +159,9 @@ class Catalogue:
         return tuple(term.resolve(reference) for term in self.terms)
 
 
-@dataclass(frozen=True)
-class CatalogueSummary:
-    """One line of ``sindyjoint libraries list``."""
-
-    name: str
-    description: str
-    terms: int
-    path: Path
-
-
-def list_catalogues() -> tuple[CatalogueSummary, ...]:
+def list_catalogues() -> tuple[GatheredCatalogue, ...]:
     """Return what ships with the package, in alphabetical order."""
-    gathered = [(name, gather_catalogue(library_folder() / f"{name}.toml")) for name in shipped_names()]
-    return tuple(
-        CatalogueSummary(name, each.description, len(each.terms), each.path) for name, each in gathered
-    )
+    return tuple(gather_catalogue(library_folder() / f"{name}.toml") for name in shipped_names())
 
 
 def load_catalogue(name_or_path: str | Path) -> Catalogue:

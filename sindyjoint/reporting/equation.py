@@ -9,7 +9,7 @@ from itertools import zip_longest
 from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
-from sindyjoint.reporting.tables import DASH, TextTable, csv_text
+from sindyjoint.reporting.tables import DASH, TextTable, csv_text, shown
 from sindyjoint.text import in_words_of, quantities, rounded, superscript
 
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
@@ -131,7 +131,7 @@ def model_table(model: JointModel) -> TextTable:
                 r.value,
                 pretty_unit(r.unit),
                 r.interval,
-                share_text(r.share),
+                shown("{:.1f} %", 100 * r.share),
             )
             for r in term_rows(model)
         ),
@@ -181,14 +181,3 @@ def terms_csv(model: JointModel) -> str:
         share = repr(row.share) if row.share == row.share else ""
         rows.append((row.id, row.symbol, row.name, row.written, *numbers, row.si, share))
     return csv_text(TERM_COLUMNS, rows)
-
-
-def share_text(share: float) -> str:
-    """Return a share in per cent; a dash where there is none.
-
-    Examples
-    --------
-    >>> share_text(0.272)
-    '27.2 %'
-    """
-    return f"{100 * share:.1f} %" if share == share else DASH

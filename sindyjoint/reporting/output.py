@@ -21,11 +21,11 @@ from sindyjoint.record import Campaign
 from sindyjoint.reporting.page import Blocks, provenance
 from sindyjoint.reporting.registry import (
     DATA_FILE,
-    FOLDERS,
     draw,
     draw_all,
     drawable,
     kinds_of,
+    list_saved,
     saved_text,
     show,
     view_of,
@@ -324,11 +324,7 @@ def place_of(name: str, folder: str | os.PathLike[str]) -> Path:
 
 def link_pages(folder: Path) -> None:
     """Name in every page of a folder the pages of other kinds that stand there too."""
-    own = kind_of_results(folder)
-    places = {own: folder} if own else {}
-    places |= {
-        name: folder / name for name in FOLDERS if name != own and kind_of_results(folder / name) == name
-    }
+    places = list_saved(folder)
     for name, place in places.items():
         others = [
             f'<a href="{os.path.relpath(there / PAGE, place).replace(os.sep, "/")}">{other}</a>'

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import math
 import os
 import re
 import shlex
@@ -23,13 +22,13 @@ from sindyjoint.judgement.versions import versions
 from sindyjoint.record import Campaign
 from sindyjoint.reporting.equation import symbol_html
 from sindyjoint.reporting.style import INK, MUTED, RULE
+from sindyjoint.reporting.tables import TextTable, shown
 
 if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
     from sindyjoint.reporting.figure import Kind
-    from sindyjoint.reporting.tables import TextTable
 
 
 @dataclass(frozen=True)
@@ -300,9 +299,7 @@ def _environment() -> Environment:
 
 def number(value: float | None, digits: int = 3) -> str:
     """Return a number for a table; a dash where there is none."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    return f"{value:.{digits}g}".replace("-", "−")
+    return shown(f"{{:.{digits}g}}", value).replace("-", "−")
 
 
 @cache

@@ -10,6 +10,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -127,14 +128,19 @@ def _in_full(value: object) -> object:
     return repr(float(value)) if isinstance(value, float) else value
 
 
-def short_number(value: float | None) -> str:
-    """Return a number to four digits; a dash where there is none."""
-    return DASH if value is None or not math.isfinite(value) else f"{value:.4g}"
+def shown(template: str, *values: float | None) -> str:
+    """Return numbers in a text; a dash where one of them is none."""
+    known = all(value is not None and math.isfinite(value) for value in values)
+    return template.format(*values) if known else DASH
+
+
+#: A number to four digits.
+short_number = partial(shown, "{:.4g}")
 
 
 def milliseconds(value: float | None) -> str:
     """Return a time in ms; a dash where there is none."""
-    return DASH if value is None or not math.isfinite(value) else f"{1e3 * value:.3g} ms"
+    return shown("{:.3g} ms", None if value is None else 1e3 * value)
 
 
 def aligned(table: TextTable) -> Iterator[str]:

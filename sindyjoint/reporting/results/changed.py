@@ -11,7 +11,7 @@ from sindyjoint.judgement.changed import Change, Shift
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, math_symbol, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
-from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_text, print_table, tabulate
+from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_text, print_table, shown, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, rounded
 from sindyjoint.trust import Light, Trust
@@ -58,10 +58,6 @@ def _value(value: float, interval: tuple[float, float]) -> str:
     return rounded(value, (interval[1] - interval[0]) / 3.92) if np.isfinite(value) else DASH
 
 
-def _percent(template: str, *shares: float) -> str:
-    return template.format(*(100 * each for each in shares)) if np.isfinite(shares).all() else DASH
-
-
 def coefficients_table(result: Change) -> TextTable:
     """Return a row for each coefficient."""
     return tabulate(
@@ -71,8 +67,10 @@ def coefficients_table(result: Change) -> TextTable:
         {
             "coefficient": lambda shift: shift.symbol,
             "answer": lambda shift: shift.answer,
-            "change": lambda shift: _percent("{:+.3g} %", shift.change),
-            "95 % interval": lambda shift: _percent("{:+.3g} … {:+.3g} %", *shift.interval),
+            "change": lambda shift: shown("{:+.3g} %", 100 * shift.change),
+            "95 % interval": lambda shift: shown(
+                "{:+.3g} … {:+.3g} %", *(100 * end for end in shift.interval)
+            ),
             "before": lambda shift: _value(shift.before, shift.interval_before),
             "after": lambda shift: _value(shift.after, shift.interval_after),
             "unit": lambda shift: pretty_unit(shift.unit),

@@ -21,7 +21,16 @@ from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.results.discovery_terms import dependence
 from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
-from sindyjoint.reporting.tables import DASH, Console, TextTable, aligned, csv_records, print_table, tabulate
+from sindyjoint.reporting.tables import (
+    DASH,
+    Console,
+    TextTable,
+    aligned,
+    csv_records,
+    print_table,
+    shown,
+    tabulate,
+)
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import list_some, quantities, rounded, spelled
@@ -204,11 +213,6 @@ def _percent(value: float, error: float = float("nan")) -> str:
     return f"{100 * value:.{2 if value < 0.1 else 0}f} %" if np.isfinite(value) else DASH
 
 
-def seconds(value: float) -> str:
-    """Return a time in s; a dash where there is none."""
-    return f"{value:.2f} s" if np.isfinite(value) else DASH
-
-
 def _inclusion_rows(result: Comparison) -> list[tuple[str, list[float]]]:
     """Return label and share of each term: of the resampled campaigns first, then of every choice."""
     terms = result.shown_ids
@@ -379,7 +383,7 @@ def _warnings(result: Comparison) -> tuple[str, ...]:
 
 _CHOSEN: dict[str, Callable[[Choice], str]] = {
     "method": lambda choice: choice.name,
-    "time": lambda choice: seconds(choice.seconds),
+    "time": lambda choice: shown("{:.2f} s", choice.seconds),
     "terms": lambda choice: " ".join(term.id for term in choice.terms) or "none",
 }
 
@@ -388,7 +392,7 @@ def _details(result: Comparison) -> Iterator[str]:
     """Yield how long each method took, and what it led to."""
     choices = [choice for group in result.groups.values() for choice in group]
     yield from aligned(tabulate("choices", "", choices, _CHOSEN))
-    yield from (f"{stage}: {seconds(spent)}" for stage, spent in result.seconds.items())
+    yield from (f"{stage}: {shown('{:.2f} s', spent)}" for stage, spent in result.seconds.items())
 
 
 def _title(result: Comparison) -> str:
