@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin, get
 
 from sindyjoint.hooks import supplied
 from sindyjoint.plain import (
+    PATTERNS,
     POSITIVE,
     SOME,
     UNKNOWN,
@@ -39,7 +40,8 @@ __all__ = ["Described", "Maybe", "Shown", "json_schema", "same", "to_plain"]
 _TYPES = {str: "string", Path: "string", bool: "boolean", int: "integer", float: "number", NoneType: "null"}
 _UNKNOWN = {"type": ["number", "null"]}
 _ITEMS: dict[str, dict[str, Any]] = {"bool": {"type": "boolean"}, "float64": _UNKNOWN}
-_MARKED = {UNKNOWN: _UNKNOWN, POSITIVE: {"minimum": 0}, SOME: {"minItems": 1}}
+_MARKED: dict[str, dict[str, Any]] = {UNKNOWN: _UNKNOWN, POSITIVE: {"minimum": 0}, SOME: {"minItems": 1}}
+_MARKED |= {mark: {"pattern": f"^{known.pattern}$"} for mark, known in PATTERNS.items()}
 
 
 class Described:

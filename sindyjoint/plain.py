@@ -14,6 +14,7 @@ may hold besides. Types are those of the annotations, words, units and shapes th
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from functools import reduce
@@ -21,18 +22,29 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, nearest
 
 UNKNOWN, POSITIVE, SOME = "null where it is not known", "zero or more", "at least one"
+ONE_LINE, NAME = "one line of text", "small letters, digits and _ behind a letter"
 # A number that need not be known: NaN in a record, null in its dictionary; one that is not negative; both.
 Maybe = Annotated[float, UNKNOWN]
 Size = Annotated[float, POSITIVE]
 MaybeSize = Annotated[float, UNKNOWN, POSITIVE]
 Count = Annotated[int, POSITIVE]
+Line = Annotated[str, ONE_LINE]
+Identifier = Annotated[str, NAME]
 
-_WORDS = {str: "text", bool: "true or false", int: "a whole number", float: "a number"}
+_WORDS = {str: "text in quotes", bool: "true or false", int: "a whole number", float: "a number"}
+PATTERNS = {ONE_LINE: re.compile(r"[^\n\r]+"), NAME: re.compile("[a-z][a-z0-9_]*")}
 # No number of a file is larger, and no text longer.
 LARGEST, LONGEST = 1e200, 2000
+
+
+class Misfit(InputError):
+    """Data that are not of their type: the place, with dots between its parts, and what is wrong there."""
+
+    def __str__(self) -> str:
+        return ": ".join(filter(None, map(str, self.args)))
 
 
 def same(*names: str) -> dict[str, str]:
@@ -131,8 +143,7 @@ def from_plain(
 
     Raises
     ------
-    InputError
-        The message begins with the place that is at fault.
+    Misfit
     """
     marks = getattr(hint, "__metadata__", ())
     hint = get_args(hint)[0] if marks else hint
@@ -150,17 +161,20 @@ def from_plain(
         try:
             made: Any = hint(**found)
             return made.checked() if hasattr(hint, "checked") else made
+        except Misfit:
+            raise
         except ValueError as error:
-            raise InputError(f"{place}: {error}".removeprefix(": ")) from None
+            raise Misfit(place, str(error)) from None
     if (scalar := scalar_of_array(hint)) is not None:
         import numpy
 
         try:
             return numpy.array(data, dtype=scalar)
         except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"{place}: {error}") from None
+            raise Misfit(place, str(error)) from None
     if origin is tuple:
-        _expect(place, isinstance(data, list) and not (SOME in marks and not data), data, "a list")
+        full = bool(data) or SOME not in marks
+        _expect(place, isinstance(data, list) and full, data, "a list" + f", {SOME}" * (SOME in marks))
         hints = args[:1] * len(data) if args[-1] is Ellipsis else args
         _expect(place, len(data) == len(hints), data, f"{len(hints)} values")
         pairs = enumerate(zip(hints, data, strict=True), start=1)
@@ -169,7 +183,8 @@ def from_plain(
         _expect(place, isinstance(data, Mapping), data, "a table")
         return {str(key): from_plain(args[1], item, f"{place}.{key}", exact) for key, item in data.items()}
     if origin is Literal:
-        _expect(place, data in args, data, f"one of {', '.join(map(str, args))}")
+        *first, last = map(repr, args)
+        _expect(place, data in args, data, f"{', '.join(first)} or {last}" if first else last)
     elif hint is float and data is None and (UNKNOWN in marks or not exact):
         return math.nan
     elif hint in _WORDS:
@@ -177,15 +192,17 @@ def from_plain(
         known = isinstance(data, kinds) and (hint is bool or not isinstance(data, bool))
         if known and exact:
             small = len(data) <= LONGEST if hint is str else abs(data) <= LARGEST
-            known = small and not (POSITIVE in marks and data < 0)
-        _expect(place, known, data, f"{_WORDS[hint]}{', zero or more' * (POSITIVE in marks)}")
+            fits = all(PATTERNS[mark].fullmatch(data) for mark in marks if mark in PATTERNS)
+            _expect(place, small, data, "a shorter text" if hint is str else "a finite number")
+            _expect(place, fits and not (POSITIVE in marks and data < 0), data, ", ".join(marks))
+        _expect(place, known, data, _WORDS[hint])
         return hint(data)
     return data
 
 
 def _expect(place: str, known: bool, data: Any, words: str) -> None:
     if not known:
-        raise InputError(f"{place} is {str(data)[:40]!r}; expected {words}".strip())
+        raise Misfit(place, f"expected {words}, not {data!r:.60}")
 
 
 def fields_of(
@@ -195,10 +212,10 @@ def fields_of(
     _expect(within[:-1], isinstance(data, Mapping), data, "a table")
     version, newest = data.get("schema", 1), getattr(kind, "SCHEMA", 1)
     _expect(f"{within}schema", not exact or version in range(1, newest + 1), version, f"{newest} at most")
-    known = {key.removesuffix("?") for key in layout} | {"schema", "kind", *getattr(kind, "FORMERLY", ())}
-    unknown = [key for key in data if exact and key not in known]
-    if unknown:
-        raise InputError(f"{within}{unknown[0]} is unknown")
+    known = {key.removesuffix("?") for key in (*layout, *marks_of(kind), *getattr(kind, "FORMERLY", ()))}
+    for key in data:
+        if exact and key not in known:
+            raise Misfit(within[:-1], f"unknown key {key!r}; {nearest(key, sorted(known), 'known keys:')}")
     hints = get_type_hints(kind, include_extras=True)
     optional = {f.name for f in fields(kind) if f.default is not MISSING or f.default_factory is not MISSING}
     found: dict[str, Any] = {}
@@ -207,7 +224,7 @@ def fields_of(
         name, own = where if isinstance(where, tuple) else (where, None)
         if key not in data:
             if isinstance(name, Mapping) or name not in optional:
-                raise InputError(f"{within}{key} is missing")
+                raise Misfit(within[:-1], f"key {key!r} is missing")
         elif isinstance(name, Mapping):
             found |= fields_of(kind, data[key], name, f"{within}{key}.", exact)
         elif "." in name:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from sindyjoint.errors import nearest
+from sindyjoint.errors import InputError, nearest
+from sindyjoint.plain import Misfit, from_plain
 from sindyjoint.text import expectation
 
+T = TypeVar("T")
 # What pydantic calls the two things that [channels] time may be.
 WITHOUT_TIME, TIME_CHANNEL = "literal['none']", "TimeChannel"
 
@@ -54,14 +57,42 @@ def first_complaint(error: ValidationError, data: Any = None) -> str:
     else:
         told = first["type"] in ("value_error", "too_short", "too_long")
         message = expectation(first) + ("" if told else f", not {first['input']!r:.60}")
-    # As a user writes it: [channels] angle.unit, [[run]] 2 frequency.
-    table, rest = (f"[{place[0]}]" if place else ""), list(place[1:])
-    if rest and isinstance(rest[0], int):
-        number = int(rest.pop(0))
-        entry = data[place[0]][number] if data else None
-        name = entry.get("id", entry.get("name")) if isinstance(entry, dict) else None
-        table = f"[[{place[0]}]] {number + 1}" + (f" ({name})" if isinstance(name, str) else "")
-    parts = (str(part + 1) if isinstance(part, int) else part for part in rest)
-    field = f"{table} {'.'.join(parts)}".strip()
+    field = heading([str(part + 1) if isinstance(part, int) else part for part in place], data)
     more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
     return f"{field}: {message}{more}" if field else f"{message}{more}"
+
+
+def heading(place: Sequence[str], data: Any = None) -> str:
+    """Return a place in a TOML file as a user writes it: [channels] angle.unit, [[run]] 2 frequency.
+
+    Parameters
+    ----------
+    place : sequence of str
+        Keys, and numbers from 1 of entries.
+    data : mapping, optional
+        The document, whose entries are then called by their ids or names.
+    """
+    table, rest = (f"[{place[0]}]" if place else ""), [*place[1:]]
+    if rest and rest[0].isdigit():
+        number = rest.pop(0)
+        entry = data[place[0]][int(number) - 1] if data else None
+        name = entry.get("id", entry.get("name")) if isinstance(entry, dict) else None
+        table = f"[[{place[0]}]] {number}" + (f" ({name})" if isinstance(name, str) else "")
+    return f"{table} {'.'.join(rest)}".strip()
+
+
+def entries_of(kind: type[T], data: Any, called: str) -> T:
+    """Return the tables of a TOML file as a record.
+
+    Raises
+    ------
+    InputError
+        The message names file and field.
+    """
+    try:
+        record: T = from_plain(kind, data)
+    except Misfit as error:
+        place, said = error.args
+        where = heading([part for part in place.split(".") if part], data)
+        raise InputError(": ".join(filter(None, (called, where, said)))) from None
+    return record

@@ -51,7 +51,7 @@ ALLOWED = {
         "record",
     },  # runs are made of what sensors measured
     "documents": {"errors", "text"},
-    "tables": {"errors", "text"},
+    "tables": {"errors", "text", "plain"},
     "clock": set(),
     "parallel": {"errors", "clock"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them

@@ -18,8 +18,6 @@ from sindyjoint.equation import dimensions, formula
 from sindyjoint.equation.catalogue_file import (
     GatheredCatalogue,
     LocatedEntry,
-    ParameterEntry,
-    TermEntry,
     check_symbols,
     find_catalogue,
     gather_catalogue,
@@ -32,7 +30,6 @@ from sindyjoint.equation.terms import (
     Reference,
     ResolvedTerm,
     Term,
-    TermInput,
     input_units,
     term_columns,
 )
@@ -232,7 +229,8 @@ def _term(located: LocatedEntry) -> Term:
     entry = located.entry
     where = f"{located.path.name}: term {entry.id!r}"
     try:
-        inputs = _inputs(entry)
+        inputs = entry.inputs
+        _check_bounds(entry.parameters)
         for each in inputs:
             check_name(each.name)
         names = [*(p.name for p in entry.parameters), *(each.reference for each in inputs if each.reference)]
@@ -245,29 +243,19 @@ def _term(located: LocatedEntry) -> Term:
         parameters = tuple(_parameter(parameter, motion) for parameter in entry.parameters)
     except (FormulaError, UnitError, InputError) as error:
         raise type(error)(f"{where}: {error}") from None
-    term = Term(
-        id=entry.id,
-        symbol=entry.symbol,
-        formula=entry.formula,
-        unit=_rotational(entry.unit, motion),
-        name=entry.name,
-        meaning=entry.meaning,
-        family=entry.family,
-        source=entry.source,
-        confused_with=tuple(entry.confused_with),
-        parameters=parameters,
-        expression=expression,
-        inputs=inputs,
-        within=tuple(entry.within),
-    )
+    unit = _rotational(entry.unit, motion)
+    term = replace(entry, unit=unit, parameters=parameters, expression=expression)
     return replace(term, unit=term.unit_for("rotation")) if inputs and not ships else term
 
 
-def _inputs(entry: TermEntry) -> tuple[TermInput, ...]:
-    return tuple(
-        TermInput(each.name, each.unit, each.reference or "", each.levels, tuple(each.offered_for))
-        for each in entry.inputs
-    )
+def _check_bounds(parameters: Sequence[Parameter]) -> None:
+    for number, each in enumerate(parameters, 1):
+        low, high = (each.value if end is None else end for end in (each.lower, each.upper))
+        if not 0 < low <= each.value <= high:
+            raise InputError(
+                f"parameters.{number}: expected 0 < lower <= value <= upper; given are {low:g}, {each.value:g}, "
+                f"{high:g}"
+            )
 
 
 def _check_use(expression: sympy.Expr, names: list[str]) -> None:
@@ -279,10 +267,10 @@ def _check_use(expression: sympy.Expr, names: list[str]) -> None:
         raise FormulaError("the formula is zero whatever the motion; a term must depend on something or be 1")
 
 
-def _checked_motion(entry: TermEntry, expression: sympy.Expr) -> Motion:
+def _checked_motion(entry: Term, expression: sympy.Expr) -> Motion:
     """Return the motion whose units the entry is written in, having checked that they fit the formula."""
     units = {parameter.name: parameter.unit for parameter in entry.parameters}
-    units |= input_units(_inputs(entry))
+    units |= input_units(entry.inputs)
     for unit in (entry.unit, *units.values()):
         if not dimensions.is_coherent(unit):
             raise UnitError(
@@ -306,7 +294,7 @@ def _checked_motion(entry: TermEntry, expression: sympy.Expr) -> Motion:
     raise UnitError(faults["rotation" if "rad" in texts or "N*m" in texts else "translation"])
 
 
-def _parameter(entry: ParameterEntry, motion: Motion | None) -> Parameter:
+def _parameter(entry: Parameter, motion: Motion | None) -> Parameter:
     if motion is not None and entry.relative_to is not None:
         scales = dimensions.VARIABLE_UNITS[motion]
         wanted = {
@@ -319,9 +307,7 @@ def _parameter(entry: ParameterEntry, motion: Motion | None) -> Parameter:
                 f"parameter {entry.name!r} is relative to the {entry.relative_to} and has the unit "
                 f"{entry.unit!r}; expected {wanted[entry.relative_to]}"
             )
-    return Parameter(
-        entry.name, _rotational(entry.unit, motion), entry.value, entry.relative_to, entry.lower, entry.upper
-    )
+    return replace(entry, unit=_rotational(entry.unit, motion))
 
 
 def _rotational(unit: str, motion: Motion | None) -> str:

@@ -10,91 +10,37 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from sindyjoint.documents import read_toml
+from sindyjoint.equation.terms import Term
 from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
-from sindyjoint.tables import StrictTable, first_complaint
-
-Line = Annotated[str, Field(min_length=1, pattern=r"^[^\n\r]+$")]
-Identifier = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+from sindyjoint.plain import Identifier, Line
+from sindyjoint.tables import entries_of
 
 
-class ParameterEntry(StrictTable):
-    """A nonlinear parameter: a positive number, or a multiple of the data's largest angle, rate or moment."""
-
-    name: Line
-    unit: Line
-    value: float
-    relative_to: Literal["angle", "rate", "moment"] | None = None
-    lower: float | None = None
-    upper: float | None = None
-
-    @model_validator(mode="after")
-    def _ordered(self) -> ParameterEntry:
-        low = self.value if self.lower is None else self.lower
-        high = self.value if self.upper is None else self.upper
-        if not 0 < low <= self.value <= high:
-            raise ValueError(
-                f"expected 0 < lower <= value <= upper; given are {low:g}, {self.value:g}, {high:g}"
-            )
-        return self
-
-
-class InputEntry(StrictTable):
-    """An input that a formula uses, and what it calls the input's reference value."""
-
-    name: Line
-    unit: Line
-    reference: Line | None = None
-    levels: int = 2
-    offered_for: list[Line] = []
-
-
-class TermEntry(StrictTable):
-    """A candidate term as the file gives it."""
-
-    id: Identifier
-    symbol: Line
-    formula: Line
-    unit: Line
-    name: Line
-    meaning: Line
-    family: Line
-    source: str = ""
-    confused_with: list[Identifier] = []
-    parameters: list[ParameterEntry] = []
-    inputs: list[InputEntry] = []
-    within: list[Identifier] = []
-
-
-class IncludeEntry(StrictTable):
+@dataclass(frozen=True)
+class IncludeEntry:
     """Another catalogue, whole or some of its terms."""
 
     catalogue: Line
-    terms: list[Identifier] | None = None
+    terms: tuple[Identifier, ...] | None = None
 
 
-def _as_table(value: Any) -> Any:
-    return {"catalogue": value} if isinstance(value, str) else value
-
-
-class CatalogueEntry(StrictTable):
+@dataclass(frozen=True)
+class CatalogueEntry:
     """A catalogue file."""
 
     name: Line
     description: Line
-    include: list[Annotated[IncludeEntry, BeforeValidator(_as_table)]] = []
-    term: list[TermEntry] = []
+    include: tuple[IncludeEntry, ...] = ()
+    term: tuple[Term, ...] = ()
 
 
 @dataclass(frozen=True)
 class LocatedEntry:
     """A term's entry and the file it was written in."""
 
-    entry: TermEntry
+    entry: Term
     path: Path
 
 
@@ -239,7 +185,8 @@ def _collect_terms(
 
 def _read_entries(path: Path) -> CatalogueEntry:
     data = read_toml(path, path.name)
-    try:
-        return CatalogueEntry.model_validate(data)
-    except ValidationError as error:
-        raise InputError(f"{path.name}: {first_complaint(error, data)}") from None
+    if isinstance(data.get("include"), list):
+        # A catalogue as a whole may be given by its name alone.
+        short = ({"catalogue": each} if isinstance(each, str) else each for each in data["include"])
+        data["include"] = list(short)
+    return entries_of(CatalogueEntry, data, path.name)

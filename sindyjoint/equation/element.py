@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from sindyjoint.equation.formula import compile_terms, parse_formula, variable_symbols
 from sindyjoint.numeric import Array
-from sindyjoint.plain import SOME, Size, same
+from sindyjoint.plain import SOME, Line, Size, same
 
 if TYPE_CHECKING:
     import sympy
@@ -23,11 +23,12 @@ if TYPE_CHECKING:
 class Column:
     """A moment that stands in a law times a coefficient."""
 
-    symbol: str
-    formula: str
-    unit: str
-    positive: bool
-    expression: sympy.Expr = field(repr=False)
+    WRITTEN: ClassVar = same("symbol", "formula", "unit", "positive")
+    symbol: Line
+    formula: Line
+    unit: Line
+    positive: bool = False
+    expression: Any = field(repr=False, default=None)
 
 
 @dataclass(frozen=True)
@@ -165,10 +166,10 @@ class Value:
 class ElementState:
     """An internal state as text: its rate, and the value that it cannot pass, in the catalogues' syntax."""
 
-    name: str
-    unit: str
-    rate: str
-    limit: str | None = None
+    name: Line
+    unit: Line
+    rate: Line
+    limit: Line | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.equation import dimensions, formula
 from sindyjoint.errors import InputError
+from sindyjoint.plain import Identifier, Line, same
 
 if TYPE_CHECKING:
     import sympy
@@ -74,8 +75,8 @@ class Parameter:
         End of the range at which an effect becomes one that it contains.
     """
 
-    name: str
-    unit: str
+    name: Line
+    unit: Line
     value: float
     relative_to: Scale | None = None
     lower: float | None = None
@@ -118,11 +119,11 @@ class TermInput:
         SI units of the inputs for which it is offered; empty for all.
     """
 
-    name: str
-    unit: str
+    name: Line
+    unit: Line
     reference: str = ""
     levels: int = 2
-    offered_for: tuple[str, ...] = ()
+    offered_for: tuple[Line, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -150,19 +151,24 @@ class Term:
         Ids of terms without which this one makes no sense: k1·T without k1.
     """
 
-    id: str
-    symbol: str
-    formula: str
-    unit: str
-    name: str
-    meaning: str
-    family: str
-    source: str
-    confused_with: tuple[str, ...]
-    parameters: tuple[Parameter, ...]
-    expression: sympy.Expr = field(repr=False)
+    WRITTEN: ClassVar = {
+        **same("id", "symbol", "formula", "unit", "name", "meaning", "family", "source", "confused_with"),
+        "parameters": ("parameters", same("name", "unit", "value", "relative_to", "lower", "upper")),
+        **same("inputs", "within"),
+    }
+    id: Identifier
+    symbol: Line
+    formula: Line
+    unit: Line
+    name: Line
+    meaning: Line
+    family: Line
+    source: str = ""
+    confused_with: tuple[Identifier, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
+    expression: Any = field(repr=False, default=None)
     inputs: tuple[TermInput, ...] = ()
-    within: tuple[str, ...] = ()
+    within: tuple[Identifier, ...] = ()
 
     def unit_for(self, motion: Motion) -> str:
         """Return the unit of the coefficient for rotation or translation."""

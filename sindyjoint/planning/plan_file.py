@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, UnitError, checks_options
@@ -19,25 +19,28 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.virtual import VirtualTest, campaign_joint
 from sindyjoint.numeric import RNG
+from sindyjoint.plain import SOME
 from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Run
-from sindyjoint.tables import StrictTable, first_complaint
+from sindyjoint.tables import entries_of
 
 PLAN_NAME = "plan.toml"
 # Of a joint that turns, and of one that slides.
 UNITS = {"moment": ("N*m", "N"), "angle": ("rad", "m")}
 
 
-class _RunEntry(StrictTable):
+@dataclass(frozen=True)
+class _RunEntry:
     drive: Literal["moment", "angle"]
-    waveform: Literal["sine", "two-tone-3", "two-tone-5", "triangle", "multisine", "sweep"] = "sine"
     frequency: str
     level: str
     duration: str
+    waveform: Literal["sine", "two-tone-3", "two-tone-5", "triangle", "multisine", "sweep"] = "sine"
 
 
-class _SensorEntry(StrictTable):
+@dataclass(frozen=True)
+class _SensorEntry:
     rate: str = "1000 Hz"
     noise: float = 0.01
     moment_noise: str | None = None
@@ -46,9 +49,10 @@ class _SensorEntry(StrictTable):
     angle_resolution: str | None = None
 
 
-class _PlanEntry(StrictTable):
+@dataclass(frozen=True)
+class _PlanEntry:
+    run: Annotated[tuple[_RunEntry, ...], SOME]
     sensors: _SensorEntry = _SensorEntry()
-    run: Annotated[list[_RunEntry], Field(min_length=1)]
 
 
 def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
@@ -89,10 +93,7 @@ def read_plan(path: str | Path) -> tuple[tuple[PlannedRun, ...], Sensors]:
     """
     place = Path(path)
     place = place / PLAN_NAME if place.is_dir() else place
-    try:
-        entry = _PlanEntry.model_validate(read_toml(place))
-    except ValidationError as error:
-        raise InputError(f"{place}: {first_complaint(error)}") from None
+    entry = entries_of(_PlanEntry, read_toml(place), str(place))
     runs = []
     for number, one in enumerate(entry.run, 1):
         where = f"{place}: run {number}"

@@ -62,7 +62,7 @@ def test_equation_names_every_coefficient(found):
         (lambda d: d.update(schema=3), "'schema': 2"),
         (lambda d: d["terms"][0].pop("formula"), "not a joint model"),
         (lambda d: d["terms"][0].update(colour="red"), "not a joint model"),
-        (lambda d: d["fitted"].pop("samples"), "not a joint model: fitted.samples is missing"),
+        (lambda d: d["fitted"].pop("samples"), "not a joint model: fitted: key 'samples' is missing"),
     ],
 )
 def test_what_is_no_model_is_refused(found, change, message):

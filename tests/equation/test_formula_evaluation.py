@@ -368,7 +368,7 @@ def tampered(change):
 @pytest.mark.parametrize(
     "change, words",
     [
-        (lambda d: d["terms"][0].update(coefficient="5"), "terms.1.coefficient is '5'"),
+        (lambda d: d["terms"][0].update(coefficient="5"), "terms.1.coefficient: expected a number, not '5'"),
         (lambda d: d["terms"][0].update(coefficient=None), "terms.1.coefficient"),
         (lambda d: d["terms"][0].update(coefficient=float("nan")), "terms.1.coefficient"),
         (lambda d: d["terms"][0].update(coefficient=10**400), "terms.1.coefficient"),
@@ -380,9 +380,9 @@ def tampered(change):
         (lambda d: d["elements"][0].update(columns=[]), "elements.1.columns"),
         (
             lambda d: d["elements"][0]["parameters"][0].pop("value"),
-            "elements.1.parameters.1.value is missing",
+            "elements.1.parameters.1: key 'value' is missing",
         ),
-        (lambda d: d.update(more=1), "more is unknown"),
+        (lambda d: d.update(more=1), "unknown key 'more'"),
         (lambda d: d.update(schema=3), "'schema': 2"),
     ],
 )

@@ -107,8 +107,8 @@ def test_a_mistake_is_one_line_and_status_2(run, model_file, arguments, message,
         (b"[1]", "not a joint model: expected 'schema': 2 (or 1) and 'terms'"),
         (b"\xff\xfe\x00", "is not UTF-8 text"),
         (b"[" * 100_000, "is nested too deeply"),
-        (b'{"schema": 1, "terms": [{"id": 3}]}', "not a joint model: joint is missing"),
-        (b'{"schema": 1, "terms": []}', "not a joint model: joint is missing"),
+        (b'{"schema": 1, "terms": [{"id": 3}]}', "not a joint model: key 'joint' is missing"),
+        (b'{"schema": 1, "terms": []}', "not a joint model: key 'joint' is missing"),
     ],
 )
 def test_a_model_that_is_none_is_named(run, tmp_path, content, message):
@@ -123,11 +123,11 @@ def test_a_model_that_is_none_is_named(run, tmp_path, content, message):
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("coefficient", "large", "terms.1.coefficient is 'large'; expected a"),
-        ("coefficient", float("nan"), "terms.1.coefficient is 'nan'; expected a"),
-        ("symbol", None, "terms.1.symbol is 'None'; expected"),
+        ("coefficient", "large", "terms.1.coefficient: expected a number"),
+        ("coefficient", float("nan"), "terms.1.coefficient: expected a finite"),
+        ("symbol", None, "terms.1.symbol: expected text"),
         ("formula", "__import__('os')", "is not allowed"),
-        ("formula", 7, "terms.1.formula is '7'; expected"),
+        ("formula", 7, "terms.1.formula: expected text"),
         ("coefficient", 10**400, "holds an integer of"),
     ],
 )

@@ -163,7 +163,7 @@ def test_damaged_results_name_the_file(results, tmp_path, name, text, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d["loops"][0].update(level=3), "loops.1.level is '3'; expected text"),
+        (lambda d: d["loops"][0].update(level=3), "loops.1.level: expected text in quotes, not 3"),
         (
             lambda d: d["loops"][0].update(moment=[1.0, 2.0]),
             "do not fit together .*; run the command with --out",

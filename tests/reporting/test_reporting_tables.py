@@ -102,17 +102,20 @@ def damaged(change):
 @pytest.mark.parametrize(
     ("data", "message"),
     [
-        ([], "not a saved ReportData: is "),
-        (damaged(lambda d: d.pop("verdict")), "not a saved ReportData: verdict is missing"),
-        (damaged(lambda d: d["loops"][0].pop("angle")), "not a saved ReportData: loops.1.angle is missing"),
+        ([], "not a saved ReportData: expected a table"),
+        (damaged(lambda d: d.pop("verdict")), "not a saved ReportData: key 'verdict' is missing"),
+        (
+            damaged(lambda d: d["loops"][0].pop("angle")),
+            "not a saved ReportData: loops.1: key 'angle' is missing",
+        ),
         (
             damaged(lambda d: d["loops"][0].update(angle=["x"])),
             "not a saved ReportData: loops.1.angle: could not convert",
         ),
-        (damaged(lambda d: d.update(path=3)), "path is '3'; expected a list"),
-        (damaged(lambda d: d.update(verdict=3)), "verdict is '3'; expected text"),
+        (damaged(lambda d: d.update(path=3)), "path: expected a list, not 3"),
+        (damaged(lambda d: d.update(verdict=3)), "verdict: expected text in quotes, not 3"),
         (damaged(lambda d: d.update(loops=[])), "not a saved ReportData: expected loops and a square map"),
-        (damaged(lambda d: d["model"].pop("terms")), "not a saved ReportData: model.terms is missing"),
+        (damaged(lambda d: d["model"].pop("terms")), "not a saved ReportData: model: key 'terms' is missing"),
     ],
 )
 def test_damaged_data_are_refused(data, message):

@@ -13,19 +13,19 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, ValidationError
 
 from sindyjoint.diagnosis.effects.motion import JoinedMotions, MeasuredMotion
 from sindyjoint.diagnosis.effects.setup import PLACES
 from sindyjoint.documents import read_toml
 from sindyjoint.equation import dimensions
-from sindyjoint.equation.catalogue_file import Identifier, Line, library_folder
-from sindyjoint.equation.element import Column, Form, State
+from sindyjoint.equation.catalogue_file import library_folder
+from sindyjoint.equation.element import Column, ElementState, Form, State
 from sindyjoint.equation.formula import compile_terms, formula_pretty, parse_formula
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.errors import FormulaError, InputError, MissingInputError, UnitError, UnknownNameError
 from sindyjoint.numeric import Array
-from sindyjoint.tables import StrictTable, first_complaint
+from sindyjoint.plain import SOME, Identifier, Line
+from sindyjoint.tables import entries_of
 
 #: Where an effect of a joint's law or of its channels enters.
 OF_JOINT = ("moment", "time shift", "angle zero", "angle drift")
@@ -35,7 +35,8 @@ SIGNALS = {"frequency": "1/s", "time": "s", "elapsed": "s", "moment_rate": "N*m/
 ARGUMENTS = ("theta", "omega", "alpha", *SIGNALS)
 
 
-class _ParameterEntry(StrictTable):
+@dataclass(frozen=True)
+class _ParameterEntry:
     name: Line
     unit: Line
     lower: float
@@ -45,42 +46,31 @@ class _ParameterEntry(StrictTable):
     special: Literal["lower", "upper"] | None = None
 
 
-class _StateEntry(StrictTable):
-    name: Identifier
-    unit: Line
-    rate: Line
-    limit: Line | None = None
+@dataclass(frozen=True)
+class _VariantEntry:
+    columns: tuple[Column, ...] = ()
+    parameters: tuple[_ParameterEntry, ...] = ()
+    states: tuple[ElementState, ...] = ()
 
 
-class _ColumnEntry(StrictTable):
-    symbol: Line
-    formula: Line
-    unit: Line
-    positive: bool = False
-
-
-class _VariantEntry(StrictTable):
-    columns: list[_ColumnEntry] = []
-    parameters: list[_ParameterEntry] = []
-    states: list[_StateEntry] = []
-
-
-class _EffectEntry(StrictTable):
+@dataclass(frozen=True)
+class _EffectEntry:
     id: Identifier
     name: Line
     family: Line
     meaning: Line
+    variant: Annotated[tuple[_VariantEntry, ...], SOME]
     source: str = ""
-    confused_with: list[Identifier] = []
-    contains: list[Identifier] = []
+    confused_with: tuple[Identifier, ...] = ()
+    contains: tuple[Identifier, ...] = ()
     enters: Line = "moment"
-    variant: Annotated[list[_VariantEntry], Field(min_length=1)]
 
 
-class _EffectFile(StrictTable):
+@dataclass(frozen=True)
+class _EffectFile:
     name: Line
     description: Line
-    effect: list[_EffectEntry] = []
+    effect: tuple[_EffectEntry, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -187,12 +177,8 @@ def read_effects(path: Path) -> tuple[Effect, ...]:
     """Return the effects of one file."""
     if not path.is_file():
         raise MissingInputError(f"{str(path)!r} does not exist; expected a .toml file of effects")
-    data = read_toml(path, path.name)
-    try:
-        entries = _EffectFile.model_validate(data).effect
-    except ValidationError as error:
-        raise InputError(f"{path.name}: {first_complaint(error, data)}") from None
-    return tuple(_effect(path, each) for each in entries)
+    entries = entries_of(_EffectFile, read_toml(path, path.name), path.name)
+    return tuple(_effect(path, each) for each in entries.effect)
 
 
 def select_effects(effects: Sequence[Effect], ids: Sequence[str]) -> tuple[Effect, ...]:
@@ -214,11 +200,11 @@ def _effect(path: Path, entry: _EffectEntry) -> Effect:
         variants = tuple(_variant(each, entry.enters in PLACES, ships) for each in entry.variant)
     except (FormulaError, UnitError, InputError) as error:
         raise type(error)(f"{path.name}: effect {entry.id!r}: {error}") from None
-    lists = {"confused_with": tuple(entry.confused_with), "contains": tuple(entry.contains)}
-    return Effect(**{**entry.model_dump(exclude={"variant"}), **lists}, variants=variants)
+    said = {name: value for name, value in vars(entry).items() if name != "variant"}
+    return Effect(**said, variants=variants)
 
 
-def _check_unit(column: _ColumnEntry, expression: Any, units: Mapping[str, str]) -> None:
+def _check_unit(column: Column, expression: Any, units: Mapping[str, str]) -> None:
     wanted = dimensions.coefficient_unit(expression, units, "rotation")
     if not dimensions.same_dimension(column.unit, wanted):
         raise UnitError(f"unit {column.unit!r} times {column.formula} is not N*m; expected {wanted}")
@@ -243,7 +229,7 @@ def _variant(entry: _VariantEntry, outside: bool, ships: bool) -> Variant:
         expression = parse_formula(column.formula, names, [*states, *SIGNALS])
         if not ships:
             _check_unit(column, expression, {**units, **SIGNALS})
-        columns.append(Column(column.symbol, column.formula, column.unit, column.positive, expression))
+        columns.append(replace(column, expression=expression))
     parameters = []
     for p in entry.parameters:
         middle = float(np.sqrt(p.lower * p.upper))
