@@ -13,7 +13,6 @@ from functools import partial
 from importlib import import_module
 from itertools import product
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -92,9 +91,6 @@ class Export(Described):
     fidelity: tuple[Fidelity, ...]
     notes: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "files", MappingProxyType(dict(self.files)))
-
     @property
     def not_carried(self) -> tuple[str, ...]:
         """One sentence for each thing that the target cannot express."""
@@ -172,30 +168,28 @@ def _lookup(model: JointModel, write: Callable[[JointModel], Export]) -> Export:
     inputs = model.used_inputs
     points = POINTS if len(inputs) == 1 else POINTS_OF_SEVERAL
     nodes = {each.name: np.linspace(*(each.tested or (0.0, 0.0)), points) for each in inputs}
-    files: dict[str, str | bytes] = {}
     table = [",".join([*(f"{each.name} [{each.shown_unit}]" for each in inputs), "folder"])]
-    decks = []
+    decks: dict[str, Export] = {}
     for values in product(*nodes.values()):
         shown = [each.shown(value) for each, value in zip(inputs, values, strict=True)]
         folder = "_".join(
             f"{each.name}_{re.sub(r'[^A-Za-z0-9.+-]', '', text)}"
             for each, text in zip(inputs, shown, strict=True)
         )
-        made = write(model.at(**dict(zip(nodes, map(float, values), strict=True))))
-        decks.append(made)
-        files |= {f"{folder}/{name}": content for name, content in made.files.items()}
+        decks[folder] = write(model.at(**dict(zip(nodes, map(float, values), strict=True))))
         table.append(",".join([*(text.split(" ")[0] for text in shown), folder]))
-    files[TABLE] = "\n".join([*table, ""])
-    first = decks[0]
+    files = {f"{folder}/{name}": text for folder, made in decks.items() for name, text in made.files.items()}
+    first = next(iter(decks.values()))
     note = f"{TABLE} says which folder holds the joint at which {' and '.join(each.label for each in inputs)}"
     rows = [_between(model, each, nodes[each.name]) for each in inputs]
     # Of each term the row of the deck that carries it worst; all terms last.
     worst: dict[str, Fidelity] = {}
     for row in sorted(
-        (row for made in decks for row in made.fidelity), key=lambda row: row.term == ALL_TERMS
+        (row for made in decks.values() for row in made.fidelity), key=lambda row: row.term == ALL_TERMS
     ):
         worst[row.term] = max(worst.get(row.term, row), row, key=lambda row: (not row.carried, row.error))
-    return Export(first.target, files, (*rows, *worst.values()), (note, *first.notes))
+    whole = files | {TABLE: "\n".join([*table, ""])}
+    return Export(first.target, whole, (*rows, *worst.values()), (note, *first.notes))
 
 
 def _between(model: JointModel, each: Input, nodes: Array) -> Fidelity:

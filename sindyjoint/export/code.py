@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from itertools import chain, count
 from typing import Any
 
 import sympy
@@ -241,12 +242,9 @@ def identifiers(symbols: Sequence[str]) -> list[str]:
     taken: list[str] = []
     for symbol in symbols:
         base = "JOINT_" + (re.sub(r"[^A-Za-z0-9]+", "_", symbol).strip("_") or "x")
-        name, count = base, 1
         # The names of the templates are all upper case; a coefficient of such a name steps aside.
-        while name in taken or name in _RESERVED:
-            count += 1
-            name = f"{base}_{count}"
-        taken.append(name)
+        tried = chain([base], (f"{base}_{number}" for number in count(2)))
+        taken.append(next(name for name in tried if name not in taken and name not in _RESERVED))
     return taken
 
 
@@ -291,16 +289,13 @@ def exact_rows(model: JointModel, how: str) -> tuple[Fidelity, ...]:
 
 def code_notes(model: JointModel) -> tuple[str, ...]:
     """Return what a user of generated code has to know."""
-    notes = [bounds(model)]
-    if model.inertia == 0:
-        notes.append("the moving inertia is not known: give one to step()")
     states = law_of(model).states
-    if states:
-        notes.append(
-            f"internal states, zero at the start: {', '.join(states)}; steps of the integration divide those of the "
-            "caller"
-        )
-    return tuple(notes)
+    inner = (
+        f"internal states, zero at the start: {', '.join(states)}; steps of the integration divide those of the "
+        "caller"
+    )
+    unknown = "the moving inertia is not known: give one to step()"
+    return (bounds(model), *[unknown] * (model.inertia == 0), *[inner] * bool(states))
 
 
 def export_c(model: JointModel) -> Export:

@@ -68,24 +68,21 @@ def export(model: JointModel) -> Export:
     tendons = [kind for _, kind in added if isinstance(kind, Slider | Gap)]
     motors = [kind for _, kind in added if not isinstance(kind, Slider | Gap)]
     version = NEEDED["tendon" if tendons else "joint"]
+    creeps = (
+        f"friction is a constraint and creeps instead of sticking: {creep:.3g} {words.angle_unit}/s under a "
+        f"{words.moment} just below it, less in proportion, and with the step"
+    )
     notes = [
         f"needs MuJoCo {version} or later; the {words.moment} on the joint is minus the one of the equation, as a "
         "passive force",
         f"step and integrator are as tested: {step:g} s, implicitfast; friction and sliders are of first order in it",
+        *[creeps] * (rates.jump > 0),
+        f"the body has the moving inertia of the test, {model.inertia:.6g} {words.inertia_unit}: in a structure, "
+        "take joint, tendons and actuators alone"
+        if model.inertia
+        else f"the moving inertia is not known: replace 1 {words.inertia_unit} by that of the body",
+        "nothing bounds the angle: beyond the tested range the polynomials go on, and may turn over",
     ]
-    if rates.jump > 0:
-        notes.append(
-            f"friction is a constraint and creeps instead of sticking: {creep:.3g} {words.angle_unit}/s under a "
-            f"{words.moment} just below it, less in proportion, and with the step"
-        )
-    if not model.inertia:
-        notes.append(f"the moving inertia is not known: replace 1 {words.inertia_unit} by that of the body")
-    else:
-        notes.append(
-            f"the body has the moving inertia of the test, {model.inertia:.6g} {words.inertia_unit}: in a structure, "
-            "take joint, tendons and actuators alone"
-        )
-    notes.append("nothing bounds the angle: beyond the tested range the polynomials go on, and may turn over")
     text = filled_in(
         "mujoco.xml.j2",
         name=quoteattr(ascii_line(model.joint.name)),

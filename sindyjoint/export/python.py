@@ -72,25 +72,20 @@ def export_fmu(model: JointModel) -> Export:
         f"{bounds(model)}: the unit then refuses the step",
         "the unit runs Python inside (binaries for Linux and Windows, 64 bit): the machine that runs it needs Python 3",
     ]
-    if model.elements:
-        notes.append(
-            "internal states are local variables, zero at the start: " + ", ".join(law_of(model).states)
-        )
-    if model.inertia == 0:
-        notes.append("the moving inertia is not known: set the parameter inertia")
+    law = law_of(model)
+    states, inputs = law.states, law.inputs
+    inner = "internal states are local variables, zero at the start: " + ", ".join(states)
+    notes += [inner] * bool(states)
+    notes += ["the moving inertia is not known: set the parameter inertia"] * (model.inertia == 0)
+    notes += ["further inputs, SI: " + "; ".join(input_line(*each) for each in inputs)] * bool(inputs)
     # Two units in one process share Python's table of modules: a name made of the content keeps them apart.
     digest = hashlib.sha256(model.to_json().encode("utf-8", "backslashreplace")).hexdigest()
     module = f"joint_{digest[:12]}"
     words = words_of(model)
-    law = law_of(model)
-    states, inputs = law.states, law.inputs
-    if inputs:
-        notes.append("further inputs, SI: " + "; ".join(input_line(*each) for each in inputs))
-    names = identifiers(states)
     text = filled_in(
         "joint_fmu.py.j2",
         law=law,
-        states=ascii([name.replace("JOINT_", "state_", 1) for name in names]),
+        states=ascii([name.replace("JOINT_", "state_", 1) for name in identifiers(states)]),
         inputs=ascii({name: each.reference for name, each in inputs}),
         module=_source(model, rows, "FMI 2.0"),
         description=ascii(one_line(model.joint.name)),
@@ -116,7 +111,7 @@ def _packed(module: str, text: str, documentation: str) -> bytes:
         script.write_text(text, encoding="utf-8")
         (folder / "documentation").mkdir()
         (folder / "documentation" / "fidelity.txt").write_text(documentation, encoding="utf-8")
-        path, modules = list(sys.path), set(sys.modules)
+        path = list(sys.path)
         written = sys.dont_write_bytecode
         sys.dont_write_bytecode = True
         try:
@@ -128,7 +123,5 @@ def _packed(module: str, text: str, documentation: str) -> bytes:
             # The builder imports the script and leaves it, and its folder, behind.
             sys.dont_write_bytecode = written
             sys.path[:] = path
-            for name in set(sys.modules) - modules:
-                if name == module:
-                    del sys.modules[name]
+            sys.modules.pop(module, None)
     return data
