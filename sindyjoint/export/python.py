@@ -111,7 +111,7 @@ def _packed(module: str, text: str, documentation: str) -> bytes:
         script.write_text(text, encoding="utf-8")
         (folder / "documentation").mkdir()
         (folder / "documentation" / "fidelity.txt").write_text(documentation, encoding="utf-8")
-        path = list(sys.path)
+        path, before = list(sys.path), sys.modules.get(module)
         written = sys.dont_write_bytecode
         sys.dont_write_bytecode = True
         try:
@@ -124,4 +124,5 @@ def _packed(module: str, text: str, documentation: str) -> bytes:
             sys.dont_write_bytecode = written
             sys.path[:] = path
             sys.modules.pop(module, None)
+            sys.modules.update({} if before is None else {module: before})
     return data

@@ -195,44 +195,53 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
     states : sequence of ForceStates
         Of the runs that may be used for identification, whole.
     """
-    lines = [*campaign.warnings]
-    if len(states) == 1:
-        held = (
-            "the runs kept for validation are all there is to check it"
-            if campaign.validation_runs
-            else "the gaps are those of its parts, left out in turn; record a second run to check the model"
-        )
-        lines.append(f"one run only: {held}")
+    held = (
+        "the runs kept for validation are all there is to check it"
+        if campaign.validation_runs
+        else "the gaps are those of its parts, left out in turn; record a second run to check the model"
+    )
     frequencies = [s.frequency for s in states if s.frequency is not None]
-    if len(frequencies) == len(states) and max(frequencies) < POLICY.same * min(frequencies):
-        line = "one frequency only: effects of frequency, rate and inertia cannot be distinguished; record another"
-        lines.append(in_words_of(campaign.joint.motion, line))
+    alike = len(frequencies) == len(states) and max(frequencies) < POLICY.same * min(frequencies)
     ranges = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
-    if len(periodic) == len(states) and max(ranges) < POLICY.same_level * min(ranges):
-        lines.append("one level only: effects of amplitude cannot be distinguished; record another")
-    if campaign.quasi_static:
-        lines.append("the noise was estimated from neighbouring samples of the path, not from repetition")
-    elif any(s.noise.source in ("spectrum", "coherent") for s in states):
-        lines.append(
-            "no run repeats: the noise is estimated from the end of the spectrum and holds whatever signal is there; "
-            "record one run twice to measure it"
-        )
+    one_level = len(periodic) == len(states) and max(ranges) < POLICY.same_level * min(ranges)
+    once = any(s.noise.source in ("spectrum", "coherent") for s in states)
     short = [
         s.run
         for s in periodic
         if s.frequency and s.n_samples * s.frequency < POLICY.few_periods * s.sample_rate
     ]
-    if short:
-        lines.append(
-            f"fewer than {POLICY.few_periods} periods in {list_some(short)}: what changes in time cannot be seen; "
-            "record longer"
-        )
     ends = {run.name: run.duration for run in campaign.runs}
-    late = [s.run for s in periodic if s.dropped > LARGE_DROP * ends[s.run]]
-    if late:
-        lines.append(
-            f"{100 * max(s.dropped / ends[s.run] for s in periodic):.0f} % of the record was left out as start-up in "
-            f"{list_some(late)}: what changed in that time was not examined"
-        )
-    return lines
+    dropped = {s.run: s.dropped / ends[s.run] for s in periodic}
+    late = [run for run, share in dropped.items() if share > LARGE_DROP]
+    notes = [
+        (len(states) == 1, f"one run only: {held}"),
+        (
+            alike,
+            in_words_of(
+                campaign.joint.motion,
+                "one frequency only: effects of frequency, rate and inertia cannot be distinguished; record another",
+            ),
+        ),
+        (one_level, "one level only: effects of amplitude cannot be distinguished; record another"),
+        (
+            campaign.quasi_static,
+            "the noise was estimated from neighbouring samples of the path, not from repetition",
+        ),
+        (
+            once and not campaign.quasi_static,
+            "no run repeats: the noise is estimated from the end of the spectrum and holds whatever signal is there; "
+            "record one run twice to measure it",
+        ),
+        (
+            short,
+            f"fewer than {POLICY.few_periods} periods in {list_some(short)}: what changes in time cannot be seen; "
+            "record longer",
+        ),
+        (
+            late,
+            f"{100 * max(dropped.values(), default=0.0):.0f} % of the record was left out as start-up in "
+            f"{list_some(late)}: what changed in that time was not examined",
+        ),
+    ]
+    return [*campaign.warnings, *(words for there, words in notes if there)]
