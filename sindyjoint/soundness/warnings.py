@@ -34,35 +34,60 @@ def list_warnings(
     yield from _warn_of_signs(states, model)
     yield from _warn_of_softening(model)
     load, path = channel_words(model)
-    if any(term in model for term in OFFSET_FAMILY):
-        yield (
+    least, fitted = min(states, key=lambda s: s.moving_fraction), model.fitted
+    frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
+    one_run, one = len(states) == 1, len(frequencies) == 1
+    undeclared = campaign.joint.inertia is None and one and states[0].method == "periodic"
+    rest = "is not the model's (how much of it is noise could not be measured)"
+    if np.isfinite(fitted.noise_floor):
+        floor = 100 * (fitted.noise_floor / fitted.moment_rms)
+        rest = f"is neither model nor noise (noise floor {floor:.1f} %)"
+    explained = 100 * (1 - (fitted.residual_rms / fitted.moment_rms) ** 2)
+    warnings = [
+        (
+            any(term in model for term in OFFSET_FAMILY),
             f"zero error of the {path}, quadratic stiffness and preload (or unequal Coulomb levels, or zero error of "
             f"the {load}) form one family: these data determine two numbers of it, not three; gain errors and "
-            "gravity are never visible in such tests"
-        )
-    yield from _warn_of_variety(campaign, states)
-    if indistinct:
-        yield (
+            "gravity are never visible in such tests",
+        ),
+        (
+            one_run and frequencies,
+            "one periodic run only: on it stiffness terms look alike, and so do damping and friction; at least three "
+            "levels at three frequencies distinguish them",
+        ),
+        (
+            one_run and not frequencies,
+            "one run only: its terms were checked on parts of it, and not at another frequency or level: record "
+            "further runs",
+        ),
+        (
+            one and not one_run,
+            "one frequency only: whether the coefficients depend on it is open: record two others",
+        ),
+        (
+            undeclared,
+            in_words_of(
+                campaign.joint.motion,
+                "the inertia is not declared, and one frequency cannot separate it from stiffness: declare it",
+            ),
+        ),
+        (
+            indistinct,
             "left out, because on these runs they are combinations of other candidates (other levels or frequencies "
-            f"tell them apart): {', '.join(indistinct)}"
-        )
-    least = min(states, key=lambda s: s.moving_fraction)
-    if least.moving_fraction < POLICY.large_part:
-        yield (
+            f"tell them apart): {', '.join(indistinct)}",
+        ),
+        (
+            least.moving_fraction < POLICY.large_part,
             f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples, the others tell "
-            "nothing: drive it harder"
-        )
-    fitted = model.fitted
-    if model.terms and fitted.misfit > EQUATION.tolerated_misfit:
-        rest = "is not the model's (how much of it is noise could not be measured)"
-        if np.isfinite(fitted.noise_floor):
-            floor = 100 * (fitted.noise_floor / fitted.moment_rms)
-            rest = f"is neither model nor noise (noise floor {floor:.1f} %)"
-        explained = 100 * (1 - (fitted.residual_rms / fitted.moment_rms) ** 2)
-        yield (
+            "nothing: drive it harder",
+        ),
+        (
+            model.terms and fitted.misfit > EQUATION.tolerated_misfit,
             f"the model explains {explained:.1f} % of the mean square {load}; {100 * fitted.misfit:.1f} % of the RMS "
-            f"{load} {rest}: hysteresis, play or another effect outside this library is likely"
-        )
+            f"{load} {rest}: hysteresis, play or another effect outside this library is likely",
+        ),
+    ]
+    yield from (words for there, words in warnings if there)
 
 
 def _word_delay(delay: ChannelDelay, model: JointModel, aligned: bool) -> str:
@@ -165,25 +190,6 @@ def _warn_of_softening(model: JointModel) -> Iterator[str]:
             f"the elastic {moment} softens to zero tangent at {beyond.min():.3g} {unit}, inside the tested range of "
             f"{top:.3g} {unit}: a {moment}-driven joint snaps through there"
         )
-
-
-def _warn_of_variety(campaign: Campaign, states: Sequence[ForceStates]) -> Iterator[str]:
-    frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
-    if len(states) == 1 and frequencies:
-        yield (
-            "one periodic run only: on it stiffness terms look alike, and so do damping and friction; at least three "
-            "levels at three frequencies distinguish them"
-        )
-    elif len(states) == 1:
-        yield (
-            "one run only: its terms were checked on parts of it, and not at another frequency or level: record "
-            "further runs"
-        )
-    elif len(frequencies) == 1:
-        yield "one frequency only: whether the coefficients depend on it is open: record two others"
-    if campaign.joint.inertia is None and len(frequencies) == 1 and states[0].method == "periodic":
-        line = "the inertia is not declared, and one frequency cannot separate it from stiffness: declare it"
-        yield in_words_of(campaign.joint.motion, line)
 
 
 def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> list[str]:
