@@ -33,16 +33,23 @@ def list_warnings(
     yield from warn_of_negative_inertia(model)
     yield from _warn_of_signs(states, model)
     yield from _warn_of_softening(model)
+    yield from _warn_of_evidence(campaign, states, model, indistinct)
+
+
+def _warn_of_evidence(
+    campaign: Campaign, states: Sequence[ForceStates], model: JointModel, indistinct: Sequence[str]
+) -> Iterator[str]:
+    """Yield what these runs cannot tell, and what the model leaves of them."""
     load, path = channel_words(model)
     least, fitted = min(states, key=lambda s: s.moving_fraction), model.fitted
     frequencies = {round(s.frequency, 3) for s in states if s.frequency is not None}
     one_run, one = len(states) == 1, len(frequencies) == 1
     undeclared = campaign.joint.inertia is None and one and states[0].method == "periodic"
     rest = "is not the model's (how much of it is noise could not be measured)"
+    size = fitted.moment_rms or np.inf
     if np.isfinite(fitted.noise_floor):
-        floor = 100 * (fitted.noise_floor / fitted.moment_rms)
-        rest = f"is neither model nor noise (noise floor {floor:.1f} %)"
-    explained = 100 * (1 - (fitted.residual_rms / fitted.moment_rms) ** 2)
+        rest = f"is neither model nor noise (noise floor {100 * fitted.noise_floor / size:.1f} %)"
+    explained = 100 * (1 - (fitted.residual_rms / size) ** 2)
     warnings = [
         (
             any(term in model for term in OFFSET_FAMILY),
