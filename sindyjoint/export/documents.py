@@ -61,6 +61,36 @@ def export_latex(model: JointModel) -> Export:
         else ""
     )
     fitted = model.fitted
+    text = comment(preamble(model, "LaTeX", rows, notes), "%", ascii_only=False)
+    text += "\n".join(
+        [
+            r"\begin{equation}",
+            f"  {model.latex()}",
+            r"\end{equation}",
+            r"\begin{table}",
+            r"  \centering",
+            rf"  \caption{{Terms of the transfer {words.moment} of {latex_text(model.joint.name)}, with standard "
+            rf"errors, identified up to $ {_scientific(fitted.angle, 3)} $ {_unit(words.angle_unit)} and "
+            rf"$ {_scientific(fitted.rate, 3)} $ {_unit(words.angle_unit + '/s')}.{inertia}}}",
+            r"  \begin{tabular}{llll}",
+            r"    \toprule",
+            r"    Term & Symbol & Coefficient & Unit \\",
+            r"    \midrule",
+            *(
+                rf"    {name} & $ {symbol} $ & $ {number} $ & {unit} \\"
+                for name, symbol, number, unit in _entries(model)
+            ),
+            r"    \bottomrule",
+            r"  \end{tabular}",
+            r"\end{table}",
+            "",
+        ]
+    )
+    return Export("latex", {"joint.tex": text}, rows, notes)
+
+
+def _entries(model: JointModel) -> list[tuple[str, str, str, str]]:
+    """Return name, symbol, number and unit of each term, and of each number of an element."""
     entries = [
         (
             latex_text(t.name)
@@ -85,32 +115,7 @@ def export_latex(model: JointModel) -> Export:
             strict=True,
         )
     ]
-    text = comment(preamble(model, "LaTeX", rows, notes), "%", ascii_only=False)
-    text += "\n".join(
-        [
-            r"\begin{equation}",
-            f"  {model.latex()}",
-            r"\end{equation}",
-            r"\begin{table}",
-            r"  \centering",
-            rf"  \caption{{Terms of the transfer {words.moment} of {latex_text(model.joint.name)}, with standard "
-            rf"errors, identified up to $ {_scientific(fitted.angle, 3)} $ {_unit(words.angle_unit)} and "
-            rf"$ {_scientific(fitted.rate, 3)} $ {_unit(words.angle_unit + '/s')}.{inertia}}}",
-            r"  \begin{tabular}{llll}",
-            r"    \toprule",
-            r"    Term & Symbol & Coefficient & Unit \\",
-            r"    \midrule",
-            *(
-                rf"    {name} & $ {symbol} $ & $ {number} $ & {unit} \\"
-                for name, symbol, number, unit in entries
-            ),
-            r"    \bottomrule",
-            r"  \end{tabular}",
-            r"\end{table}",
-            "",
-        ]
-    )
-    return Export("latex", {"joint.tex": text}, rows, notes)
+    return entries
 
 
 def with_error(value: float, error: float) -> str:

@@ -95,15 +95,14 @@ def export(model: JointModel) -> Export:
         *inertia_note(model),
     )
     text = comment(preamble(model, "Nastran", rows, notes), "$", width=72)
-    step, kinds = 1e-6 * model.fitted.angle, [kind for _, kind in added]
+    step = 1e-6 * model.fitted.angle
+    of = {each: [kind for _, kind in added if isinstance(kind, each)] for each in (Slider, Gap, Maxwell)}
     low, high = total(parts.elastic, np.array([-step, step]), 0.0)
     deck = filled_in(
         "nastran.bdf.j2", at=AT, nodes=NODES, field=field, fields=_fields, rounded=_rounded, rotation=rotation,
         tied=tied, stiffness=float(high - low) / (2 * step), damping=parts.damping, curve=curve,
         rates=rates if tabulated else None, stick=GIVE * model.fitted.angle,
-        sliders=[kind for kind in kinds if isinstance(kind, Slider)],
-        gaps=[kind for kind in kinds if isinstance(kind, Gap)],
-        branches=[kind for kind in kinds if isinstance(kind, Maxwell)],
+        sliders=of[Slider], gaps=of[Gap], branches=of[Maxwell],
     )  # fmt: skip
     text += "".join(f"{_card(*line.split(','))}\n" for line in deck.splitlines())
     return Export("nastran", {"joint.bdf": text}, rows, notes)
