@@ -233,16 +233,19 @@ def _summarise_refinement(
         f"{what} refined on the simulated response of {count} run(s): NRMSE "
         f"{100 * rms(list(before.values())):.3f} % before, {100 * rms(list(after.values())):.3f} % after"
     )
-    if without_negative_friction(model) is not model:
-        reason += "; negative Coulomb friction, which cannot be simulated, was started from zero"
-    if at_bound:
-        reason += f"; at the end of the range searched: {', '.join(at_bound)}"
-    if left_out:
-        reason += f"; left out, since the model to start from does not reach their end: {'; '.join(left_out)}"
+    negative = without_negative_friction(model) is not model
+    said = [
+        (negative, "negative Coulomb friction, which cannot be simulated, was started from zero"),
+        (at_bound, f"at the end of the range searched: {', '.join(at_bound)}"),
+        (
+            left_out,
+            f"left out, since the model to start from does not reach their end: {'; '.join(left_out)}",
+        ),
+    ]
     return Refinement(
         model=new,
         refined=True,
-        reason=reason,
+        reason="; ".join([reason, *(words for there, words in said if there)]),
         before=before,
         after=after,
         nuisance=values,

@@ -107,28 +107,27 @@ GIVEN = "the given model in "
 
 
 def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
-    warnings = [*campaign.warnings]
-    if model.joint.motion != campaign.joint.motion:
+    motion, declared = campaign.joint.motion, campaign.joint.inertia
+    if model.joint.motion != motion:
         raise InputError(
-            f"the model is of a joint in {model.joint.motion}, the campaign of one in {campaign.joint.motion}; "
-            "expected a model of the same motion"
+            f"the model is of a joint in {model.joint.motion}, the campaign of one in {motion}; expected a model of "
+            "the same motion"
         )
-    if model.joint.name != campaign.joint.name:
-        warnings.append(
-            f"the model is of the joint {model.joint.name!r}, the campaign of {campaign.joint.name!r}"
-        )
-    if not model.fitted.mean_known and campaign.mean_known:
-        line = in_words_of(
-            campaign.joint.motion, "the mean angle was not measured where the model was fitted"
-        )
-        warnings.append(
-            f"{line}: its zero is where the elastic moment was zero, that of the campaign may be another"
-        )
-    declared = campaign.joint.inertia
-    if declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.same_inertia):
-        line = in_words_of(campaign.joint.motion, "the campaign declares the inertia")
-        warnings.append(f"{line} {declared:g}, the model has {model.inertia:g}")
-    return warnings
+    mean = in_words_of(motion, "the mean angle was not measured where the model was fitted")
+    inertia = in_words_of(motion, "the campaign declares the inertia")
+    other = declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.same_inertia)
+    notes = [
+        (
+            model.joint.name != campaign.joint.name,
+            f"the model is of the joint {model.joint.name!r}, the campaign of {campaign.joint.name!r}",
+        ),
+        (
+            not model.fitted.mean_known and campaign.mean_known,
+            f"{mean}: its zero is where the elastic moment was zero, that of the campaign may be another",
+        ),
+        (other, f"{inertia} {declared or 0:g}, the model has {model.inertia:g}"),
+    ]
+    return [*campaign.warnings, *(words for there, words in notes if there)]
 
 
 def _compare_run(simulated: SimulatedRun, campaign: Campaign, run: Run, band: Band | None) -> RunVerification:
