@@ -9,7 +9,7 @@ from collections import namedtuple
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,6 @@ from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.export.parts import GIVE, RAMP, Curve, Parts, contribution, total
 from sindyjoint.numeric import Array
 from sindyjoint.states.policy import POLICY as STATES
-
-if TYPE_CHECKING:
-    from jinja2 import Environment
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,7 @@ def number(value: float) -> str:
 
 
 @cache
-def _environment() -> Environment:
+def _environment() -> Any:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     found = Environment(

@@ -3,13 +3,11 @@
 Two ship with the package: ``pulse-rig``, after section 5 of the paper, and ``four-panel-wing``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
@@ -38,12 +36,9 @@ from sindyjoint.mechanics.rig_test import DRIVE, UNITS, RigRun
 from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, assemble
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
+from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES
 from sindyjoint.tables import first_complaint
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 # Of a chain, and of a simulation, so that they take minutes.
 MOST_ELEMENTS_OF_ALL, MOST_STEPS = 600, 10_000_000
@@ -65,7 +60,7 @@ class MeasuredResponse:
     """
 
     point: str
-    displacement: NDArray[np.float64]
+    displacement: Array
     sample_rate: float
 
 
@@ -310,7 +305,7 @@ def build_excitation(given: PulseTable, path: Path) -> Excitation:
     return sampled(np.append(values, 0.0), rate, "linear")
 
 
-def _uniform_rate(file: Path, time: NDArray[np.float64]) -> float:
+def _uniform_rate(file: Path, time: Array) -> float:
     """Return the sampling rate of instants in s, Hz."""
     with np.errstate(all="ignore"):
         steps = np.diff(time)
@@ -322,7 +317,7 @@ def _uniform_rate(file: Path, time: NDArray[np.float64]) -> float:
 
 def _read_series(
     file: Path, time: ColumnTable, name: str, channel: ColumnTable, target: str
-) -> tuple[NDArray[np.float64], float]:
+) -> tuple[Array, float]:
     """Read one channel in its SI unit and its sampling rate, Hz."""
     seconds = conversion(time.unit, "s", f"{file}: time")
     to_si = conversion(channel.unit, target, f"{file}: {name}")

@@ -308,7 +308,8 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
     best, common = np.min(errors, axis=0), np.min(correlations, axis=0)
     hidden = best[joints:] > LIMITS.not_shown
     return tuple(
-        JointSeen(            names[j], float(np.max(peaks, axis=0)[j]), float(best[j]), float(best[joints + j]),
+        JointSeen(
+            names[j], float(np.max(peaks, axis=0)[j]), float(best[j]), float(best[joints + j]),
             tuple(names[k] for k in range(joints) if k != j and common[j, k] > LIMITS.together and hidden[j]),
         )
         for j in range(joints)
@@ -330,9 +331,9 @@ def worth_of_sensors(test: RigTest, recoveries: Sequence[Recovery]) -> Array:
     with_all, without = np.zeros(joints), np.zeros((joints, sensors))
     for recovery in recoveries:
         spectra, angular = strongest(recovery.freed, HARMONICS)
+        design = open_joints(test.structure, test.at, test.sensors, angular).design
 
-        def information(variance: Array, spectra=spectra, angular=angular) -> Array:
-            design = open_joints(test.structure, test.at, test.sensors, angular).design
+        def information(variance: Array, spectra=spectra, design=design) -> Array:
             estimator = solved(design, np.sqrt(variance.T), spectra.amplitudes.T)[0][:, 1:]
             return np.sum(1 / np.einsum("hkc,ch->hk", np.abs(estimator) ** 2, variance), axis=0)
 
