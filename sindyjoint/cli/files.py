@@ -57,6 +57,8 @@ def init(
 
     On a terminal it asks what the files do not tell. At the end the data are checked, and runs.svg shows all runs.
 
+    First: sindyjoint simulate --out virtual
+
     Example: sindyjoint init virtual --force
     """
     from sindyjoint.described import to_plain
@@ -86,7 +88,8 @@ def init(
         typer.echo(f"  {finding.severity}: {finding.run or 'all runs'}: {finding.extent}")
     if len(telling) > SHOWN:
         typer.echo(f"  and {len(telling) - SHOWN} more")
-    typer.echo(f"\nnext: {shlex.join(['sindyjoint', 'discover', str(folder), '--out', 'results'])}")
+    verb = ("check", "soundness") if soundness.stopping else ("discover", "results")
+    typer.echo(f"\nnext: {shlex.join(['sindyjoint', verb[0], str(folder), '--out', verb[1]])}")
 
 
 def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Check[Any], Path]:
@@ -159,6 +162,8 @@ def export(
     """Write a joint model for another program, and say what that program cannot express.
 
     The fidelity table (term, representation, error over the tested range) is inside the files and on stderr.
+
+    First: sindyjoint discover --out results
 
     Example: sindyjoint export results/model.json --to abaqus --out joint.inp
     """
@@ -250,6 +255,8 @@ def plot(
     progress: Progress,
 ) -> None:
     """Draw one figure of a saved result, for a paper.
+
+    First: sindyjoint discover --out results
 
     Example: sindyjoint plot results loops --out loops.pdf --width 3.5
     """

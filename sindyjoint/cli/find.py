@@ -185,7 +185,7 @@ def discover(
     Exit status 0: a model was found; 1: none was, or the data are unsound, and the
     reason is printed; 2: the input is at fault.
 
-    Example: sindyjoint discover virtual --out results
+    Example: sindyjoint discover --out results
     """
     if nuisance:
         _require_refine(refine, "--nuisance")
@@ -322,7 +322,7 @@ def diagnose(
     Exit status 0: effects were named, if only for a part of the gap, or nothing is missing; 1: something is missing
     that no effect explains, or nothing could be decided, as where the data are unsound; 2: the input is at fault.
 
-    Example: sindyjoint diagnose virtual --model results/model.json --out diagnosis
+    Example: sindyjoint diagnose --out diagnosis
     """
 
     def find() -> Diagnosis:

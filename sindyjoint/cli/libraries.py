@@ -116,6 +116,8 @@ def copy(
 def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml file.")]) -> None:
     """Check a library: syntax, formulas, units, names. Exit status 2 if it cannot be used.
 
+    First: sindyjoint libraries copy extended mine.toml
+
     Example: sindyjoint libraries check mine.toml
     """
     if _holds_effects(path):

@@ -61,7 +61,7 @@ def check(
     Exit status 0: sound, or doubtful; 1: unsound, so that no model is made, unless all that stops is accepted; 2: the
     input is at fault.
 
-    Example: sindyjoint check virtual --out soundness
+    Example: sindyjoint check --out soundness
     """
     find = call("workflows.check:check", campaign, tuple(accept or ()), progress=progress.say)
     answer(find, out, output, progress, subject=campaign, good=lambda result: not result.stopping)
@@ -117,7 +117,7 @@ def compare(
 
     Exit status 0: a model was found; 1: none was, or the data are unsound; 2: the input is at fault.
 
-    Example: sindyjoint compare virtual --out comparison
+    Example: sindyjoint compare --out comparison
     """
 
     def find() -> Comparison:
@@ -171,6 +171,8 @@ def changed(
     """Has the joint changed? Two results or campaigns of it, coefficient by coefficient, beyond noise and calibration.
 
     Exit status 0: no change is seen; 1: changed; 2: the input is at fault.
+
+    First: sindyjoint simulate --out before; sindyjoint simulate --random-state 1 --out after
 
     Example: sindyjoint changed before after --margin 0.05
     """
@@ -242,6 +244,8 @@ def verify(
     response to a pulse that its file names as measured; or a virtual pulse test of the rig as it is written.
 
     Exit status 0: the model passed; 1: it failed, and the reason is printed; 2: the input is at fault.
+
+    First: sindyjoint discover --out results
 
     Example: sindyjoint verify results/model.json pulse-rig
     """
@@ -370,6 +374,8 @@ def batch(
 
     Exit status 0: a model was found in every campaign, or with --verify-only everything is as it was written; 1: in
     some none was, or some are broken or changed; 2: the input is at fault.
+
+    First: sindyjoint simulate --out virtual
 
     Example: sindyjoint batch virtual --out joints --jobs 2
     """

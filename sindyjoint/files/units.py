@@ -305,12 +305,14 @@ def _parse_unit(unit: str, where: str) -> pint.Unit:
 
 
 def unit_in_name(name: str) -> tuple[str, bool] | None:
-    """Return the unit in the name of a column, and whether its ending alone states it; None where there is none.
+    """Return the unit in the name of a column, and whether a word of it alone states it; None where there is none.
 
     Examples
     --------
     >>> unit_in_name("Force [kN]"), unit_in_name("angle_mrad"), unit_in_name("angle_rad_from_upright")
-    (('kN', False), ('mrad', True), None)
+    (('kN', False), ('mrad', True), ('rad', True))
+    >>> unit_in_name("gyro_rad_per_s"), unit_in_name("gyro_deg_s"), unit_in_name("force_in_beam")
+    (None, None, None)
     """
     bracketed = _BRACKETS.search(name)
     if bracketed:
@@ -322,7 +324,12 @@ def unit_in_name(name: str) -> tuple[str, bool] | None:
     last = re.split(r"[./]", base)[-1]
     if unit in KNOWN or (unit in LETTERS and len(last) > 3 and last.isalpha()):
         return _spelled(unit), True
-    return None
+    # Within the name, where plain words follow: no rad_per_s, and in is a word.
+    words = name.split("_")
+    within = [at for at, word in enumerate(words) if at and word in KNOWN - {"in"}]
+    rest = words[within[0] + 1 :] if within else []
+    plain = all(len(word) > 1 and word.isalpha() and word not in KNOWN | OTHERS | {"per"} for word in rest)
+    return (_spelled(words[within[0]]), True) if rest and plain else None
 
 
 def is_unit(text: str) -> bool:

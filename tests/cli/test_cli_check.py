@@ -54,8 +54,14 @@ def test_json_has_exactly_the_promised_fields(written, sindyjoint):
 def test_a_person_reads_the_verdict_first_in_eighty_columns(written, sindyjoint):
     lines = sindyjoint("check", written).stdout.splitlines()
     assert lines[0].startswith("inter-panel joint (simulated): the data are ")
-    table = [line for line in lines if "spikes" in line and "moment" in line]
-    assert len(table) == 1 and len(table[0].rstrip()) <= 80
+    found = lines[lines.index("What was found?") :]
+    said = " ".join(" ".join(found).split())
+    assert (
+        said.count("spike(s) of the moment") == 1
+        and "times its amplitude" in said
+        and "loose contacts" in said
+    )
+    assert all(len(line.rstrip()) <= 80 for line in found[: found.index("")])
     assert any("left out: spikes" in line for line in lines)
 
 
@@ -95,7 +101,11 @@ def test_unsound_data_stop_a_command_with_its_page_and_status_1(
     answer = sindyjoint(command, written, "--out", tmp_path / "out")
     text = " ".join(answer.stdout.split())
     assert answer.status == 1 and answer.stderr == ""
-    assert "the data are unsound: spikes of the moment in 3Hz [bold]" in text and "--accept spikes" in text
+    assert (
+        "the data are unsound" in text
+        and ": spikes 3Hz [bold], moment: " in text
+        and "--accept spikes" in text
+    )
     assert "No model is made of these data as they are." in (tmp_path / "out" / "report.html").read_text(
         encoding="utf-8"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -27,7 +28,8 @@ from sindyjoint.reporting.tables import (
     tabulate,
 )
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import percent, rounded, spelled
+from sindyjoint.text import list_some, percent, rounded, spelled
+from sindyjoint.trust import Light, Trust
 from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
 from sindyjoint.workflows.joints.record import CAMPAIGNS, CampaignRecord
 from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
@@ -260,6 +262,36 @@ def headline(result: Batch) -> str:
     )
 
 
+def _trust(result: Batch) -> Trust:
+    """Return whether the joints can be compared and are alike, and what to do next."""
+    lost = [record for record in result.records if record.status != "found"]
+    apart = list(dict.fromkeys(difference.id for difference in result.differences))
+    common = list_some([spelled(term) for term in result.common], "terms")
+    lights = (
+        Light("models", "fair" if result.found else "poor", f"none in {list_some([r.id for r in lost])}")
+        if lost
+        else Light("models", "good", "one in every campaign"),
+        Light("compared", "good", f"on {common}")
+        if common
+        else Light("compared", "fair", "on nothing: no term is in more than half of the models"),
+        Light("alike", "fair", f"{list_some(apart)} differ from the others: see which joints differ")
+        if apart
+        else Light("alike", "good", "no coefficient leaves the distribution of the others"),
+    )
+    where = {record.id: shlex.quote(record.manifest) for record in result.records}
+    broken = [
+        (f"sindyjoint check {where[record.id]}", f"see what stands against a model of {record.id}")
+        for record in lost
+    ]
+    odd = [
+        (f"sindyjoint diagnose {where[name]}", f"see what {name} has that the other joints have not")
+        for name in apart
+        if name in where
+    ]
+    again = ("test the next joint, and run this command again", "see whether it is like these")
+    return Trust(lights, ((*broken[:1], *odd[:1]) or (again,)))
+
+
 def _link(record: CampaignRecord, folder: Path | None) -> str:
     """Return where the page of a campaign lies, from this one; nothing where there is none of this result."""
     page = f"{CAMPAIGNS}/{record.id}/report.html"
@@ -370,6 +402,8 @@ BATCH = View(
     rows="campaigns",
     kind="Batch",
     folder="batch",
+    headline=_trust,
+    question="Are the joints alike?",
     kinds=_kinds,
     record_file="batch.json",
     judged_by=lambda result: (*FINDING, "batch"),

@@ -28,7 +28,6 @@ from sindyjoint.reporting.tables import (
     findings_table,
     json_text,
     tabulate,
-    terminal_table,
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
@@ -306,24 +305,19 @@ def _about(result: Any) -> str:
 
 
 def _print(result: Any, console: Console) -> None:
-    """Print a line for each finding, and what stops a model."""
-    check, (table,) = _check_of(result), _tables(result)
-    rows = tuple(
-        # A terminal of 80 columns, less the other columns.
-        (severity, id, shortened(where, 26), textwrap.shorten(extent, 34, placeholder="…"))
-        for id, where, severity, extent, _ in table.rows
-    )
-    if rows:
-        shown = replace(table, columns=("severity", "finding", "where", "extent"), rows=rows)
-        console.print(terminal_table(shown, "l"))
-    else:
+    """Print each kind of finding once: where and how much, what it does and what to do."""
+    from rich.padding import Padding
+
+    (table,) = _tables(result)
+    kinds: dict[tuple[str, str, str], list[str]] = {}
+    for kind, where, severity, extent, advice in table.rows:
+        kinds.setdefault((severity, spelled(kind), advice), []).append(f"{where}: {extent}")
+    for (severity, kind, advice), found in kinds.items():
+        console.print(f"[bold]{severity}[/]: {escape(kind)}")
+        for line in (*found, f"→ {advice}"):
+            console.print(Padding(escape(line), (0, 0, 0, 2)), width=min(console.width, 80))
+    if not kinds:
         console.print("  nothing")
-    # What a kind of fault does and what to do about it, once.
-    words = (f"{spelled(f.id)}: {f.effect}; {f.remedy}" for f in check.soundness.findings)
-    for line in dict.fromkeys(words):
-        console.print(f"- {escape(line)}")
-    if check.stopping:
-        console.print(f"[bold]stopped[/]: {escape(check.reason)}")
 
 
 def wrap_findings(soundness: Soundness) -> Iterator[str]:

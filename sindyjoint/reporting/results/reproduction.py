@@ -31,6 +31,7 @@ from sindyjoint.response.verification import RunVerification
 from sindyjoint.states import ForceStates
 from sindyjoint.states.surface import ForceStateMap
 from sindyjoint.text import percent
+from sindyjoint.trust import Light, Trust
 from sindyjoint.workflows.reproduce import JointReproduction, Reproduction
 
 TRUTHS = {"plain": "truth: only the model's terms", "richer": "truth: friction that first gives way"}
@@ -250,6 +251,33 @@ def _tables(result: Reproduction) -> tuple[TextTable, ...]:
     return *joints, replace(checks, title=f"{checks.title}.", columns=columns, rows=rows)
 
 
+def _trust(result: Reproduction) -> Trust:
+    """Return whether the paper's numbers come back, and what to do next."""
+    far = {joint.table.joint: float(joint.largest_error.max()) for joint in result.joints}
+    furthest = max(far, key=lambda name: far[name])
+    within = far[furthest] < 1
+    error, printed = result.pulse.plain.amplitude_rms_error, PULSE.amplitude_rms_error
+    near = error is not None and error <= printed
+    lights = (
+        Light(
+            "tables",
+            "good" if within else "poor",
+            f"the furthest parameter is {far[furthest]:.2f} of the paper's standard deviations from its truth, that of "
+            f"the {furthest}",
+        ),
+        Light(
+            "pulse",
+            "good" if near else "fair",
+            f"the model leaves {percent(error)} of the amplitude, the paper prints {percent(printed)}",
+        ),
+    )
+    own = (
+        "put files of your own runs into a folder, and run there: sindyjoint init .",
+        "begin with your own joint",
+    )
+    return Trust(lights, (own,))
+
+
 def _page(result: Reproduction, data: ReproductionFigures, show: Blocks, folder: Path | None) -> Page:
     """Return how near the paper it comes, its tables and figures, what they show and what not."""
     furthest = max(float(joint.largest_error.max()) for joint in result.joints)
@@ -450,6 +478,8 @@ REPRODUCTION = View(
     data=ReproductionFigures,
     kind="Reproduction",
     folder="reproduction",
+    headline=_trust,
+    question="What comes back?",
     kinds=KINDS,
     record_file="reproduction.json",
     judged_by=lambda result: ("states", "discovery", "response"),
