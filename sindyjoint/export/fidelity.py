@@ -1,7 +1,5 @@
 """What every file of an export says: harmless text, and how well the target represents the model."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 import unicodedata
@@ -9,7 +7,7 @@ from collections import namedtuple
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,7 +209,7 @@ class Cycles:
         return np.abs(self.rate) >= STATES.periodic_rate_share * np.abs(self.rate).max(axis=1, keepdims=True)
 
     @classmethod
-    def of(cls, model: JointModel) -> Cycles:
+    def of(cls, model: JointModel) -> Self:
         """Return the cycles up to the largest angle and rate of the test of the model."""
         level = np.linspace(1 / LEVELS, 1, LEVELS)[:, None]
         phase = (np.arange(PHASES) + 0.5) * 2 * np.pi / PHASES

@@ -4,12 +4,10 @@ Every excitation is a piecewise cubic on a uniform grid, so a measured noisy mom
 the same few multiplications of the compiled integrators.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import inf
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 import scipy
@@ -127,7 +125,7 @@ class Excitation:
 
         return (integral(stop) - integral(start)) / (np.asarray(stop) - np.asarray(start))
 
-    def scaled(self, factor: float) -> Excitation:
+    def scaled(self, factor: float) -> Self:
         """Return the same excitation times a factor."""
         return replace(self, scale=self.scale * factor)
 

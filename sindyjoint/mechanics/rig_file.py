@@ -1,9 +1,7 @@
 """Where a ``rig.toml`` is found, and its tables."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -82,7 +80,7 @@ class PartTable(StrictTable):
     inertia: str | None = Field(default=None, description="Of a mass or a joint.")
 
     @model_validator(mode="after")
-    def _one_kind(self) -> PartTable:
+    def _one_kind(self) -> Self:
         kinds = [kind for kind in ("beam", "joint", "mass") if getattr(self, kind) is not None]
         section = self.section is not None
         both = self.bending_stiffness is not None and self.mass_per_length is not None
@@ -122,7 +120,7 @@ class PulseTable(StrictTable):
     uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Relative standard error of the force.")
 
     @model_validator(mode="after")
-    def _shape_or_file(self) -> PulseTable:
+    def _shape_or_file(self) -> Self:
         refuse(
             [
                 ((self.shape is None) == (self.file is None), "expected either shape or file"),
@@ -165,7 +163,7 @@ class BaseTable(StrictTable):
     clamp_uncertainty: float = Field(default=0.0, ge=0, lt=1, description="Of its stiffness, relative.")
 
     @model_validator(mode="after")
-    def _known_clamp(self) -> BaseTable:
+    def _known_clamp(self) -> Self:
         if self.clamp_uncertainty and self.clamp_stiffness is None:
             raise ValueError(
                 "clamp_uncertainty is of clamp_stiffness, which is missing: a clamp without it is rigid"
@@ -301,7 +299,7 @@ class RigFile(StrictTable):
         return [given] if isinstance(given, dict) else given
 
     @model_validator(mode="after")
-    def _chain_or_matrices(self) -> RigFile:
+    def _chain_or_matrices(self) -> Self:
         driven = self.pulse is not None or (self.run and self.sensor)
         refuse(
             [

@@ -1,10 +1,8 @@
 """A discovered model as a law that can be simulated."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -212,7 +210,7 @@ class Instant:
     runs: bool = False
 
     @classmethod
-    def of(cls, states: ForceStates) -> Instant:
+    def of(cls, states: ForceStates) -> Self:
         """Return when a run's states are: what repeats is as it is in its middle, elsewhere time runs on.
 
         It runs from the first sample along which internal states are brought, that of the lead where there is one.
@@ -294,7 +292,7 @@ class LawInRun(LawWithNumbers):
     moves: tuple[str, ...]
 
     @classmethod
-    def of(cls, held: Law, added: Array, moves: tuple[str, ...]) -> LawInRun:
+    def of(cls, held: Law, added: Array, moves: tuple[str, ...]) -> Self:
         """Return a law that is held at the means of its inputs, with what these add."""
         return cls(held, held.compiled().parameters, held.inertia, added, moves)
 

@@ -8,12 +8,10 @@ Thouverez & Jézéquel, J. Sound and Vibration 265, 2003) with the projection wr
 method. No regularisation: where a joint sticks its rate is zero up to the harmonics that are kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +69,7 @@ class Balance:
         modes: int = 12,
         harmonics: int = 21,
         mode: int = 1,
-    ) -> Balance:
+    ) -> Self:
         """Return the balance of a structure driven at a point.
 
         Parameters
@@ -110,7 +108,7 @@ class Balance:
         """Number of unknowns."""
         return len(self.laws) * (2 * self.harmonics + 1) + 2
 
-    def finer(self) -> Balance:
+    def finer(self) -> Self:
         """Return the balance of about twice as many harmonics."""
         return replace(self, harmonics=2 * self.harmonics + 1)
 
@@ -121,7 +119,7 @@ class Balance:
         wider[:, :width] = unknowns[: joints * width].reshape(joints, width)
         return np.concatenate([wider.ravel(), unknowns[joints * width :]])
 
-    def with_laws(self, laws: Sequence[Any]) -> Balance:
+    def with_laws(self, laws: Sequence[Any]) -> Self:
         """Return the same structure with other laws."""
         return replace(self, laws=tuple(laws))
 

@@ -1,11 +1,9 @@
 """Motion and moment of some runs side by side, the law that they may have in common, and its least squares."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,20 +54,20 @@ class Motions:
     def __len__(self) -> int:
         return len(self.names)
 
-    def take(self, index: Sequence[int]) -> Motions:
+    def take(self, index: Sequence[int]) -> Self:
         """Return some of the runs."""
         rows = list(index)
         arrays = {n: getattr(self, n)[rows] for n in (*MOTION, "moment", "inputs", "place", "size")}
         frequency = None if self.frequency is None else self.frequency[rows]
-        return Motions(names=tuple(self.names[i] for i in rows), frequency=frequency, **arrays)
+        return replace(self, names=tuple(self.names[i] for i in rows), frequency=frequency, **arrays)
 
-    def scaled(self, channel: str, factors: Array | float) -> Motions:
+    def scaled(self, channel: str, factors: Array | float) -> Self:
         """Return the runs with a channel, ``"moment"`` or ``"angle"``, times a factor for each run or one for all."""
         by = np.reshape(np.broadcast_to(factors, len(self)), (-1, 1))
         size = np.abs(by[:, 0]) * self.size if channel == "moment" else self.size
         return replace(self, size=size, **{n: by * getattr(self, n) for n in _parts(channel)})
 
-    def filtered(self, channel: str, response: Complex) -> Motions:
+    def filtered(self, channel: str, response: Complex) -> Self:
         """Return mean cycles whose channel has passed a filter of a response, shape as that of :attr:`lines`."""
         signals: dict[str, Any] = {
             n: np.fft.irfft(np.fft.rfft(getattr(self, n)) * response, POINTS) for n in _parts(channel)

@@ -7,12 +7,10 @@ not trusted at any frequency: what beam theory leaves out grows with the square 
 of the stiffness that V holds besides, harmonic by harmonic.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import scipy
@@ -107,7 +105,7 @@ class SteadyRun:
     nearby: Answer | None = None
 
     @classmethod
-    def of(cls, test: RigTest, recovery: Recovery) -> SteadyRun:
+    def of(cls, test: RigTest, recovery: Recovery) -> Self:
         """Return a run as it was recovered."""
         spectra, joints = recovery.spectra, test.structure.n_joints
         count = spectra.amplitudes.shape[1]
@@ -157,7 +155,7 @@ class SteadyRun:
         angles = balance.solve(self.start, None if self.nearby is None else self.nearby.factors)
         return Answer(balance, angles, self.seen(balance.shown(angles)))
 
-    def begun_at(self, answer: Answer) -> SteadyRun:
+    def begun_at(self, answer: Answer) -> Self:
         """Return the run with a motion near which others are sought."""
         return replace(self, start=answer.angles, nearby=answer)
 

@@ -13,11 +13,9 @@ Residuals are compared up to the frequency up to which the recovery uses the sen
 leaves white noise white, and what lies above is left out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 import scipy
@@ -139,7 +137,7 @@ class SegmentedRun:
     shares: tuple[float, ...] = ()
 
     @classmethod
-    def of(cls, test: RigTest, recovery: Recovery) -> SegmentedRun:
+    def of(cls, test: RigTest, recovery: Recovery) -> Self:
         """Return a run as it was recorded, its noise as it was found.
 
         Raises
@@ -179,18 +177,18 @@ class SegmentedRun:
         hinges = tuple(replace(h, law=law) for h, law in zip(structure.hinges, laws, strict=True))
         return projected(with_drive(self.test, replace(structure, hinges=hinges)), self.basis)
 
-    def with_drive_noise(self, generator: np.random.Generator) -> SegmentedRun:
+    def with_drive_noise(self, generator: np.random.Generator) -> Self:
         """Return the run with noise on the drive as much as there is, besides what is projected out."""
         noise = np.asarray(self.drive_sigma * generator.normal(size=self.measured.shape[1]))
         noise = without_slow_lines(noise, self.driven / self.rate)
         return replace(self, drive=self.drive + between_samples(noise))
 
-    def liveliest(self, motion: Array, count: int) -> SegmentedRun:
+    def liveliest(self, motion: Array, count: int) -> Self:
         """Return the run with the segments, at most so many, in which a signal of as many samples is largest."""
         sizes = [-rms(motion[a:b]) for a, b in self.spans]
         return replace(self, spans=tuple(self.spans[i] for i in sorted(np.argsort(sizes)[:count])))
 
-    def where(self, moving: NDArray[np.bool_]) -> SegmentedRun:
+    def where(self, moving: NDArray[np.bool_]) -> Self:
         """Return the run with the segments in which joints move, of as many samples."""
         return replace(self, spans=tuple((a, b) for a, b in self.spans if moving[a:b].any()))
 
@@ -229,7 +227,7 @@ class SegmentedRun:
             angle, rate = (part[inside, : reduced.n_joints] for part in motion[:2])
             yield shown, (angle, rate)
 
-    def with_measured_noise(self, reduced: Structure) -> SegmentedRun:
+    def with_measured_noise(self, reduced: Structure) -> Self:
         """Return the run with noise of sensors for which none was declared as the upper half of the band shows it.
 
         A record that does not repeat shows its noise badly, and what a model lacks lies below: the median of the
@@ -249,7 +247,7 @@ class SegmentedRun:
         missing = tuple((part.reshape(count, -1) / ratio[:, None]).ravel() for part in self.missing)
         return replace(self, sigma=self.sigma * ratio, missing=missing)
 
-    def with_noise_of_drive(self, reduced: Structure) -> SegmentedRun:
+    def with_noise_of_drive(self, reduced: Structure) -> Self:
         """Return the run with residuals in the noise of sensors and drive together, segment by segment.
 
         Raises
@@ -263,7 +261,7 @@ class SegmentedRun:
             power += [np.mean((a - b) ** 2) / DRAWS for a, b in zip(noisy, clear, strict=True)]
         return replace(self, shares=tuple((1 / np.sqrt(1 + power)).tolist()))
 
-    def settled(self, reduced: Structure, driven: bool = False) -> SegmentedRun:
+    def settled(self, reduced: Structure, driven: bool = False) -> Self:
         """Return the run with the states where they fit best, and with what their errors explain there.
 
         ``driven``: errors of the drive are projected out, too, up to `DRIVEN` times the first frequency.
@@ -299,7 +297,7 @@ class SegmentedRun:
         shown = np.array([recorded(sensor, q @ row, v @ row, self.rate) for sensor, row in rows])
         return shown[:, : self.measured.shape[1]], q, v
 
-    def begun(self, reduced: Structure) -> SegmentedRun:
+    def begun(self, reduced: Structure) -> Self:
         """Return the run with states: those it has, or those of a simulation of the whole from standstill.
 
         Raises

@@ -6,12 +6,10 @@ mode is left out. Where the structure can move freely with its joints open S_0 v
 the mean angle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,7 +114,7 @@ class Steady:
         """H."""
         return self.drive.size - 1
 
-    def with_drive(self, drive: Complex) -> Steady:
+    def with_drive(self, drive: Complex) -> Self:
         """Return the same structure under another drive."""
         return replace(self, drive=drive)
 
