@@ -13,13 +13,14 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import signals_of
 from sindyjoint.measurement.policy import POLICY
 from sindyjoint.measurement.sensors import fuse
-from sindyjoint.numeric import Array, noise_by_differences
+from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, MINIMUM_SAMPLES, Run, checked_signal
 from sindyjoint.rig import SensorNoise
 
@@ -29,8 +30,6 @@ MOST_STEPS, PER_STEP = 20_000, 2
 SIGMAS, QUANTA = 6.0, 1.5
 # Fewest samples that a parabola through a reversal takes.
 FEWEST_AT_A_TURN = 5
-# Across a longer gap between measured samples, in steps of the path, nothing is known.
-LONGEST_GAP = 3.0
 # Steps that are left out on either side of a reversal.
 GUARD = 2
 # Steps on either side over which the slope of a channel is taken.
@@ -149,7 +148,7 @@ class Path:
     angle, moment : ndarray, shape (n,)
         Angle on straight lines from reversal to reversal, rad (m), and mean moment there, N·m (N).
     valid : ndarray of bool, shape (n,)
-        False where no sample lies near, and at reversals.
+        False where no sample is nearest, and at reversals.
     averaged : float
         Measured samples in one of these, on the average.
     inputs : mapping of str to ndarray, shape (n,)
@@ -163,16 +162,30 @@ class Path:
     inputs: Mapping[str, Array] = field(default_factory=dict)
 
 
-def white_noise(values: Array) -> float:
+def white_noise(values: Array, place: Array | None = None, branch: Array | None = None) -> float:
     """Return the RMS of white noise on a slow signal, by its third differences.
 
     Zero where these are no noise, of which 77 % change sign from one to the next.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    place : ndarray, shape (n,), optional
+        Of the samples, ascending, where they are not at even steps: differences are then divided ones.
+    branch : ndarray, shape (n,), optional
+        No difference is taken from one branch to the next.
     """
-    third = np.diff(values, 3)
+    x = sliding_window_view(np.arange(values.size) if place is None else place, 4)
+    apart = x[:, :, None] - x[:, None, :] + np.eye(4)
+    weight = 1 / apart.prod(axis=2)
+    third = np.sum(weight * sliding_window_view(values, 4), axis=1) / np.linalg.norm(weight, axis=1)
+    if branch is not None:
+        third = third[branch[3:] == branch[:-3]]
     sign = np.sign(third[third != 0])
     if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < POLICY.noise_changes:
         return 0.0
-    return noise_by_differences(values, 3)
+    # Their median ignores a few steps and spikes; 1.4826 times it is σ for Gaussian noise.
+    return float(1.4826 * np.median(np.abs(third)))
 
 
 def reversals(angle: Array, threshold: float) -> NDArray[np.intp]:
@@ -283,20 +296,29 @@ def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLi
 
     known = np.isin(number, found)
     # The samples of a step do not lie about its middle: the slope of the branch takes their mean there.
-    places = np.where(known, mean(path), grid)
+    places = mean(path)
     first, last = (np.searchsorted(branch, branch, side=side) for side in ("left", "right"))
-    before, after = np.maximum(number - REACH, first), np.minimum(number + REACH, last - 1)
-    means, apart = mean(moment), places[after] - places[before]
-    slope = (means[after] - means[before]) / np.where(apart > 0, apart, np.inf)
-    gaps = np.diff(found, prepend=-np.inf, append=np.inf)[np.searchsorted(found, number)]
+    # A row near a reversal holds samples of both branches, and a branch of less than three others has no slope.
+    inner = (number >= first + GUARD) & (number < last - GUARD) & (last - first >= 2 * GUARD + 3)
+    means = mean(moment)
+    slope = _slopes(places / (path[-1] / steps), means, np.where(inner, branch, -1 - branch))
     return Path(
         float(path[-1]) / steps,
         along,
-        means + (grid - places) * slope,
-        (known | (gaps <= LONGEST_GAP)) & (number >= first + GUARD) & (number < last - GUARD),
+        means + (grid - places) / (path[-1] / steps) * slope,
+        known & inner,
         float(np.mean(size)),
         {name: mean(np.broadcast_to(values, measured.shape)) for name, values in (inputs or {}).items()},
     )
+
+
+def _slopes(place: Array, values: Array, branch: NDArray[np.intp]) -> Array:
+    """Return the slope at each place of the parabola through the values about it on the same branch."""
+    near = np.clip(np.arange(place.size)[:, None] + np.arange(-REACH, REACH + 1), 0, place.size - 1)
+    away = place[near] - place[:, None]
+    same = branch[near] == branch[:, None]
+    powers = np.stack([np.ones_like(away), away, away**2], axis=2) * same[:, :, None]
+    return np.asarray(np.einsum("nj,nj->n", np.linalg.pinv(powers, rcond=1e-6)[:, 1], same * values[near]))
 
 
 def _branches(corners: Array, angles: Array, step: float) -> tuple[Array, Array, NDArray[np.intp]]:

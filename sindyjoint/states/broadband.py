@@ -14,9 +14,6 @@ from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor, moving_mask, rate_limit, within
 
 BLOCKS = 32
-# A signal far above its floor just below its end was cut there (a multisine's last line): the kernel, which falls
-# from 0.8 to 1.2 of the cut-off, must fall beyond it. One that fades has as much noise as signal there.
-ROOM = 1.2
 
 
 def dwells(rate: Array) -> bool:
@@ -115,7 +112,7 @@ def broadband_states(
 def _kernels_for(run: Run, bandwidth: float | None) -> tuple[float, tuple[Array, Array, Array]]:
     """Return the cut-off of the smoothing kernels, Hz, and the kernels; a short record has a higher one."""
     end = channel_noise(run).end
-    highest = bandwidth or (ROOM * end.bandwidth if end.abrupt else end.bandwidth)
+    highest = bandwidth or end.cutoff
     cutoff = float(np.clip(highest, 1e-6, WIDEST * run.sample_rate))
     kernels = smoothing_kernels(cutoff, run.sample_rate)
     if run.n_samples < 4 * kernels[0].size:
@@ -210,7 +207,10 @@ def path_states(run: Run) -> ForceStates:
     moving = rate != 0.0
     if run.valid is not None:
         moving &= run.valid
-    scatter = white_noise(run.moment[moving]) if run.noise.moment is None else run.noise.moment
+    scatter = run.noise.moment
+    if scatter is None:
+        branch = np.cumsum(np.diff(np.sign(rate), prepend=0.0) != 0)[moving]
+        scatter = white_noise(run.moment[moving], np.flatnonzero(moving).astype(float), branch)
     return ForceStates(
         run=run.name,
         frequency=None,

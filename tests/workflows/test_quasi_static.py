@@ -73,6 +73,18 @@ def test_the_path_of_a_triangle_is_its_length_and_the_direction_its_sign():
     assert corners == pytest.approx([0, 2, 5, 6]) and angles == pytest.approx([0, 2, -1, 0])
 
 
+def test_moments_between_few_samples_are_those_of_the_law():
+    """45 samples a cycle of a softening spring with friction: a parabola over the steps of one branch takes them there.
+
+    Straight lines, and rows that hold both sides of a reversal, miss by 0.29 % of the RMS.
+    """
+    angle = 5e-4 * np.sin(2 * np.pi * np.arange(136) / 45 + 0.3)
+    path = along_path(coulomb(angle), angle)
+    law = K1 * path.angle + K3 * path.angle**3 + M_F * np.sign(np.gradient(path.angle))
+    assert path.valid.sum() > 40
+    assert np.std((path.moment - law)[path.valid]) < 0.002 * np.std(law[path.valid])
+
+
 def test_noise_makes_no_reversals_and_standing_still_no_path():
     rng = np.random.default_rng(3)
     angle = np.concatenate([np.linspace(0, 1, 500), np.ones(300), np.linspace(1, 0, 500)])
@@ -82,6 +94,11 @@ def test_noise_makes_no_reversals_and_standing_still_no_path():
     assert corners.size == 3 and path[-1] == pytest.approx(2.0, abs=0.1)
     assert path[790] - path[510] < 0.1
     assert white_noise(np.sin(np.linspace(0, 9, 400))) == 0.0
+    # At uneven places of two branches, a step between them: third divided differences, none across it.
+    place = np.sort(rng.uniform(0, 9, 2000))
+    branch = (place > 4).astype(int)
+    uneven = np.sin(place) + 5 * branch + 0.01 * rng.standard_normal(place.size)
+    assert white_noise(uneven, place, branch) == pytest.approx(0.01, rel=0.1)
     assert reversals(np.array([0.0, 3, 1, 4, -2]), 2.5).tolist() == [0, 3, 4]
 
 
