@@ -1,4 +1,4 @@
-"""How sure coefficients and terms are: bootstrap over blocks and runs, inclusion probabilities, inseparable terms.
+"""How sure terms are: their inclusion when blocks and runs are resampled, and which no run tells apart.
 
 Everything is made of the campaign's factors. A replicate draws the *scores* of the replicate blocks anew (their
 pull on the coefficients about the fit), not rows: rows of one period are not independent, and blocks, not rows, are
@@ -22,33 +22,6 @@ from sindyjoint.text import spelled
 
 # Of unit columns, the residual of one on the others: below the square root of the precision nothing in a Gram matrix.
 ALIKE = 1e-7
-
-
-@dataclass(frozen=True, eq=False)
-class Bootstrap:
-    """Resampled coefficients.
-
-    Parameters
-    ----------
-    ids : tuple of str
-    coefficients : ndarray, shape (k,)
-        Of the fit itself.
-    draws : ndarray, shape (replicates, k)
-    """
-
-    ids: tuple[str, ...]
-    coefficients: Array
-    draws: Array
-
-    @property
-    def standard_errors(self) -> Array:
-        """Standard deviation of the draws, shape (k,)."""
-        return self.draws.std(axis=0, ddof=1)
-
-    @property
-    def interval95(self) -> Array:
-        """Percentile interval, shape (2, k)."""
-        return np.percentile(self.draws, [2.5, 97.5], axis=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,28 +58,6 @@ class Inseparable:
     candidate: str
     t_ratio: float
     correlation: float
-
-
-def bootstrap(
-    evidence: Evidence, columns: Sequence[int], replicates: int = 500, random_state: Any = None
-) -> Bootstrap:
-    """Return the block bootstrap of a fit.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    columns : sequence of int
-    replicates : int
-    random_state : int, Generator or None
-    """
-    rng = np.random.default_rng(random_state)
-    columns = [*columns]
-    fit = fit_columns(evidence, columns)
-    pulls = _score_draws(evidence, columns, fit, replicates, rng)
-    factor, norms, _ = evidence.pooled.take(columns).normalised()
-    inverse = factor.inverse()
-    draws = fit.coefficients + (pulls / norms) @ (inverse @ inverse.T) / norms
-    return Bootstrap(tuple(evidence.ids[c] for c in columns), fit.coefficients, draws)
 
 
 def inclusion(
