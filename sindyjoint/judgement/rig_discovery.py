@@ -22,6 +22,7 @@ from sindyjoint.soundness.finding import Soundness
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, Update, UpdatedNumber, recover, with_numbers
 from sindyjoint.substructure.states import JointSeen
+from sindyjoint.text import list_some
 
 # Fits to the response, residuals whitened anew before each.
 ROUNDS = 2
@@ -247,6 +248,16 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
     return (
         f"what is left of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "
         "the one described; state how uncertain its stiffness and mass are, so that they are updated",
+    )
+
+
+def unstated_numbers(update: Update) -> tuple[str, ...]:
+    """Say which numbers of a structure are other than its file has them, though it states none as uncertain."""
+    standing = [n for n in update.numbers if abs(n.change) > LIMITS.updated_by * n.standard_error]
+    named = list_some([f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing])
+    return (
+        f"the sensors deny the structure as its file describes it, and agree with another: {named}; the laws are those "
+        "in that one; measure these numbers, or state how uncertain they are",
     )
 
 

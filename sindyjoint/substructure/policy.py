@@ -45,6 +45,11 @@ class SubstructurePolicy:
         "described",
         source="noise alone makes 1",
     )
+    updated_by: float = limit(
+        3.0,
+        "standard errors beyond which an updated number of the structure is other than described",
+        source="error rate: 0.3 % of numbers that are as described",
+    )
     well_known: float = limit(
         0.01,
         "noise of a run's states, as a share of the moment, below which less noise gives it no more weight",

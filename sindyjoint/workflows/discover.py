@@ -315,7 +315,13 @@ def laws_of_rig(
 ) -> RigDiscovery:
     """Return the laws of the joints of a structure's test that was checked."""
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
-    from sindyjoint.judgement.rig_discovery import RigDiscovery, misfit_warnings, with_narrow_intervals
+    from sindyjoint.judgement.rig_discovery import (
+        RigDiscovery,
+        misfit_warnings,
+        unstated_numbers,
+        with_narrow_intervals,
+    )
+    from sindyjoint.soundness.law.sensors import with_assumed_numbers
     from sindyjoint.substructure.recovery import (
         held_spectra,
         held_warnings,
@@ -329,11 +335,18 @@ def laws_of_rig(
     say("recovering angles and moments of the joints")
     recoveries = tuple(recover(test, run) for run in runs)
     held = held_spectra(test)
+    unstated = not test.uncertain and bool(misfit_warnings(recoveries))
+    if unstated:
+        test = with_assumed_numbers(test)
     update = update_structure(test, recoveries, held)
     if update is not None:
         say("updating the structure's numbers")
-        test = with_numbers(test, update.change)
-        recoveries = tuple(recover(test, each.run, each.spectra) for each in recoveries)
+        changed = with_numbers(test, update.change)
+        better = tuple(recover(changed, each.run, each.spectra) for each in recoveries)
+        if unstated and misfit_warnings(better):  # something else is at fault
+            test, update = replace(test, uncertain=()), None
+        else:
+            test, recoveries = changed, better
     laws = find_laws(test, recoveries, say, library=library, **options)
     if update is not None:
         say("what the structure's numbers leave uncertain")
@@ -341,7 +354,8 @@ def laws_of_rig(
     seen = joints_seen(test, recoveries)
     words = [each.words for each in seen if each.words]
     differ = [law.alike for law in laws if "differ" in law.alike]
-    warnings = (*misfit_warnings(recoveries), *held_warnings(test, held), *words, *differ)
+    said = unstated_numbers(update) if unstated and update is not None else misfit_warnings(recoveries)
+    warnings = (*said, *held_warnings(test, held), *words, *differ)
     found = RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
     passing = not any(each.spectra.repeats for each in recoveries)
     if not found.found or not (passing if refine is None else refine):

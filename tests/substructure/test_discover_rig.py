@@ -52,6 +52,22 @@ def test_the_law_of_an_elastic_joint_has_no_friction(found):
     assert found.misfit == pytest.approx(1.0, abs=0.2) and found.found
 
 
+def test_a_wrong_stiffness_of_the_structure_is_found_without_being_told(runs, found):
+    """Described 5 % too stiff."""
+    from .two_masses import structure
+
+    other = discover_rig(rig_test(runs, structure=structure(1.05 * K0)), random_state=0)
+    number = {each.name: each for each in other.structure}["stiffness"]
+    assert abs(number.change - (1 / 1.05 - 1)) < 4 * number.standard_error < 0.005
+    assert (
+        other.misfit == pytest.approx(1.0, abs=0.2)
+        and "agree with another: stiffness -4.7" in other.warnings[0]
+    )
+    for term, true in zip(other.laws[0].discovery.model.terms, (K, K3, C), strict=True):
+        assert abs(term.coefficient - true) < 4 * term.standard_error
+    assert found.structure == ()
+
+
 def test_coefficients_follow_what_was_recovered_as_their_errors_say(found):
     """Refitted with other amplitudes, mean angles free, the coefficients change as the linear map says."""
     (law,) = found.laws
