@@ -41,6 +41,10 @@ class InputError(SindyJointError, ValueError):
     """A value, a file's content or an option that cannot be used."""
 
 
+class StandstillError(InputError):
+    """A run in which the joint hardly moves."""
+
+
 class MissingInputError(SindyJointError, FileNotFoundError):
     """A file or folder that was named does not exist."""
 

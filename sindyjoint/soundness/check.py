@@ -23,7 +23,7 @@ from sindyjoint.soundness.finding import (
 )
 from sindyjoint.soundness.law import filters, motions, odd_runs
 from sindyjoint.soundness.law.sensors import find_in_sensors
-from sindyjoint.soundness.masking import fill_test, mask_campaign
+from sindyjoint.soundness.masking import fill_test, leave_out_standstill, mask_campaign
 from sindyjoint.soundness.record import Record, record_of, record_of_structure
 from sindyjoint.states.build import force_states
 from sindyjoint.substructure.recovery import Recovery, recover
@@ -279,8 +279,9 @@ def check_data(measured: Campaign | RigTest, accept: Sequence[str] = ()) -> Chec
         filled, changed = fill_test(measured, soundness.findings)
         return Check(measured, soundness, filled, (*list_faults(soundness, words, measured.motion), *changed))
     usable, masked = mask_campaign(measured, soundness.findings)
+    usable, still = leave_out_standstill(usable)
     faults = list_faults(soundness, words, measured.joint.motion)
-    return Check(measured, soundness, usable, (*faults, *masked, *_list_unchecked(measured)))
+    return Check(measured, soundness, usable, (*faults, *masked, *still, *_list_unchecked(measured)))
 
 
 def check_accepted(accept: Sequence[str]) -> None:

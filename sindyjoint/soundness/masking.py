@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.errors import SindyJointError, StandstillError
 from sindyjoint.measurement.noise import difference_noise
 from sindyjoint.measurement.runs import with_channels
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
@@ -14,6 +15,7 @@ from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.record import Mask, marked_of, spans_of
+from sindyjoint.states.build import force_states
 from sindyjoint.text import list_some
 
 SATURATION, ENDS = "saturation", ("dead_start", "dead_tail")
@@ -53,6 +55,32 @@ def mask_campaign(campaign: Campaign, findings: Sequence[Finding]) -> tuple[Camp
         for f in by_run[run.name]
     }
     return campaign.with_runs(runs), tuple(_say(kind, some, "left out") for kind, some in counts.items())
+
+
+def leave_out_standstill(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
+    """Return the campaign without the runs in which the joint hardly moves, and a sentence that names them.
+
+    All of it where it moves in none: that is for the states to say.
+    """
+    still = [run for run in campaign.runs if _stands_still(run)]
+    moving = tuple(run for run in campaign.runs if run not in still)
+    if not still or not any(run.use == "identify" for run in moving):
+        return campaign, ()
+    names, several = list_some([run.name for run in still]), len(still) > 1
+    said = f"{names} left out: the velocity hardly rises above its noise in {'them' if several else 'it'}"
+    return campaign.with_runs(moving), (said,)
+
+
+def _stands_still(run: Run) -> bool:
+    if run.whole is not None:
+        return False
+    try:
+        force_states(run)
+    except StandstillError:
+        return True
+    except SindyJointError:  # for what asks for the states to say
+        return False
+    return False
 
 
 def _say(kind: str, counts: dict[str, int], done: str) -> str:

@@ -10,8 +10,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, StandstillError
 from sindyjoint.inputs import lagged
+from sindyjoint.measurement.noise import interpolated
 from sindyjoint.numeric import Array, delayed, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.states.broadband import broadband_states, path_states
@@ -89,7 +90,7 @@ def _make_states(run: Run, method: Choice, bandwidth: float | None, rate_share: 
     count = int(np.count_nonzero(states.moving))
     # Pure noise exceeds four of its standard errors now and then.
     if count < MINIMUM_SAMPLES:
-        raise InputError(
+        raise StandstillError(
             f"{run.label}: {count or 'no'} moving samples: the velocity hardly rises above its noise "
             f"({states.noise.rate:.2g} rad/s or m/s); expected a larger excitation, a less noisy motion "
             "channel, its [[run]] taken out of the manifest, or time = 'none' where the samples were not taken at a "
@@ -248,8 +249,9 @@ def aligned_run(run: Run, delay: float) -> Run:
     rate = None if later.rate is None else later.rate[kept]
     valid = None if run.valid is None else run.valid[kept]
     inputs = {name: values[kept] for name, values in run.inputs.items()}
-    return replace(
-        run, angle=later.angle[kept], rate=rate, moment=run.moment[kept], valid=valid, inputs=inputs
+    moment = run.moment[kept]
+    return interpolated(
+        replace(run, angle=later.angle[kept], rate=rate, moment=moment, valid=valid, inputs=inputs), run
     )
 
 
@@ -257,7 +259,7 @@ def with_later_motion(run: Run, delay: float) -> Run:
     """Return a run whose motion comes ``delay`` s later, as long as it was: at its ends it stands still."""
     samples = delay * run.sample_rate
     rate = None if run.rate is None else delayed(run.rate, samples)
-    return replace(run, angle=delayed(run.angle, samples), rate=rate)
+    return interpolated(replace(run, angle=delayed(run.angle, samples), rate=rate), run)
 
 
 def with_lags(campaign: Campaign, lags: Mapping[str, float]) -> Campaign:
