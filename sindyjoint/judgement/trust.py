@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -19,11 +19,12 @@ import scipy
 from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
-from sindyjoint.errors import SindyJointError
+from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.judgement.policy import POLICY
 from sindyjoint.numeric import Array
-from sindyjoint.record import Campaign
+from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import law_of_test
+from sindyjoint.response.completion import completed_states
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.run import along_motion, cut_states, settling
 from sindyjoint.soundness.finding import Soundness
@@ -97,7 +98,7 @@ def assess(
     test : TestNuisances, optional
         Moments of the test that belong to no joint.
     states : sequence of ForceStates, optional
-        Of the runs for identification, where they are at hand.
+        Of the runs for identification, completed by the model, where they are at hand.
     as_measured : Campaign, optional
         With its channels as they are, where some were put right: what does not repeat is the measurement's, and a
         channel that was moved in time is interpolated.
@@ -115,7 +116,7 @@ def assess(
     runs = campaign.identification_runs or campaign.validation_runs
     try:
         if states is None:
-            states = one_after_another(campaign, states_of(campaign, runs))
+            states = _completed(model, campaign, runs)
         floor = _floor(as_measured, states, campaign)
         fitted = [
             _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
@@ -222,11 +223,25 @@ def _determined(model: JointModel, campaign: Campaign) -> Light:
     return Light("determined", colour, sentence, widest=widths[worst])
 
 
+def _completed(model: JointModel, campaign: Campaign, runs: Sequence[Run]) -> tuple[ForceStates, ...]:
+    """Return the states of some runs with what their processing cuts off the motion, where the model gives it."""
+    states = one_after_another(campaign, states_of(campaign, runs))
+    try:
+        return completed_states(model, runs, states)
+    except InputError:  # an input moves the law within a run
+        return states
+
+
 def _floor(as_measured: Campaign | None, states: Sequence[ForceStates], campaign: Campaign) -> Floor:
-    """Return the floor of the runs for identification, as they were measured where that is known."""
+    """Return the floor of the runs for identification, the noise of the moment as it was measured."""
     if as_measured is not None:
         runs = as_measured.identification_runs or as_measured.validation_runs
-        states = one_after_another(as_measured, states_of(as_measured, runs))
+        measured = one_after_another(as_measured, states_of(as_measured, runs))
+        pairs = zip(states, measured, strict=True)
+        states = [
+            replace(s, noise=replace(m.noise, rate=s.noise.rate, acceleration=s.noise.acceleration))
+            for s, m in pairs
+        ]
     return moment_floor(states, campaign.joint.inertia, bounded=True)
 
 
@@ -266,7 +281,7 @@ def _predicts(
     kept = [run for run in campaign.validation_runs if seen[run.name] is False]
     kept = kept if campaign.identification_runs else []
     if kept:
-        others = one_after_another(campaign, states_of(campaign, kept))
+        others = _completed(model, campaign, kept)
         error = Gap.of([_explained(model, test, each, each.run) for each in others]).value
         floor = moment_floor(others, campaign.joint.inertia).relative
         what = f"on {len(kept)} run{'s' * (len(kept) != 1)} kept for validation"

@@ -14,6 +14,7 @@ from sindyjoint.record import Run
 
 # Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
 WIDEST = 0.38
+ROOM = 1.2
 # Where, below a signal's end, it is asked whether it was cut there.
 JUST_BELOW = 0.9
 # And, in parts of that end, where a filter that cuts there does not yet fall.
@@ -48,6 +49,15 @@ class SignalEnd:
     noise: float
     abrupt: bool
     flat: bool
+
+    @property
+    def cutoff(self) -> float:
+        """Cut-off of a kernel for the signal, Hz: where it fades; or a fifth above where it was cut.
+
+        A kernel falls from 0.8 to 1.2 of its cut-off, and must pass what is far above its floor just below its end, as
+        a multisine's last line is.
+        """
+        return ROOM * self.bandwidth if self.abrupt else self.bandwidth
 
 
 def signal_end(
@@ -257,12 +267,26 @@ class ChannelNoise:
 _known: WeakKeyDictionary[Run, ChannelNoise] = WeakKeyDictionary()
 
 
+# Runs whose motion was moved in time, and what they were made of: an interpolated channel does not show its noise.
+_made_of: WeakKeyDictionary[Run, Run] = WeakKeyDictionary()
+
+
 def channel_noise(run: Run) -> ChannelNoise:
     """Return the noise of a run's channels; it is measured once for each run."""
     found = _known.get(run)
     if found is None:
-        found = _known[run] = _measured_noise(run) if run.fusion is None else _fused_noise(run)
+        if run in _made_of:
+            found = channel_noise(_made_of[run])
+        else:
+            found = _measured_noise(run) if run.fusion is None else _fused_noise(run)
+        _known[run] = found
     return found
+
+
+def interpolated(run: Run, of: Run) -> Run:
+    """Return a run whose channels were interpolated, with the noise of the one that was measured."""
+    _made_of[run] = of
+    return run
 
 
 def _measured_noise(run: Run) -> ChannelNoise:

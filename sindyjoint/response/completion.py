@@ -73,12 +73,24 @@ def _completed(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
 
 
 def _agrees(better: ForceStates, run: Run, state: ForceStates) -> bool:
-    """Return whether completed states leave of the measured angle no more than its noise, within chance."""
+    """Return whether completed states leave of the measured angle no more than its noise, within chance.
+
+    And no more than the noise that a narrower kernel keeps out of them: the simulation may err by that.
+    """
     if state.repeated or state.fusion is not None:
         return True
     measured = run.angle[span_of(run, state)]
     floor = max(state.noise.angle, rms(measured - state.angle))
-    return rms(measured - better.angle) <= floor * (1 + POLICY.chance / np.sqrt(2 * measured.size))
+    passed = [_passed(each) for each in (state, better)]
+    more = POLICY.chance / np.sqrt(2 * measured.size)
+    return rms(measured - better.angle) <= floor * np.sqrt((1 + more) ** 2 + passed[0] - passed[1])
+
+
+def _passed(state: ForceStates) -> float:
+    """Return the share of white noise that the kernel of a run passes; of a series next to nothing is left."""
+    if state.series:
+        return 0.0
+    return float(np.sum(smoothing_kernels(state.bandwidth, state.sample_rate)[0] ** 2))
 
 
 def _follows(angle: Array, state: ForceStates) -> bool:
@@ -260,8 +272,22 @@ def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     moved = np.array([motion.angle, motion.rate, motion.acceleration])
     known = signal_end(state.angle, state.sample_rate, POLICY.many_times * state.noise.angle / 2)
     measured = np.array([state.angle, state.rate, state.acceleration])
-    moved += _smoothed(state, min(known.bandwidth, state.bandwidth), measured - moved)
-    return replace(state, angle=moved[0], rate=moved[1], acceleration=moved[2], completed=True)
+    band = min(known.cutoff, state.bandwidth)
+    moved += _smoothed(state, band, measured - moved)
+    angle, rate, acceleration = moved
+    low, first, second = (
+        float(np.linalg.norm(kernel)) for kernel in smoothing_kernels(band, state.sample_rate)
+    )
+    before = smoothing_kernels(state.bandwidth, state.sample_rate)
+    one = state.noise.rate / float(np.linalg.norm(before[0 if state.rate_measured else 1]))
+    noise = replace(
+        state.noise,
+        rate=one * (low if state.rate_measured else first),
+        acceleration=one * (first if state.rate_measured else second),
+    )
+    return replace(
+        state, angle=angle, rate=rate, acceleration=acceleration, noise=noise, bandwidth=band, completed=True
+    )
 
 
 def _smoothed(state: ForceStates, band: float, motion: Array) -> Array:
@@ -291,9 +317,9 @@ def _drive_of_record(run: Run, state: ForceStates, between: float) -> Array | No
         """Return the noise of an angle that was differentiated twice, within the band."""
         return np.where(frequency < band, 5 * noise**2 * frequency**4 / band**5, 0.0)
 
-    end = signal_end(drive, state.sample_rate, rising=of_acceleration).bandwidth
-    drives = between > 0 or end < POLICY.drive_band * band
-    return _low_passed(drive, state, min(end, band)) if drives else None
+    end = signal_end(drive, state.sample_rate, rising=of_acceleration)
+    drives = between > 0 or end.bandwidth < POLICY.drive_band * band
+    return _low_passed(drive, state, min(end.cutoff, band)) if drives else None
 
 
 def _low_passed(signal: Array, state: ForceStates, band: float) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array, convolve, main_frequency, smoothing_kernels
+from sindyjoint.numeric import Array, convolve, main_frequency, scaled_least_squares, smoothing_kernels
 from sindyjoint.record import Run
 from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
@@ -202,43 +202,69 @@ def moment_floor(states: Sequence[ForceStates], inertia: float | None, bounded: 
         Whether what samples of nearly one state bound stands for a noise that nothing shows.
     """
     weight = np.array([np.count_nonzero(s.moving) for s in states], dtype=float)
-    slopes = _slopes(states, inertia)
-    sources = [_source(s, slopes[2], bounded) for s in states]
+    law = _law(states, inertia)
+    motion = [_of_motion(s, law) for s in states]
+    sources = [_source(s, each, bounded) for s, each in zip(states, motion, strict=True)]
     known = np.array([source is not None for source in sources], dtype=bool)
     size = moment_size(states, inertia)
     if not weight[known].sum() > 0.5 * weight.sum():
         return Floor(float("nan"), float("nan"), UNKNOWN)
-    variance = np.array([_variance(s, slopes, source) for s, source in zip(states, sources, strict=True)])
-    moment = float(np.sqrt(np.average(variance[known], weights=weight[known])))
+    # What neighbours differ by holds the noise of the motion, too.
+    variance = [
+        (s.noise.at_most or 0.0) ** 2 if source == "neighbours" else s.noise.moment**2 + each
+        for s, each, source in zip(states, motion, sources, strict=True)
+    ]
+    moment = float(np.sqrt(np.average(np.array(variance)[known], weights=weight[known])))
     used = [source for source in sources if source]
     words = ", ".join(SOURCES[name] for name in dict.fromkeys(used))
     return Floor(moment, moment / size if size > 0 else float("nan"), words, not BOUNDS.isdisjoint(used))
 
 
-def _slopes(states: Sequence[ForceStates], inertia: float | None) -> Array:
-    """Return stiffness, damping and inertia of the linear law nearest to the moment of the moving samples."""
-    columns = [(s.angle, s.rate, s.acceleration, np.ones_like(s.rate)) for s in states]
+def _law(states: Sequence[ForceStates], inertia: float | None) -> Array:
+    """Return k1, k2, k3, c, I of the law k1 θ + k2 θ² + k3 θ³ + c θ̇ + I θ̈ + M_F sign θ̇ + M_0 nearest to the moment."""
+    columns = [(s.angle, s.angle**2, s.angle**3, s.rate, s.acceleration, np.sign(s.rate)) for s in states]
     rows = np.hstack([np.array(each)[:, s.moving] for each, s in zip(columns, states, strict=True)]).T
+    rows = np.column_stack([rows, np.ones(len(rows))])
     moment = np.concatenate([s.transfer_moment(inertia or 0.0)[s.moving] for s in states])
     if inertia is not None:
-        rows[:, 2] = 0.0
-    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    found = np.linalg.lstsq(rows / scale, moment, rcond=1e-9)[0] / scale if len(rows) else np.zeros(4)
-    return np.array([found[0], found[1], max(found[2], 0.0) if inertia is None else inertia])
+        rows[:, 4] = 0.0
+    found = scaled_least_squares(rows, moment, 1e-9)[:5] if len(rows) else np.zeros(5)
+    if inertia is not None:
+        found[4] = inertia
+    return found
 
 
-def _variance(states: ForceStates, slopes: Array, source: str | None) -> float:
-    """Return σ_M² + (I·σ_θ̈)² + (k·σ_θ)² + (c·σ_θ̇)²; a mean period has no noise of angle and rate."""
-    noise, (stiffness, damping, inertia) = states.noise, slopes
-    if source == "neighbours" and noise.at_most is not None:
-        return noise.at_most**2  # which holds that of the motion, too
-    variance = noise.moment**2 + (inertia * noise.acceleration) ** 2
-    if states.method == "broadband":
-        kernel = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
-        variance += (stiffness * noise.angle * float(np.linalg.norm(kernel))) ** 2 + (
-            damping * noise.rate
-        ) ** 2
-    return float(variance)
+def _of_motion(states: ForceStates, law: Array) -> float:
+    """Return the variance that the noise of angle, rate and acceleration makes of the moment of a law, (N·m)².
+
+    mean tᵀ Σ t over the moving samples, with t = (∂M/∂θ, c, I) and Σ the covariance of the three, which are made of one
+    channel by linear operators.
+    """
+    angle = states.angle[states.moving]
+    stiffness = law[0] + 2 * law[1] * angle + 3 * law[2] * angle**2
+    tangent = np.array([stiffness, np.full(angle.size, law[3]), np.full(angle.size, law[4])])
+    return float(np.sum(motion_covariance(states) * (tangent @ tangent.T))) / max(angle.size, 1)
+
+
+def motion_covariance(states: ForceStates) -> Array:
+    """Return the covariance of the noise of angle, rate and acceleration at one sample, shape (3, 3)."""
+    noise = states.noise
+    if states.series and states.frequency is not None:
+        angle, *further = states.series
+        angular = 2 * np.pi * states.frequency * angle.orders
+        made = np.array([np.ones_like(angular), 1j * angular, -(angular**2)]) * angle.standard_error
+        covariance = (made @ made.conj().T).real
+    elif states.method == "broadband":
+        kernels = smoothing_kernels(states.bandwidth, states.sample_rate)
+        size, further = max(states.n_samples, kernels[0].size), [states] * states.rate_measured
+        density = states.white_noise(np.fft.rfftfreq(size, 1 / states.sample_rate)[1:])
+        made = np.fft.rfft(np.array(kernels), size)[:, 1:] * density
+        covariance = (made @ made.conj().T).real / made.shape[1]
+    else:
+        return np.zeros((3, 3))
+    if not further:
+        return covariance
+    return np.diag([covariance[0, 0], noise.rate**2, noise.acceleration**2])
 
 
 def moment_size(states: Sequence[ForceStates], inertia: float | None) -> float:
@@ -247,10 +273,10 @@ def moment_size(states: Sequence[ForceStates], inertia: float | None) -> float:
     return float(np.sqrt(np.sum(np.concatenate(squares)) / max(sum(square.size for square in squares), 1)))
 
 
-def _source(states: ForceStates, inertia: float, bounded: bool) -> str | None:
+def _source(states: ForceStates, of_motion: float, bounded: bool) -> str | None:
     """Return what shows the noise of a run, or a bound of it where one is asked for; None where nothing does."""
     noise = states.noise
-    if noise.measured and (noise.motion_measured or 2 * inertia * noise.acceleration <= noise.moment):
+    if noise.measured and (noise.motion_measured or 4 * of_motion <= noise.moment**2):
         return noise.source
     return "neighbours" if bounded and noise.at_most is not None else None
 
@@ -283,8 +309,8 @@ def with_scatter(states: ForceStates, inertia: float | None) -> ForceStates:
         if noise.measured and noise.motion_measured:
             return states
         return replace(states, noise=replace(noise, at_most=scatter_of(_neighbours(states, inertia))))
-    # That of a transfer moment holds the noise of the acceleration, which is counted for itself.
-    scatter = float(np.sqrt(max(scatter**2 - ((inertia or 0.0) * noise.acceleration) ** 2, 0.0)))
+    # It holds the noise of the motion, which is counted for itself.
+    scatter = float(np.sqrt(max(scatter**2 - _of_motion(states, _law([states], inertia)), 0.0)))
     if scatter <= noise.moment:
         return states
     return replace(states, noise=replace(noise, moment=scatter, measured=True, source="steady periods"))
@@ -306,7 +332,7 @@ def scatter_of(found: Iterable[Pair]) -> float | None:
     scale = np.maximum(np.sqrt(np.mean(motion**2, axis=0)), 1e-300)
     coefficients = np.linalg.lstsq(motion / scale, moment, rcond=None)[0]
     left = moment - motion / scale @ coefficients
-    return float(np.sqrt(0.5 * np.mean(left**2)))
+    return float(np.sqrt(0.5 * np.sum(left**2) / max(left.size - motion.shape[1], 1)))
 
 
 def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
 from sindyjoint.record import Run
+from sindyjoint.states.floor import Pair, scatter_of
 from sindyjoint.states.harmonics import (
     HarmonicBasis,
     local_noise,
@@ -27,6 +28,8 @@ REPLICATES = 8
 BAND_SHARE = 0.4
 # Largest number of harmonics tried. A stick–slip angle has decayed below any real noise long before.
 MAXIMUM_HARMONICS = 120
+# Share of its size that a signal changes by where it is the same but for rounding.
+SAME = 1e-6
 
 
 def periodic_states(
@@ -74,10 +77,10 @@ def periodic_states(
         moving &= run.valid[start:stop]
     moment = run.moment[start:stop]
     inputs = {name: values[start:stop] for name, values in run.inputs.items()}
-    moved = _moved_law(inputs, made.motion)
-    moment_noise = max(
-        repeat_noise(moment, run.sample_rate, frequency, moving, moved), run.noise.moment or 0.0
-    )
+    changing = (made.motion[0], made.motion[0] ** 2, made.motion[0] ** 3, *made.motion[1:])
+    changing += _moved_law(inputs, made.motion)
+    repeated = repeat_noise(moment, run.sample_rate, frequency, moving, changing)
+    moment_noise = max(repeated, run.noise.moment or 0.0)
     # That of one sensor is not the noise of the angle of several.
     declared = (run.noise.angle or 0.0) if run.fusion is None else 0.0
     return ForceStates(
@@ -244,37 +247,29 @@ def _moved_law(inputs: Mapping[str, Array], motion: tuple[Array, Array, Array]) 
 
 
 def repeat_noise(
-    signal: Array,
+    moment: Array,
     sample_rate: float,
     frequency: float,
     where: NDArray[np.bool_],
-    explained: Sequence[Array] = (),
+    motion: Sequence[Array],
 ) -> float:
-    """Return the RMS of what does not repeat from one period to a later one, per sample.
+    """Return the RMS of what a moment does not repeat from one period to a later one, per sample.
 
-    The lag is the whole number of periods, up to half the record, that is nearest to a whole number of samples;
-    the remainder is interpolated linearly. Only samples marked in ``where`` are compared, so a friction
-    step that falls between samples is not taken for noise. Nor is what the ``explained`` signals, which
-    need not repeat, account for by least squares.
+    The lag is the whole number of periods, up to half the record, that is nearest to a whole number of samples. What
+    the ``motion`` has moved on by the remainder makes of the moment, and what inputs of the law that need not repeat
+    make of it, is taken out; see :func:`scatter_of`. Only samples marked in ``where`` are compared, so a friction step
+    that falls between samples is not taken for noise.
     """
     per = sample_rate / frequency
-    lags = np.arange(1, max(2, int(signal.size / per) // 2 + 1))
+    lags = np.arange(1, max(2, int(moment.size / per) // 2 + 1))
     distance = np.abs(lags * per - np.round(lags * per))
-    lag = lags[int(np.argmin(np.round(distance, 3)))] * per
-    whole, part = int(np.floor(lag + 1e-9)), lag - np.floor(lag + 1e-9)
-    n = signal.size - whole - 1
-    both = where[:n] & where[whole : whole + n]
+    lag = int(round(lags[int(np.argmin(np.round(distance, 3)))] * per))
+    both = where[:-lag] & where[lag:]
     if not np.any(both):
         return 0.0
-
-    def change(of: Array) -> Array:
-        later = (1 - part) * of[whole : whole + n] + part * of[whole + 1 : whole + 1 + n]
-        return (later - of[:n])[both]
-
-    difference = change(signal)
-    if explained:
-        columns = np.column_stack([change(each) for each in explained])
-        difference = difference - columns @ np.linalg.lstsq(columns, difference, rcond=None)[0]
-    # Interpolation averages two samples: its variance is ((1−p)² + p²)σ².
-    share = 1 + (1 - part) ** 2 + part**2
-    return float(np.sqrt(np.mean((difference - np.mean(difference)) ** 2) / share))
+    columns = np.column_stack([np.ones_like(moment), *motion])
+    change = (columns[lag:] - columns[:-lag])[both]
+    change[:, 0] = 1.0  # a drift
+    used = np.max(np.abs(change), axis=0) > SAME * np.max(np.abs(columns), axis=0)
+    found = scatter_of([Pair(change[:, used], (moment[lag:] - moment[:-lag])[both])])
+    return 0.0 if found is None else found
