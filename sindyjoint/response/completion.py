@@ -35,6 +35,8 @@ from sindyjoint.states.periodic import BAND_SHARE
 Complex = NDArray[np.complex128]
 # Points of a simulated period, and of the moment that drives it.
 POINTS, DRIVE_POINTS = 2048, 512
+# Periods of a kernel's cut-off at either end of a record in which it is not known.
+ENDS = 1.0
 
 
 def completed_states(
@@ -69,7 +71,10 @@ def _completed(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
         better = (_of_period if state.series else _of_record)(law, run, state, between)
     except SimulationError:
         return state
-    return state if better is None or not _agrees(better, run, state) else better
+    if better is None or not _agrees(better, run, state):
+        return state
+    # Smoothed, a joint moves on a little where it sticks.
+    return replace(better, moving=better.moving & (np.abs(better.rate) > better.slowest))
 
 
 def _agrees(better: ForceStates, run: Run, state: ForceStates) -> bool:
@@ -285,9 +290,14 @@ def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
         rate=one * (low if state.rate_measured else first),
         acceleration=one * (first if state.rate_measured else second),
     )
+    moving = state.moving.copy()
+    if not state.repeated:  # beyond the ends the kernel sees a reflection, noise and all
+        edge = int(np.ceil(ENDS * state.sample_rate / band))
+        moving[:edge] = moving[moving.size - edge :] = False
     return replace(
-        state, angle=angle, rate=rate, acceleration=acceleration, noise=noise, bandwidth=band, completed=True
-    )
+        state, angle=angle, rate=rate, acceleration=acceleration, noise=noise, bandwidth=band, moving=moving,
+        completed=True,
+    )  # fmt: skip
 
 
 def _smoothed(state: ForceStates, band: float, motion: Array) -> Array:
