@@ -132,7 +132,7 @@ def show(given) -> None:
     records = records_in(given.paths)
     rows = []
     for kind in KINDS:
-        for few, title in ((False, "30 samples a period and more"), (True, "10 to 30")):
+        for few, title in ((False, "30 to 1000"), (True, "10 to 30")):
             found = [r for r in records if r["kind"] == kind and (r["samples"] < 30) == few]
             known = [r for r in found if "floor" in r and np.isfinite(r["floor"])]
             if not known:
@@ -148,7 +148,7 @@ def show(given) -> None:
             )  # fmt: skip
             rows.append(row)
             print(
-                f"{kind:13} {title:29} {len(known)} of {len(found)} with a floor; gap over floor {row['misfit']:.3f} "
+                f"{kind:13} {title:10} {len(known)} of {len(found)} with a floor; gap over floor {row['misfit']:.3f} "
                 f"({row['low']:.2f} to {row['high']:.2f}), left out {row['left_out']:.3f}; "
                 f"coefficients inside {100 * row['inside']:.1f} % of {len(inside)}"
             )

@@ -56,7 +56,7 @@ STATED = {
 }
 #: Tables of benchmarks that take an hour and more: their rows are copied from what the command printed. None may join.
 COPIED = {
-    "95 % intervals", "Three implementations", "Weak form", "Accelerometers", "Faults and false alarms",
+    "Three implementations", "Weak form", "Accelerometers", "Faults and false alarms",
     "Answers on faulty data", "Masked samples", "Sensors of a structure", "Hidden effects", "Other excitations",
     "Effects outside the catalogue", "Joints from another integrator", "A constant added to the displacement",
     "Budget of the gap, and advised runs", "Exports", "Times and memory", "Batches",
