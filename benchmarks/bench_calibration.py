@@ -5,8 +5,8 @@ python benchmarks/bench_calibration.py show calibration.jsonl
 
 Random joints of tests/recovery/random_joints.py under each kind of test, ``--names``: periodic, multisine, sweep, free,
 quasi-static; white noise on both channels of .1 to 5 % (of the RMS), 10 to 1000 samples a period, both drawn
-log-uniformly. The paper's law is discovered through the door; the misfit is the ``trust`` gap, and the error on what was
-left out of the fit, over the floor beside them. 1 is right. ``run`` appends one line per campaign and resumes.
+log-uniformly. The paper's law is discovered through the door; the misfit is the ``trust`` gap, and the error on what
+was left out of the fit, over the floor beside them. 1 is right. ``run`` appends one line per campaign and resumes.
 """
 
 from __future__ import annotations

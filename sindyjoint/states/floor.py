@@ -248,23 +248,23 @@ def _of_motion(states: ForceStates, law: Array) -> float:
 
 def motion_covariance(states: ForceStates) -> Array:
     """Return the covariance of the noise of angle, rate and acceleration at one sample, shape (3, 3)."""
-    noise = states.noise
     if states.series and states.frequency is not None:
-        angle, *further = states.series
-        angular = 2 * np.pi * states.frequency * angle.orders
-        made = np.array([np.ones_like(angular), 1j * angular, -(angular**2)]) * angle.standard_error
-        covariance = (made @ made.conj().T).real
+        angular = 2 * np.pi * states.frequency * states.series[0].orders
+        made = np.array([np.ones_like(angular), 1j * angular, -(angular**2)])
+        made = made * states.series[0].standard_error
+        own_rate = len(states.series) > 1
     elif states.method == "broadband":
         kernels = smoothing_kernels(states.bandwidth, states.sample_rate)
-        size, further = max(states.n_samples, kernels[0].size), [states] * states.rate_measured
+        size = max(states.n_samples, kernels[0].size)
         density = states.white_noise(np.fft.rfftfreq(size, 1 / states.sample_rate)[1:])
-        made = np.fft.rfft(np.array(kernels), size)[:, 1:] * density
-        covariance = (made @ made.conj().T).real / made.shape[1]
+        made = np.fft.rfft(np.array(kernels), size)[:, 1:] * density / np.sqrt(size // 2)
+        own_rate = states.rate_measured
     else:
         return np.zeros((3, 3))
-    if not further:
-        return covariance
-    return np.diag([covariance[0, 0], noise.rate**2, noise.acceleration**2])
+    covariance = np.asarray((made @ made.conj().T).real)
+    if own_rate:
+        covariance = np.diag([covariance[0, 0], states.noise.rate**2, states.noise.acceleration**2])
+    return covariance
 
 
 def moment_size(states: Sequence[ForceStates], inertia: float | None) -> float:

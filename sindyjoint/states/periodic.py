@@ -77,8 +77,8 @@ def periodic_states(
         moving &= run.valid[start:stop]
     moment = run.moment[start:stop]
     inputs = {name: values[start:stop] for name, values in run.inputs.items()}
-    changing = (made.motion[0], made.motion[0] ** 2, made.motion[0] ** 3, *made.motion[1:])
-    changing += _moved_law(inputs, made.motion)
+    powers = (made.motion[0] ** 2, made.motion[0] ** 3)
+    changing = (*made.motion, *powers, *_moved_law(inputs, made.motion))
     repeated = repeat_noise(moment, run.sample_rate, frequency, moving, changing)
     moment_noise = max(repeated, run.noise.moment or 0.0)
     # That of one sensor is not the noise of the angle of several.
