@@ -23,6 +23,9 @@ from sindyjoint.cli.options import (
     with_blocks,
 )
 from sindyjoint.cli.progress import Progress
+from sindyjoint.documents import refuse_foreign_file
+from sindyjoint.errors import InputError, UnknownNameError, refuse
+from sindyjoint.files.atomic import write_bytes
 
 if TYPE_CHECKING:
     from sindyjoint.export import Export
@@ -94,8 +97,6 @@ def init(
 
 def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Check[Any], Path]:
     """Check what was written, and draw all runs beside it."""
-    from sindyjoint.documents import refuse_foreign_file
-    from sindyjoint.files.atomic import write_bytes
     from sindyjoint.reporting.registry import draw
     from sindyjoint.reporting.results.check import TOGETHER
     from sindyjoint.reporting.style import figure_bytes
@@ -167,7 +168,6 @@ def export(
 
     Example: sindyjoint export results/model.json --to abaqus --out joint.inp
     """
-    from sindyjoint.errors import refuse
     from sindyjoint.export import export_model, read_model, write_export
     from sindyjoint.export.documents import BATCH_FILE, batch_samples
 
@@ -201,7 +201,6 @@ def export(
 
 def _only_text(result: Export) -> str:
     """Return the text of an export that is one text; InputError where it needs a folder."""
-    from sindyjoint.errors import InputError
     from sindyjoint.export import TABLE
 
     content, *others = result.files.values()
@@ -260,9 +259,6 @@ def plot(
 
     Example: sindyjoint plot results loops --out loops.pdf --width 3.5
     """
-    from sindyjoint.documents import refuse_foreign_file
-    from sindyjoint.errors import InputError
-    from sindyjoint.files.atomic import write_bytes
     from sindyjoint.reporting.registry import drawing, list_saved
 
     where, _, name = (kind or "").rpartition("/")
@@ -356,7 +352,6 @@ def limits(
 
     Example: sindyjoint limits states
     """
-    from sindyjoint.errors import UnknownNameError
     from sindyjoint.policy import described, policies
 
     known = {

@@ -80,10 +80,7 @@ def simulate_structure(
 
     A model stands in the joints whose law is "model"; where one moves beyond what that was tested to, stderr says so.
     """
-    import typer
-
     from sindyjoint.equation.model_file import read_model
-    from sindyjoint.errors import InputError
     from sindyjoint.mechanics.rig_test import write_rig_test
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test

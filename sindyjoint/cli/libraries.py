@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sindyjoint.errors import InputError, OutputError
 from sindyjoint.text import in_words_of
 
 if TYPE_CHECKING:
@@ -100,7 +101,6 @@ def copy(
     Example: sindyjoint libraries copy extended mine.toml
     """
     from sindyjoint.equation.catalogue_file import find_catalogue, library_folder
-    from sindyjoint.errors import OutputError
     from sindyjoint.files.atomic import write_bytes
 
     effects = library_folder() / f"{name}.toml"
@@ -136,7 +136,6 @@ def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml fil
 def _holds_effects(path: Path) -> bool:
     """Return whether a file lists effects, not terms; the reader reports what cannot be read."""
     from sindyjoint.documents import read_toml
-    from sindyjoint.errors import InputError
 
     try:
         return "effect" in read_toml(path)

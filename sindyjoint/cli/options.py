@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sindyjoint.cli.progress import Progress
+from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:
     from sindyjoint.equation.model import JointModel
@@ -339,8 +340,6 @@ def split_pairs(
     InputError
         For text that gives none.
     """
-    from sindyjoint.errors import InputError
-
     values = {}
     for text in given or ():
         name, _, value = text.partition("=")

@@ -15,6 +15,7 @@ from sindyjoint.cli.answer import answer, call
 from sindyjoint.cli.options import Output, default_of, given, with_blocks
 from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import InputError, UnitError
+from sindyjoint.files.units import conversion, parse_quantity, split_quantity
 from sindyjoint.trust import PLACES
 
 _Like = StrEnum("_Like", {"inter_panel": "inter-panel", "panel_root": "panel-root"})
@@ -117,8 +118,6 @@ def plan(
 
     Example: sindyjoint plan --range "linear_stiffness=5..8 kN*m/rad" --limit "moment=6 N*m" --time "2 min" --out plan
     """
-    from sindyjoint.files.units import parse_quantity
-
     find = call(
         PLAN,
         None if like is None else like.value,
@@ -181,8 +180,6 @@ def _goal(text: str) -> str | dict[str, float]:
 
 def span(text: str, unit: str, where: str) -> tuple[float, float]:
     """Return the ends of ``2..8 Hz`` in SI; the unit behind the second end is that of both."""
-    from sindyjoint.files.units import conversion, split_quantity
-
     low, dots, rest = text.partition("..")
     if not dots:
         raise InputError(f"{where} is {text!r}; expected two numbers and their unit, such as '2..8 {unit}'")
@@ -203,7 +200,6 @@ def _parted(text: str, known: Mapping[str, object] | None, where: str) -> tuple[
 
 
 def _quantities(texts: list[str], known: Mapping[str, tuple[str, str]], where: str) -> dict[str, float]:
-    from sindyjoint.files.units import parse_quantity
 
     found = {}
     for name, value in (_parted(text, known, where) for text in texts):
@@ -292,8 +288,6 @@ def curves(
 
     Example: sindyjoint curves pulse-rig --model results --level "0.4 N" --level "1.2 N" --out curves
     """
-    from sindyjoint.files.units import parse_quantity
-
     find = call(
         CURVES,
         subject,

@@ -19,6 +19,7 @@ from sindyjoint.cli.options import (
     with_blocks,
 )
 from sindyjoint.cli.progress import Progress
+from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:
     from sindyjoint.workflows.simulate import WrittenTest
@@ -32,8 +33,6 @@ _Format = StrEnum("_Format", ["csv", "tsv", "npz", "parquet", "h5", "mat"])
 
 def _numbers(text: str, option: str) -> tuple[float, ...]:
     """Numbers of a comma-separated list."""
-    from sindyjoint.errors import InputError
-
     try:
         return tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -141,7 +140,6 @@ def simulate(
         return
 
     from sindyjoint.equation.model_file import read_model
-    from sindyjoint.errors import InputError
     from sindyjoint.workflows.simulate import WrittenRun, WrittenTest, make_test
 
     known = None if model is None else read_model(model)

@@ -192,6 +192,5 @@ def read_test(path: str | os.PathLike[str]) -> TestNuisances | None:
     data = read_json(file)
     try:
         return TestNuisances.from_dict(data)
-    except (ValueError, AttributeError) as error:
-        reason = str(error) if isinstance(error, InputError) else f"not a record of a test: {error}"
-        raise InputError(f"{file}: {reason}") from error
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.plain import fields_of, same, to_plain
-from sindyjoint.reporting.page import Blocks, Page, markup, render, section
+from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
-from sindyjoint.reporting.tables import findings_table, print_table, terminal
+from sindyjoint.reporting.tables import TextTable, findings_table, print_table, terminal
 from sindyjoint.text import in_words_of, in_words_of_origin, spelled
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from sindyjoint.reporting.figure import Kind, Panel
-    from sindyjoint.reporting.page import Provenance
-    from sindyjoint.reporting.tables import TextTable
     from sindyjoint.trust import Light, Trust
 
 # Of a number that a picture is drawn from.
