@@ -33,6 +33,7 @@ from sindyjoint.trust import Light, Trust
 from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
 from sindyjoint.workflows.joints.record import CAMPAIGNS, CampaignRecord
 from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
+from sindyjoint.workflows.policy import POLICY
 
 # More names than these cannot be read below an axis; characters of a name on a terminal.
 NAMED, NAME = 24, 24
@@ -276,7 +277,11 @@ def _trust(result: Batch) -> Trust:
         else Light("compared", "fair", "on nothing: no term is in more than half of the models"),
         Light("alike", "fair", f"{list_some(apart)} differ from the others: see which joints differ")
         if apart
-        else Light("alike", "good", "no coefficient leaves the distribution of the others"),
+        else Light("alike", "good", "no coefficient leaves the distribution of the others")
+        if result.found >= POLICY.fewest_joints
+        else Light(
+            "alike", "fair", f"{result.found} of the {POLICY.fewest_joints} joints among which outliers show"
+        ),
     )
     where = {record.id: shlex.quote(record.manifest) for record in result.records}
     broken = [

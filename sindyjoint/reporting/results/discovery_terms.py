@@ -283,7 +283,7 @@ _WHOLE = (
     Kind(
         "fit",
         "Model over measurement",
-        "Transfer moment over angle of the runs at one frequency; black dots are the model where the joint moves.",
+        "Transfer moment over angle of the runs at one frequency; the dots are the model where the joint moves.",
         # The middle of the frequencies: neither the slowest nor the one that is hardest to follow.
         lambda data: [partial(loops, group=[*loop_groups(data)][len(loop_groups(data)) // 2])],
     ),
@@ -297,7 +297,7 @@ _WHOLE = (
     Kind(
         "loops",
         "Moment–angle loops",
-        "One period of each run, transfer moment over angle; black dots are the model where the joint moves.",
+        "One period of each run, transfer moment over angle; the dots are the model where the joint moves.",
         lambda data: [partial(loops, group=group) for group in spread(list(loop_groups(data)))],
     ),
     Kind(
