@@ -78,7 +78,7 @@ def plan(
     rate: Annotated[str | None, typer.Option(help="Sampling rate. [the campaign's, or 1000 Hz]")] = None,
     time: Annotated[str | None, typer.Option(help=f"Duration of all runs to be made. [{TIME:g} s]")] = None,
     run_time: Annotated[
-        str | None, typer.Option("--run-time", help="Duration of each run. [a ninth of the time]")
+        str | None, typer.Option("--run-time", help="Duration of each run. [an eighteenth of the time]")
     ] = None,
     goal: Annotated[
         str | None,
@@ -283,6 +283,8 @@ def curves(
 
     Of a structure: frequency response at several levels of a harmonic force, frequency and damping of its modes over
     their amplitude, by harmonic balance with exact sticking. 95 % bands follow from the covariance of the models.
+
+    First: sindyjoint discover --out results
 
     Example: sindyjoint curves results --out curves
 

@@ -123,7 +123,7 @@ def plan(
     time : float
         Duration of all runs that are still to be made, s.
     run_time : float, optional
-        Duration of each, s. Default: a ninth of the time, or what eight periods of the lowest frequency take; where
+        Duration of each, s. Default: an 18th of the time, or what eight periods of the lowest frequency take; where
         nothing but telling effects apart is the goal, half of the time.
     goal : {"widths", "frequency", "paper", "tell-apart"} or mapping of these to weights
         Make the widest relative interval small; or the widest relative change over the band that could be overlooked;
@@ -303,7 +303,8 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
         )
     count = 0
     if 0 < time < inf:
-        most = POLICY.fewest_frequencies * len(POLICY.levels[::2])  # as many as the plain grid has
+        # Twice as many as the plain grid has: the shorter each is, the less the fewest settings take of the time.
+        most = 2 * POLICY.fewest_frequencies * len(POLICY.levels[::2])
         count = min(most, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
     if not count:
         raise InputError(
