@@ -254,7 +254,8 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
 def unstated_numbers(update: Update) -> tuple[str, ...]:
     """Say which numbers of a structure are other than its file has them, though it states none as uncertain."""
     standing = [n for n in update.numbers if abs(n.change) > LIMITS.updated_by * n.standard_error]
-    named = list_some([f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing])
+    words = [f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing]
+    named = list_some(words, "numbers")
     return (
         f"the sensors deny the structure as its file describes it, and agree with another: {named}; the laws are those "
         "in that one; measure these numbers, or state how uncertain they are",
