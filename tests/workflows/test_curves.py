@@ -82,7 +82,7 @@ def test_command_of_a_model_writes_its_curves(tmp_path):
         ("pulse-rig", {"levels": [-1.0]}, "expected positive forces"),
         ("pulse-rig", {"band": (5.0, 4.0)}, "expected two positive frequencies"),
         ("pulse-rig", {"modes": 0}, "expected at least one of each"),
-        ("pulse-rig", {"model": ["model", "model"]}, "two models stand for joint 'joint'"),
+        ("pulse-rig", {"model": ["model", "model"]}, "two models stand for 'joint' of 'pulse rig'"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_used_is_refused(subject, options, message):
