@@ -364,9 +364,9 @@ def laws_of_rig(
 
     models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
     state = options.get("random_state")
+    # Numbers that were found untold are known well, and fitting them needs segments in which the joints stand still.
+    known = replace(found.test, uncertain=()) if unstated else described(found)
     return with_refinement(
         found,
-        refine_rig(
-            described(found), recoveries, models, starts=3 if refine else 1, random_state=state, progress=say
-        ),
+        refine_rig(known, recoveries, models, starts=3 if refine else 1, random_state=state, progress=say),
     )
