@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 __all__ = ["INERTIA", "Fitted", "JointModel", "ModelTerm", "model_terms"]
 
 
+#: Entries that a model may have.
+MOST = {"terms": 200, "elements": 50, "inputs": 20}
+
+
 @dataclass(frozen=True)
 class JointModel(Described):
     """The equation of a joint: Σ coefficient · term(θ, θ̇), and the moments of elements with a memory.
@@ -309,6 +313,11 @@ class JointModel(Described):
             raise InputError(
                 f"not a joint model: expected 'schema': {cls.SCHEMA} (or 1) and 'terms', as in model.json"
             )
+        # A model from elsewhere must be read in seconds, whatever it holds.
+        for name, most in MOST.items():
+            own = data.get(name)
+            if isinstance(own, list) and len(own) > most:
+                raise InputError(f"not a joint model: {len(own)} {name}; expected at most {most}")
         try:
             model: JointModel = from_plain(cls, data)
             return model

@@ -63,6 +63,7 @@ def test_equation_names_every_coefficient(found):
         (lambda d: d["terms"][0].pop("formula"), "not a joint model"),
         (lambda d: d["terms"][0].update(colour="red"), "not a joint model"),
         (lambda d: d["fitted"].pop("samples"), "not a joint model: fitted: key 'samples' is missing"),
+        (lambda d: d["terms"].extend(d["terms"] * 40), "not a joint model: 205 terms; expected at most 200"),
     ],
 )
 def test_what_is_no_model_is_refused(found, change, message):
