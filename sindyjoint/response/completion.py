@@ -280,15 +280,12 @@ def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     band = min(known.cutoff, state.bandwidth)
     moved += _smoothed(state, band, measured - moved)
     angle, rate, acceleration = moved
-    low, first, second = (
-        float(np.linalg.norm(kernel)) for kernel in smoothing_kernels(band, state.sample_rate)
+    narrow, wide = (
+        np.linalg.norm(smoothing_kernels(each, state.sample_rate), axis=1) for each in (band, state.bandwidth)
     )
-    before = smoothing_kernels(state.bandwidth, state.sample_rate)
-    one = state.noise.rate / float(np.linalg.norm(before[0 if state.rate_measured else 1]))
+    passed = (narrow / wide)[0 if state.rate_measured else 1 :]
     noise = replace(
-        state.noise,
-        rate=one * (low if state.rate_measured else first),
-        acceleration=one * (first if state.rate_measured else second),
+        state.noise, rate=state.noise.rate * passed[0], acceleration=state.noise.acceleration * passed[1]
     )
     moving = state.moving.copy()
     if not state.repeated:  # beyond the ends the kernel sees a reflection, noise and all
