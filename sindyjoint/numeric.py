@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import wraps
 from math import comb
-from typing import Literal
+from typing import Any, Literal, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Made = TypeVar("Made")
 #: Where random numbers come from, as SPEC 7 of scientific Python has it: what ``numpy.random.default_rng`` takes.
 RNG = int | Sequence[int] | np.random.SeedSequence | np.random.BitGenerator | np.random.Generator | None
 
@@ -38,6 +41,23 @@ def seed_of(rng: RNG) -> int:
     (3, True)
     """
     return rng if isinstance(rng, int) else int(np.random.default_rng(rng).integers(2**32))
+
+
+def kept(function: Callable[..., Made]) -> Callable[..., Made]:
+    """Keep what a function makes of its first argument as long as that is there, by the other ones.
+
+    Neither what it makes nor the others may hold the first. All are given by position.
+    """
+    known: WeakKeyDictionary[Any, dict[tuple[Any, ...], Made]] = WeakKeyDictionary()
+
+    @wraps(function)
+    def once(of: Any, *others: Any) -> Made:
+        made = known.setdefault(of, {})
+        if others not in made:
+            made[others] = function(of, *others)
+        return made[others]
+
+    return once
 
 
 def rms(values: ArrayLike) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from sindyjoint.measurement.policy import POLICY
-from sindyjoint.numeric import Array, without_line
+from sindyjoint.numeric import Array, kept, without_line
 from sindyjoint.record import Run
 
 # Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
@@ -263,24 +263,16 @@ class ChannelNoise:
     source: str = "spectrum"
 
 
-# Of runs that are in use: a diagnosis asks for the states of the same run many times.
-_known: WeakKeyDictionary[Run, ChannelNoise] = WeakKeyDictionary()
-
-
 # Runs whose motion was moved in time, and what they were made of: an interpolated channel does not show its noise.
 _made_of: WeakKeyDictionary[Run, Run] = WeakKeyDictionary()
 
 
+@kept
 def channel_noise(run: Run) -> ChannelNoise:
-    """Return the noise of a run's channels; it is measured once for each run."""
-    found = _known.get(run)
-    if found is None:
-        if run in _made_of:
-            found = channel_noise(_made_of[run])
-        else:
-            found = _measured_noise(run) if run.fusion is None else _fused_noise(run)
-        _known[run] = found
-    return found
+    """Return the noise of a run's channels; a diagnosis asks for the states of the same run many times."""
+    if run in _made_of:
+        return channel_noise(_made_of[run])
+    return _measured_noise(run) if run.fusion is None else _fused_noise(run)
 
 
 def interpolated(run: Run, of: Run) -> Run:

@@ -21,7 +21,7 @@ from sindyjoint.measurement.policy import POLICY as MEASUREMENT
 from sindyjoint.mechanics.excitation import repeated
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.numeric import Array, rms
+from sindyjoint.numeric import Array, kept, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import steady_start
 from sindyjoint.response.laws import held_laws
@@ -144,6 +144,8 @@ def _of_period(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     )  # fmt: skip
 
 
+# The search completes the same states by one model after the other; here and below they are what they are.
+@kept
 def _strong(state: ForceStates) -> tuple[list[HarmonicBasis], tuple[Harmonics, ...]]:
     """Return the harmonics of angle, and of a measured rate, that are known to a tenth, and the first."""
     assert state.frequency is not None
@@ -169,7 +171,8 @@ def _seen(bases: Sequence[HarmonicBasis], angle: Array, rate: Array, rows: slice
     return np.array([series, of_last.series(mean, a, b), of_last.derivative(a, b)])
 
 
-def _spectrum(run: Run, state: ForceStates) -> tuple[Array, Complex, Complex, Array, float]:
+@kept
+def _spectrum(state: ForceStates, run: Run) -> tuple[Array, Complex, Complex, Array, float]:
     """Return all orders that the sampling shows, the moment's and the angle's harmonics, the angle's errors, the mean.
 
     The angle's are zero where they were not kept.
@@ -197,7 +200,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
     noise = np.zeros(2)
     for run, state in zip(runs, states, strict=True):
         if state.series and state.frequency is not None:
-            orders, harmonics, angle, _, _ = _spectrum(run, state)
+            orders, harmonics, angle, _, _ = _spectrum(state, run)
             later = (angle != 0) & (orders > 1)
             acceleration = -((2 * np.pi * state.frequency * orders) ** 2) * angle
             accelerations.append(acceleration[later].view(float))
@@ -239,7 +242,7 @@ def _drive(run: Run, state: ForceStates, between: float) -> Array | None:
     cannot be distinguished from it. Where sampling cuts the angle, and not the noise, their number means nothing.
     """
     assert state.frequency is not None
-    orders, moment, angle, angle_error, mean = _spectrum(run, state)
+    orders, moment, angle, angle_error, mean = _spectrum(state, run)
     inertia = between * (2 * np.pi * state.frequency * orders) ** 2
     error = np.hypot(state.noise.moment * np.sqrt(2 / state.n_samples), inertia * angle_error)
     highest = int(state.series[0].orders[-1])

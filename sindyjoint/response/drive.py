@@ -1,7 +1,6 @@
 """How a law is simulated against a run: by its moment, windows of that or its motion, and where that starts."""
 
 from typing import Any, Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy
@@ -11,7 +10,7 @@ from sindyjoint.measurement.policy import POLICY as NOISE
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.numeric import Array, rms, without_line
+from sindyjoint.numeric import Array, kept, rms, without_line
 from sindyjoint.record import Run
 from sindyjoint.response.laws import LawInRun, elastic_moment
 from sindyjoint.response.policy import POLICY
@@ -42,17 +41,13 @@ def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0
     harmonics one or two of noise alone are kept now and then: with ``spurious`` a run that has no others counts, too.
     They move its reversals, where friction jumps, so that its moment is compared where the joint moves alone. A motion
     that does not repeat was the drive where a joint of that ``inertia`` shows no answer to what the moment holds beyond
-    the band of the angle. What was found of states is kept: every simulation of a run asks.
+    the band of the angle.
     """
-    known = _known.setdefault(states, {})
-    if (spurious, inertia) not in known:
-        known[spurious, inertia] = _find_prescribed(states, spurious, inertia)
-    return known[spurious, inertia]
+    return _find_prescribed(states, spurious, inertia)
 
 
-_known: WeakKeyDictionary[ForceStates, dict[tuple[bool, float], bool]] = WeakKeyDictionary()
-
-
+# Every simulation of a run asks.
+@kept
 def _find_prescribed(states: ForceStates, spurious: bool, inertia: float) -> bool:
     if states.method == "path":
         return True

@@ -6,14 +6,13 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from sindyjoint.errors import InputError, StandstillError
 from sindyjoint.inputs import lagged
 from sindyjoint.measurement.noise import interpolated
-from sindyjoint.numeric import Array, delayed, main_frequency
+from sindyjoint.numeric import Array, delayed, kept, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.states.broadband import broadband_states, path_states
 from sindyjoint.states.floor import mean_period, repetition, with_scatter
@@ -22,12 +21,6 @@ from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
 
 Choice = Literal["auto", "periodic", "broadband"]
-
-# The states of a run, by how they were asked for, as long as the run is there: a check of the data, the search and what
-# trusts its result take the same ones.
-_MADE: WeakKeyDictionary[Run, dict[tuple[Choice, float | None, float | None], ForceStates]] = (
-    WeakKeyDictionary()
-)
 
 
 def force_states(
@@ -60,13 +53,11 @@ def force_states(
     >>> states.angle.shape == states.moment.shape
     True
     """
-    known = _MADE.setdefault(run, {})
-    asked = method, bandwidth, rate_share
-    if asked not in known:
-        known[asked] = _make_states(run, method, bandwidth, rate_share)
-    return known[asked]
+    return _make_states(run, method, bandwidth, rate_share)
 
 
+# A check of the data, the search and what trusts its result take the same ones.
+@kept
 def _make_states(run: Run, method: Choice, bandwidth: float | None, rate_share: float | None) -> ForceStates:
     if method not in ("auto", "periodic", "broadband"):
         raise InputError(f"method is {method!r}; expected 'auto', 'periodic' or 'broadband'")
