@@ -46,7 +46,7 @@ def seed_of(rng: RNG) -> int:
 def kept(function: Callable[..., Made]) -> Callable[..., Made]:
     """Keep what a function makes of its first argument as long as that is there, by the other ones.
 
-    Neither what it makes nor the others may hold the first. All are given by position.
+    Neither what it makes nor the others may hold the first, or be what it was made of. All are given by position.
     """
     known: WeakKeyDictionary[Any, dict[tuple[Any, ...], Made]] = WeakKeyDictionary()
 

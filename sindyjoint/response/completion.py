@@ -68,7 +68,7 @@ def _completed(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     if not law.inertia > 0:
         return state
     try:
-        better = (_of_period if state.series else _of_record)(law, run, state, between)
+        better = _of_period(law, state, between) if state.series else _of_record(law, run, state, between)
     except SimulationError:
         return state
     if better is None or not _agrees(better, run, state):
@@ -102,10 +102,10 @@ def _follows(angle: Array, state: ForceStates) -> bool:
     return bool(np.std(angle - state.angle) < POLICY.completion_follows * np.std(state.angle))
 
 
-def _of_period(law: Law, run: Run, state: ForceStates, between: float) -> ForceStates | None:
+def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | None:
     """Return the states of a periodic run, completed; None where its drive is not known or not followed."""
     assert state.frequency is not None
-    excitation = _drive(run, state, between)
+    excitation = _drive(state, between)
     if excitation is None:
         return None
     start, reach = np.array([state.angle[0], state.rate[0]]), angle_limits(law, state, "windows")
@@ -144,19 +144,17 @@ def _of_period(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     )  # fmt: skip
 
 
-# The search completes the same states by one model after the other; here and below they are what they are.
-@kept
 def _strong(state: ForceStates) -> tuple[list[HarmonicBasis], tuple[Harmonics, ...]]:
     """Return the harmonics of angle, and of a measured rate, that are known to a tenth, and the first."""
     assert state.frequency is not None
     bases, series = [], []
-    for kept, signal in zip(state.series, (state.angle, state.rate), strict=False):
-        basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, kept.orders)
+    for found, signal in zip(state.series, (state.angle, state.rate), strict=False):
+        basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, found.orders)
         _, a, b = basis.fit(signal)
-        strong = np.hypot(a, b) > POLICY.many_times * kept.standard_error
+        strong = np.hypot(a, b) > POLICY.many_times * found.standard_error
         strong[0] = True
         bases.append(basis.take(strong))
-        series.append(Harmonics(kept.orders[strong], kept.standard_error[strong]))
+        series.append(Harmonics(found.orders[strong], found.standard_error[strong]))
     return bases, tuple(series)
 
 
@@ -171,8 +169,9 @@ def _seen(bases: Sequence[HarmonicBasis], angle: Array, rate: Array, rows: slice
     return np.array([series, of_last.series(mean, a, b), of_last.derivative(a, b)])
 
 
+# The search completes the same states by one model after the other.
 @kept
-def _spectrum(state: ForceStates, run: Run) -> tuple[Array, Complex, Complex, Array, float]:
+def _spectrum(state: ForceStates) -> tuple[Array, Complex, Complex, Array, float]:
     """Return all orders that the sampling shows, the moment's and the angle's harmonics, the angle's errors, the mean.
 
     The angle's are zero where they were not kept.
@@ -181,11 +180,11 @@ def _spectrum(state: ForceStates, run: Run) -> tuple[Array, Complex, Complex, Ar
     top = int(BAND_SHARE * state.sample_rate / state.frequency)
     orders = np.arange(1, min(top, (state.n_samples - 8) // 4, DRIVE_POINTS // 4) + 1)
     basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, orders)
-    mean, a, b = basis.fit_all(np.array([run.moment[span_of(run, state)], state.angle]))
-    kept = state.series[0]
+    mean, a, b = basis.fit_all(np.array([state.moment, state.angle]))
+    found = state.series[0]
     moment, angle = a - 1j * b
-    angle = np.where(np.isin(orders, kept.orders), angle, 0.0)
-    error = np.interp(orders, kept.orders, kept.standard_error)
+    angle = np.where(np.isin(orders, found.orders), angle, 0.0)
+    error = np.interp(orders, found.orders, found.standard_error)
     return orders.astype(float), np.asarray(moment), angle, error, float(mean[0])
 
 
@@ -200,7 +199,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
     noise = np.zeros(2)
     for run, state in zip(runs, states, strict=True):
         if state.series and state.frequency is not None:
-            orders, harmonics, angle, _, _ = _spectrum(state, run)
+            orders, harmonics, angle, _, _ = _spectrum(state)
             later = (angle != 0) & (orders > 1)
             acceleration = -((2 * np.pi * state.frequency * orders) ** 2) * angle
             accelerations.append(acceleration[later].view(float))
@@ -235,14 +234,14 @@ def _upper(signal: Array, state: ForceStates) -> Array:
     return _low_passed(signal, state, band) - _low_passed(signal, state, POLICY.inertia_seen * band)
 
 
-def _drive(run: Run, state: ForceStates, between: float) -> Array | None:
+def _drive(state: ForceStates, between: float) -> Array | None:
     """Return one period of the moment that drove a run, M + J·θ̈, of what stands out of its noise; None without one.
 
     It must have fewer harmonics than the angle: where the motion was prescribed it has more, and the friction's steps
     cannot be distinguished from it. Where sampling cuts the angle, and not the noise, their number means nothing.
     """
     assert state.frequency is not None
-    orders, moment, angle, angle_error, mean = _spectrum(state, run)
+    orders, moment, angle, angle_error, mean = _spectrum(state)
     inertia = between * (2 * np.pi * state.frequency * orders) ** 2
     error = np.hypot(state.noise.moment * np.sqrt(2 / state.n_samples), inertia * angle_error)
     highest = int(state.series[0].orders[-1])
