@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, kept
 from sindyjoint.planning.information import (
     Information,
     changes_over_band,
@@ -122,8 +122,10 @@ class Choice:
         groups, places = np.unique([*at, *made], return_inverse=True)
         return groups, places[: len(at)], places[len(at) :]
 
-    def costs(self, chosen: Sequence[int], count: int) -> Array:
-        """Return the cost of some runs of a plan of ``count`` with each of all runs added, shape (runs,)."""
+    # Exchanges from several starts, and their last rounds, ask for the same runs again.
+    @kept
+    def costs(self, chosen: tuple[int, ...], count: int) -> Array:
+        """Return the cost of some runs, in order, of a plan of ``count`` with each of all runs added, shape (runs,)."""
         groups, at, made = self._groups
         held = [_summed(self.information, chosen, at[[*chosen]], groups.size)]
         if self.known is not None:
@@ -185,6 +187,7 @@ class Choice:
         return np.asarray(-np.log(determinant).mean(axis=-1) / (2 * order))
 
 
+@cache
 def _same(frequency: float) -> float:
     """Return a frequency as it counts as one: that of a run is refined from its data."""
     return float(f"{frequency:.2g}")
@@ -234,7 +237,7 @@ def best_runs(choice: Choice, count: int, until: float | None = None) -> list[in
     """
     chosen: list[int] = []
     for _ in range(count):
-        chosen.append(int(np.argmin(choice.costs(chosen, count))))
+        chosen.append(int(np.argmin(choice.costs(tuple(sorted(chosen)), count))))
         if until is not None and choice.widest(chosen).max() <= AMPLE * until and not choice.missing(chosen):
             break
     rng = np.random.default_rng(0)
@@ -250,7 +253,7 @@ def _exchanged(choice: Choice, start: Sequence[int]) -> tuple[float, list[int]]:
         before = cost
         for at in range(len(chosen)):
             others = chosen[:at] + chosen[at + 1 :]
-            costs = choice.costs(others, len(chosen))
+            costs = choice.costs(tuple(sorted(others)), len(chosen))
             best = int(np.argmin(costs))
             if costs[best] < cost - GAIN:
                 cost, chosen = float(costs[best]), [*others[:at], best, *others[at:]]
@@ -262,7 +265,7 @@ def _exchanged(choice: Choice, start: Sequence[int]) -> tuple[float, list[int]]:
 def _ordered(choice: Choice, chosen: list[int]) -> list[int]:
     waiting, order = list(chosen), list[int]()
     while waiting:
-        costs = choice.costs(order, len(chosen))
+        costs = choice.costs(tuple(sorted(order)), len(chosen))
         best = min(waiting, key=lambda i: costs[i])
         waiting.remove(best)
         order.append(best)
