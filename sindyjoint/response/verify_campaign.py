@@ -65,9 +65,11 @@ def verify_campaign(
         warnings += exceeded
         beyond += [run.name] * bool(exceeded)
 
-        def simulate(other: JointModel, run: Run = run, states: ForceStates = states) -> SimulatedRun:
+        def simulate(
+            other: JointModel, band: bool = False, run: Run = run, states: ForceStates = states
+        ) -> SimulatedRun:
             return compare_run(
-                lambda known: law_of_test(test, other, known), run, states, settings.window, free_run
+                lambda known: law_of_test(test, other, known), run, states, settings.window, free_run, band
             )
 
         simulated = simulate(model)
@@ -76,7 +78,7 @@ def verify_campaign(
             warnings.append(f"{run.name}: {in_words_of(campaign.joint.motion, why)}")
         band = None
         if drawn and simulated.simulated_response is not None:
-            band = band_of([simulate(other).simulated_response for other in drawn])
+            band = band_of([simulate(other, band=True).simulated_response for other in drawn])
         results.append(replace(_compare_run(simulated, campaign, run, band), seen=seen[run.name]))
     result = judged(model, "campaign", campaign.joint.name, settings.tolerance, results, warnings)
     return replace(result, free_run=free_run, beyond_range=tuple(beyond))

@@ -7,8 +7,8 @@ from typing import Any, ClassVar, Generic, TypeVar
 import numpy as np
 
 from sindyjoint.described import Shown
-from sindyjoint.errors import InputError, SindyJointError, UnknownNameError, UnsoundError
-from sindyjoint.mechanics.rig_test import RigRun, RigTest
+from sindyjoint.errors import SindyJointError, UnknownNameError, UnsoundError
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.record import Campaign, Motion, Run
 from sindyjoint.soundness.detectors import copies, course, sizes, values
 from sindyjoint.soundness.finding import (
@@ -22,11 +22,9 @@ from sindyjoint.soundness.finding import (
     words_of_data,
 )
 from sindyjoint.soundness.law import filters, motions, odd_runs
-from sindyjoint.soundness.law.sensors import find_in_sensors
 from sindyjoint.soundness.masking import fill_test, leave_out_standstill, mask_campaign
 from sindyjoint.soundness.record import Record, record_of, record_of_structure
 from sindyjoint.states.build import force_states
-from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.text import list_some, spelled
 
 # Runs that do not repeat that are held against each other: time.
@@ -61,6 +59,8 @@ def _find_in_samples(records: Sequence[Record], words: Words) -> Iterator[Findin
 
 
 def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
+    from sindyjoint.soundness.law.sensors import find_in_sensors, recovered
+
     raw = [record_of_structure(test, run) for run in test.runs]
     yield from sizes.find_unit_mismatches(raw, words)
     dead, twice = list(values.find_dead(raw, words)), list(copies.find_copies(raw, words))
@@ -74,16 +74,7 @@ def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
     yield from found
     odd = {f.run for f in found if f.severity != "note" and not f.masked and f.id != "no_signal"}
     sound = [run for run in filled.runs if run.name not in odd]
-    yield from find_in_sensors(test, list(_recovered(test, sound)), words)
-
-
-def _recovered(test: RigTest, runs: Sequence[RigRun]) -> Iterator[Recovery]:
-    """Yield what is recovered of runs; what is too short for it is for the recovery to say."""
-    for run in runs:
-        try:
-            yield recover(test, run)
-        except InputError:
-            continue
+    yield from find_in_sensors(test, list(recovered(test, sound)), words)
 
 
 def _find_in_campaign(campaign: Campaign, words: Words) -> Iterator[Finding]:

@@ -33,7 +33,6 @@ from sindyjoint.judgement.verdict import (
     unresolved_delay,
 )
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import load_rig_test
 from sindyjoint.numeric import RNG
 from sindyjoint.parallel import Executor, check_unused, executor
 from sindyjoint.record import Campaign
@@ -299,6 +298,7 @@ def discover_rig(
     ('linear_stiffness', 'quadratic_stiffness', 'cubic_stiffness', 'linear_damping', 'coulomb_friction')
     """
     from sindyjoint.judgement.rig_discovery import of_data
+    from sindyjoint.mechanics.rig_test_file import load_rig_test
 
     say = progress or (lambda stage: None)
     test = rig if isinstance(rig, RigTest) else load_rig_test(rig)

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sindyjoint.errors import InputError
 from sindyjoint.mechanics.beam import Beam
-from sindyjoint.mechanics.rig_test import DRIVE, RigTest, UncertainNumber, uncertain_numbers
+from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding, Severity, Words
@@ -26,7 +27,7 @@ from sindyjoint.soundness.law.agreement import (
     unknowns_of,
 )
 from sindyjoint.soundness.policy import POLICY
-from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.recovery import Recovery, recover
 
 # Runs that may have a fault of their own, at most; faults that are looked for one after the other.
 ODD_RUNS, FAULTS = 3, 3
@@ -87,6 +88,15 @@ def with_assumed_numbers(test: RigTest) -> RigTest:
     numbers = {number.name: number for number in (*assumed, *test.uncertain)}
     widened = (replace(n, uncertainty=max(n.uncertainty, usual)) for n in numbers.values())
     return replace(test, uncertain=tuple(widened))
+
+
+def recovered(test: RigTest, runs: Sequence[RigRun]) -> Iterator[Recovery]:
+    """Yield what is recovered of runs; what is too short for it is for the recovery to say."""
+    for run in runs:
+        try:
+            yield recover(test, run)
+        except InputError:
+            continue
 
 
 def find_in_sensors(test: RigTest, recoveries: Sequence[Recovery], words: Words) -> Iterator[Finding]:
