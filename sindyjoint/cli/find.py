@@ -57,7 +57,7 @@ def discover_structure(
         for law in result.laws:
             if law.discovery is not None:
                 write(law.discovery, out / place_of_law(law), progress, seed, force=output.force)
-    return result.found
+    return result.found and result.trust.data.colour != "poor"
 
 
 def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:

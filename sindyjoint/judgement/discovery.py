@@ -103,6 +103,8 @@ class Discovery(Shown):
         Whether the question of the paper's five terms was asked.
     lag : float
         Time by which the motion of the states was moved to undo a delay of the moment, s; not that of the campaign.
+    data : Light, optional
+        What to think of the data, where that is more than their check says, as of a structure they were recovered in.
     """
 
     SCHEMA: ClassVar = 1
@@ -132,6 +134,7 @@ class Discovery(Shown):
     measured: Campaign | None = field(repr=False, default=None)
     paper: bool = False
     lag: float = 0.0
+    data: Light | None = None
 
     @property
     def leads_with_paper(self) -> bool:
@@ -146,6 +149,7 @@ class Discovery(Shown):
         else:
             seen = {run.name: run.use == "identify" for run in self.campaign.runs}
             lights = assess(self.model, self.campaign, self.soundness, seen, states=self.states)
+        lights = lights if self.data is None else (self.data, *lights[1:])
         return of_discovery(lights, Excitations.of(self.campaign), self.found)
 
     @property

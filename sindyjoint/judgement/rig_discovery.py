@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -13,7 +14,9 @@ from sindyjoint.diagnosis.structure.output_error import Fit, fit
 from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.judgement.headlines import MOST_STEPS
 from sindyjoint.judgement.joint_laws import JointLaw
+from sindyjoint.judgement.trust import judge_soundness
 from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
@@ -23,6 +26,7 @@ from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, Update, UpdatedNumber, recover, with_numbers
 from sindyjoint.substructure.states import JointSeen
 from sindyjoint.text import list_some
+from sindyjoint.trust import ORDER, Light, Trust
 
 # Fits to the response, residuals whitened anew before each.
 ROUNDS = 2
@@ -31,8 +35,6 @@ ITERATIONS = 8
 SPREAD = 4.0
 # Two ends whose χ² differs by less than this are one.
 SAME_END = 1.0
-# Times the noise beyond which the response is not explained.
-DISAGREES = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ class RigRefinement:
             f"refined on the simulated response: {self.before:.2f} times the noise before, {self.after:.2f} after; "
             f"{found}",
         )
-        if self.after > DISAGREES:
+        if self.after**2 > LIMITS.disagrees:
             words += (
                 f"the simulated response is {self.after:.1f} times the noise off: laws or structure lack something; "
                 "diagnose the rig",
@@ -194,6 +196,7 @@ class RigDiscovery(Shown):
         "rig": "test.name",
         "laws": "laws",
         "joints": "seen",
+        "trust": "trust",
         **same("sensors", "structure", "misfit", "refinement", "warnings", "soundness"),
     }
     test: RigTest
@@ -215,6 +218,28 @@ class RigDiscovery(Shown):
     def simulated(self) -> bool:
         """Whether the runs come from a virtual test."""
         return self.test.simulated
+
+    @cached_property
+    def trust(self) -> Trust:
+        """Whether to trust the laws: of each question the worst answer of a kind of joint."""
+        every = [
+            (law.kind, (Light("explained", "poor", law.reason),), ())
+            if law.discovery is None
+            else (law.kind, law.discovery.trust.lights, law.discovery.trust.next_steps)
+            for law in self.laws
+        ]
+        worst = {}
+        for kind, lights, _ in every:
+            for light in lights:
+                of_kind = (
+                    f"{kind}: {light.sentence}" if len(every) > 1 and light.name != "data" else light.sentence
+                )
+                if light.name not in worst or ORDER.index(light.colour) > ORDER.index(
+                    worst[light.name].colour
+                ):
+                    worst[light.name] = replace(light, sentence=of_kind)
+        steps = dict.fromkeys(step for _, _, steps in every for step in steps)
+        return Trust(tuple(worst.values()), tuple(steps)[:MOST_STEPS])
 
     @property
     def misfit(self) -> Maybe:
@@ -251,15 +276,12 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
     )
 
 
-def unstated_numbers(update: Update) -> tuple[str, ...]:
+def unstated_numbers(update: Update) -> str:
     """Say which numbers of a structure are other than its file has them, though it states none as uncertain."""
     standing = [n for n in update.numbers if abs(n.change) > LIMITS.updated_by * n.standard_error]
     words = [f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing]
     named = list_some(words, "numbers")
-    return (
-        f"the sensors deny the structure as its file describes it, and agree with another: {named}; the laws are those "
-        "in that one; measure these numbers, or state how uncertain they are",
-    )
+    return f"the sensors deny the structure as its file describes it, and agree with another: {named}"
 
 
 def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
@@ -303,7 +325,7 @@ def _with_model(law: JointLaw, model: JointModel, notes: Sequence[str]) -> Joint
 
 def of_data(found: RigDiscovery, checked: Check[RigTest]) -> RigDiscovery:
     """Return a discovery that says what was found of its data, its verdicts no surer than these allow."""
-    faults = checked.undecided_by()
+    faults, data = checked.undecided_by(), _judge_data(found, checked)
     laws = tuple(
         law
         if law.discovery is None
@@ -313,9 +335,24 @@ def of_data(found: RigDiscovery, checked: Check[RigTest]) -> RigDiscovery:
                 law.discovery,
                 verdict=undecided_by_data(law.discovery.verdict, faults),
                 soundness=checked.soundness,
+                data=data,
             ),
         )
         for law in found.laws
     )
     warnings = (*checked.warnings, *found.warnings)
     return replace(found, laws=laws, soundness=checked.soundness, warnings=warnings)
+
+
+def _judge_data(found: RigDiscovery, checked: Check[RigTest]) -> Light:
+    """Return what the check found, and whether the structure is the one that its file describes."""
+    light = judge_soundness(checked.soundness, found.simulated)
+    refined = 0.0 if found.refinement is None else found.refinement.after
+    left = np.nanmax([found.misfit, refined])
+    if left**2 > LIMITS.disagrees:
+        return Light(
+            "data", "poor", f"what structure and laws leave of the sensors is {left:.1f} times their noise"
+        )
+    if found.update is None or checked.usable.uncertain or light.colour == "poor":
+        return light
+    return Light("data", "fair", unstated_numbers(found.update))

@@ -90,7 +90,12 @@ class Tested:
         seen = seen_runs(result.whole, self.campaign)
         measured = None if put_right is self.checked.usable else self.checked.usable
         lights = assess(result.whole, put_right, result.soundness, seen, result.test, as_measured=measured)
-        result = replace(result, trust=Trust(lights))
+        trust = Trust(lights)
+        floor = trust.explained.floor if trust.explained else None
+        if floor is not None and not self.campaign.validation_runs:
+            # Of one campaign one floor: completed states lack none of the motion that their processing cuts off.
+            result = replace(result, noise_floor=replace(result.noise_floor, moment=floor))
+        result = replace(result, trust=trust)
         return replace(result, trust=judge_diagnosis(result, self.campaign.simulated))
 
     def nuisances(self, test: TestNuisances) -> TestNuisances:

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint import discover_rig
+from sindyjoint import discover_rig, load_rig_plan, virtual_rig_test
 from sindyjoint.cli import main
 from sindyjoint.equation import term_columns
 from sindyjoint.errors import UnsoundError
 from sindyjoint.files import ENCODERS
 from sindyjoint.judgement.verdict import Verdict, of_many_rows, of_slight_terms, within_the_states
+from sindyjoint.paper import INTER_PANEL, TERMS
 from sindyjoint.substructure import find_slow, joint_states
 from sindyjoint.substructure.law_errors import Source, law_errors
 from sindyjoint.substructure.policy import POLICY
@@ -186,6 +187,9 @@ def test_a_structure_that_is_another_one_is_seen(runs):
     other = discover_rig(rig_test(runs, structure=replace(heavier, mass=heavier.mass - 0.5 * M2 * missing)))
     assert other.misfit > 2
     assert any("not quite the one described" in line for line in other.warnings)
+    # No law is trusted beside a misfit, neither in the structure nor alone.
+    assert [each.trust.data.colour for each in (other, other.laws[0].discovery)] == ["poor", "poor"]
+    assert other.to_dict()["trust"]["answer"] == "poor"
     # A mass that is another one is, with one sensor more than joints, a gain of the sensor on it.
     assert [(f.id, f.channel, f.severity) for f in other.soundness.findings] == [
         ("gain_differs", "x2", "biases")
@@ -305,3 +309,19 @@ def test_mistakes_are_one_line_that_names_them(folder, capsys, before, after, sa
         main(["discover", str(folder / "rig.toml"), "-q"])
     told = capsys.readouterr().err.strip()
     assert ended.value.code == 2 and said in told and "Traceback" not in told
+
+
+def test_beams_that_are_not_as_described_are_found_untold_and_keep_trust_from_being_whole():
+    """The beams as described are 5 % stiffer than those of the test; four runs of the shipped rig, seed 0."""
+    plan = load_rig_plan("pulse-rig")
+    recorder = replace(plan.recorder, duration=4.0, settling=4.0)
+    test = virtual_rig_test(plan.test, plan.drives[:4], recorder, 0)
+    stiffer = replace(test.structure, stiffness=1.05 * test.structure.stiffness)
+    found = discover_rig(replace(test, structure=stiffer), "paper", refine=False)
+    assert found.misfit < 1.1 and found.trust.answer == "With reservations"
+    assert found.trust.data.colour == "fair" and "stiffness of lower beam -5" in found.trust.data.sentence
+    true, (law,) = dict(zip(TERMS, INTER_PANEL.average, strict=True)), found.laws
+    assert law.discovery.trust.data == found.trust.data
+    for term in law.discovery.model.terms:
+        # Numbers of the structure are known to tenths of a percent here, and c1 and k3 follow them several times.
+        assert term.coefficient == pytest.approx(true[term.id], rel=0.05), term.id

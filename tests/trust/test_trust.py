@@ -81,7 +81,9 @@ def test_verbs_never_give_two_answers_of_one_model(scattered, found):
 
 
 def test_a_diagnosis_states_the_same_floor(scattered, found):
-    said = figures(sindyjoint.diagnose(scattered, model=found.model, advise=False, max_effects=1))
+    diagnosed = sindyjoint.diagnose(scattered, model=found.model, advise=False, max_effects=1)
+    said = figures(diagnosed)
+    assert diagnosed.noise_floor.moment == said["explained"]["floor"]
     assert said["explained"]["floor"] == pytest.approx(figures(found)["explained"]["floor"], rel=0.05)
     assert "effects" in said["question"]
 

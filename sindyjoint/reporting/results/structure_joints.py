@@ -295,4 +295,5 @@ STRUCTURE_JOINTS = View(
     page=_page,
     print=_print,
     details=_details,
+    headline=lambda result: result.trust,
 )
