@@ -15,13 +15,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.policy import POLICY
-from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
+from sindyjoint.equation.terms import Reference, ResolvedTerm, Term, term_columns
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
 from sindyjoint.numeric import Array, convolve, delayed, main_frequency, scaled_least_squares
@@ -36,6 +35,8 @@ from sindyjoint.text import quantities
 STEPS, ROWS = 4, 40_000
 # A candidate that explains the moment better than the delay by this likelihood ratio belongs to the law.
 BETTER = 100.0
+# Values that are tried over the range of a term's parameter.
+SHAPES = 7
 
 
 @dataclass(frozen=True)
@@ -51,15 +52,12 @@ class ChannelDelay:
     disagreement : float
         By how many of their errors the delays of single runs differ, at least 1; the standard error is widened by it,
         and by what the law lacks.
-    degrees : float
-        Of freedom, from which the standard error is known.
     """
 
     time: float
     standard_error: float
     residual_rms: float = float("nan")
     disagreement: float = 1.0
-    degrees: float = float("inf")
 
     @property
     def at_limit(self) -> bool:
@@ -72,15 +70,8 @@ class ChannelDelay:
 
     @property
     def significant(self) -> bool:
-        """Whether it stands out as three standard errors do that are known exactly, and by more than 0.02 ms.
-
-        That is the error of the method. Of few degrees of freedom Student's t stands out more by chance.
-        """
-        least = max(POLICY.delay_significance * self.standard_error, POLICY.least_delay)
-        if not abs(self.time) > least or np.isinf(self.degrees):
-            return abs(self.time) > least
-        chance = scipy.special.ndtr(POLICY.delay_significance)
-        return abs(self.time) > float(scipy.special.stdtrit(self.degrees, chance)) * self.standard_error
+        """Whether it stands out of its error as a term must, and by more than 0.02 ms, the error of the method."""
+        return abs(self.time) > max(POLICY.term_significance * self.standard_error, POLICY.least_delay)
 
     @property
     def stands_out(self) -> bool:
@@ -180,12 +171,21 @@ def competing_delay(states: Sequence[ForceStates], law: Columns, inertia: float 
 
 
 def _candidates(states: Sequence[ForceStates]) -> list[ResolvedTerm]:
-    """Return the terms of the default catalogue at the scales of some states."""
+    """Return the terms of the default catalogue at the scales of some states, over the range of a parameter."""
     from sindyjoint.equation.catalogue import DEFAULT, load_catalogue
 
     angle, rate = (np.concatenate([getattr(s, name)[s.moving] for s in states]) for name in ("angle", "rate"))
     reference = Reference.of(angle, rate)
-    return [term.resolve(reference) for term in load_catalogue(DEFAULT)]
+    return [each.resolve(reference) for term in load_catalogue(DEFAULT) for each in _over_range(term)]
+
+
+def _over_range(term: Term) -> list[Term]:
+    """Return a term at values of its parameter, or the term itself where it has none."""
+    parameter = term.parameters[0] if len(term.parameters) == 1 else None
+    if parameter is None or parameter.lower is None or parameter.upper is None:
+        return [term]
+    values = np.geomspace(parameter.lower, parameter.upper, SHAPES)
+    return [replace(term, parameters=(replace(parameter, value=value),)) for value in values]
 
 
 def _joined(law: Columns, more: Columns) -> Columns:
@@ -279,11 +279,8 @@ def estimate_delay(
     if evidence is None:
         return ChannelDelay(time, error, residual)
     apart = _disagreement(evidence, residual)
-    lacking, values = _error_by_lacking(states, evidence, time, law, inertia, residual)
-    total = float(np.hypot(apart * error, lacking))
-    # Of the two parts' degrees of freedom that of the sum (Satterthwaite, Biometrics Bulletin 2, 1946).
-    spread = (apart * error) ** 4 / max(fit.effective_degrees[-1], 1.0) + lacking**4 / values
-    return ChannelDelay(time, total, residual, apart, total**4 / spread if spread > 0 else float("inf"))
+    lacking = _error_by_lacking(states, evidence, time, law, inertia, residual)
+    return ChannelDelay(time, float(np.hypot(apart * error, lacking)), residual, apart)
 
 
 def _error_by_lacking(
@@ -293,8 +290,8 @@ def _error_by_lacking(
     law: Columns,
     inertia: float | None,
     residual_rms: float,
-) -> tuple[float, float]:
-    """Return the standard error of a delay by what the law lacks, s, and the independent values that it rests on.
+) -> float:
+    """Return the standard error of a delay by what the law lacks, s.
 
     What remains beyond the noise has some shape along the period of the motion, the same in every block and run: their
     scatter does not see it. A shape of RMS d with m independent values falls on a column of RMS u, of which the terms
@@ -304,17 +301,25 @@ def _error_by_lacking(
     beyond = float(np.sqrt(max(residual_rms**2 - np.nan_to_num(floor) ** 2, 0.0)))
     unique = abs(float(evidence.pooled.triangle[-2, -2])) / np.sqrt(evidence.pooled.rows)
     if not beyond > 0 or not unique > 0:
-        return 0.0, 1.0
+        return 0.0
     parts = [_evaluate_columns(shifted(s, time), law, inertia, 1)[:2] for s in states]
-    X, y = (np.concatenate(column) for column in zip(*parts, strict=True))
-    coefficients = scaled_least_squares(X, y, 1e-12)
+    coefficients = _solve(parts)
     found = [
         _independent_values(target - columns @ coefficients, s)
         for (columns, target), s in zip(parts, states, strict=True)
         if target.size
     ]
-    values = float(np.median(found))
-    return beyond / (unique * np.sqrt(values)), values
+    return beyond / (unique * float(np.sqrt(np.median(found))))
+
+
+def law_coefficients(states: Sequence[ForceStates], law: Columns, inertia: float | None) -> Array:
+    """Return the coefficients of a law by least squares over the moving samples of some states."""
+    return _solve([_evaluate_columns(s, law, inertia, 1)[:2] for s in states])
+
+
+def _solve(rows: Sequence[tuple[Array, Array]]) -> Array:
+    columns, target = map(np.concatenate, zip(*rows, strict=True))
+    return scaled_least_squares(columns, target, 1e-12)
 
 
 def _independent_values(residual: Array, states: ForceStates) -> float:

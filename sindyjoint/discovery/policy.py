@@ -78,11 +78,6 @@ class DiscoveryPolicy:
         "explain",
     )
     longest_delay: float = limit(0.02, "largest time delay between the channels that is searched", unit="s")
-    delay_significance: float = limit(
-        3.0,
-        "least ratio of a time delay to its standard error, which holds what the law lacks",
-        source="a chance of 0.3 % for a normal deviate; of 24 virtual tests with a hidden effect none reaches 2",
-    )
     unresolved_delay: float = limit(
         0.1,
         "time delay left in the channels from which no verdict on terms is given",

@@ -228,7 +228,7 @@ class RigDiscovery(Shown):
             else (law.kind, law.discovery.trust.lights, law.discovery.trust.next_steps)
             for law in self.laws
         ]
-        worst = {}
+        worst: dict[str, Light] = {}
         for kind, lights, _ in every:
             for light in lights:
                 of_kind = (

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sindyjoint.discovery.delay import ChannelDelay, columns_of, law_coefficients, shifted
 from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.discovery.regression import TermRegression
+from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign
@@ -68,6 +70,15 @@ def _stays(before: JointModel, after: JointModel) -> bool:
     if before.ids != after.ids:
         return False
     return bool(np.all(np.abs(after.coefficients - before.coefficients) < STAYS * after.standard_errors))
+
+
+def with_delay_uncertainty(found: TermSearch, delay: ChannelDelay) -> JointModel:
+    """Return the model of states from which a delay was removed, its covariance with what that delay is unsure by."""
+    by_id = {term.id: term for term in found.regressor.terms_}
+    columns, inertia = columns_of([by_id[name] for name in found.model.ids]), found.model.joint.inertia
+    late = [shifted(each, delay.standard_error) for each in found.states]
+    move = np.subtract(*(law_coefficients(states, columns, inertia) for states in (late, found.states)))
+    return widened(found.model, np.outer(move, move))
 
 
 def campaign_model(

@@ -235,6 +235,12 @@ def _is_needed(regressor: TermRegression, extra: Sequence[str]) -> bool:
     return bool(np.any(fit.t_ratios[others] >= regressor.significance))
 
 
+def leaves_noise(model: JointModel) -> bool:
+    """Return whether the residual of a model is that of the noise, within the uncertainty of this."""
+    floor, residual = model.fitted.noise_floor, model.fitted.residual_rms
+    return bool(model.terms and residual**2 < (1 + POLICY.noise_uncertainty**2) * floor**2)
+
+
 def noise_alike(residual: float, model: JointModel) -> bool:
     """Return whether a residual is that of the noise, or of a model, within the uncertainty of the noise."""
     least = max(float(np.nan_to_num(model.fitted.noise_floor)), model.fitted.residual_rms)

@@ -24,10 +24,16 @@ from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
-from sindyjoint.judgement.term_search import TermSearch, campaign_model, search_completed
+from sindyjoint.judgement.term_search import (
+    TermSearch,
+    campaign_model,
+    search_completed,
+    with_delay_uncertainty,
+)
 from sindyjoint.judgement.verdict import (
     Verdict,
     judge,
+    leaves_noise,
     undecided_by_data,
     undecided_without_time,
     unresolved_delay,
@@ -89,7 +95,8 @@ def discover(
     bandwidth : float, optional
         Highest frequency kept in the angle, Hz.
     align : bool
-        Remove the time delay that is found between the channels.
+        Remove the time delay between the channels that any law shows, before terms are sought. One that the law found
+        shows is removed in any case, where that law then leaves no more than noise.
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     correct : bool
@@ -148,17 +155,31 @@ def discover(
     say("selecting terms")
     long = has_long_runs(prepared.campaign)
     with executor(jobs, workers, cluster) if long else nullcontext() as here:
-        first, counts = _select_terms(regressor, prepared, here, bandwidth, say)
-    say("judging")
-    best = search_completed(first, prepared.campaign, counts, say) if correct and not long else first
-    verdict, left_in = _judge_terms(best, prepared)
-    verdict = undecided_by_data(verdict, checked.undecided_by(aligned=prepared.lag != 0.0))
-    model = with_gain_uncertainty(best.model, prepared.campaign.gain_uncertainty)
-    delay = prepared.delay if align else left_in
+
+        def find(
+            fresh: TermRegression, prepared: _Prepared
+        ) -> tuple[TermSearch, Verdict, ChannelDelay | None]:
+            first, counts = _select_terms(fresh, prepared, here, bandwidth, say)
+            best = search_completed(first, prepared.campaign, counts, say) if correct and not long else first
+            return best, *_judge_terms(best, prepared)
+
+        best, verdict, left_in = find(regressor, prepared)
+        if left_in is not None and not left_in.at_limit:
+            say("removing the time delay between the channels")
+            without = prepared.without(left_in)
+            again = find(regressor.again(), without)
+            # What a law lacks looks like a delay: believed is one that leaves noise alone and asks for no more terms.
+            if leaves_noise(again[0].model) and len(again[0].model.terms) <= len(best.model.terms):
+                prepared, (best, verdict, left_in) = without, again
+    delay = prepared.delay if prepared.lag else left_in
+    model = with_delay_uncertainty(best, delay) if prepared.lag and delay is not None else best.model
+    model = with_gain_uncertainty(model, prepared.campaign.gain_uncertainty)
     left = (*lag_notes(prepared.lags), unused)
-    warnings = list_warnings(prepared.campaign, best.states, model, delay, align, best.regressor.indistinct_)
-    if prepared.lag and prepared.delay is not None:
-        removed = channel_delay(prepared.lag, prepared.delay.standard_error)
+    aligned, alike = prepared.lag != 0.0, best.regressor.indistinct_
+    verdict = undecided_by_data(verdict, checked.undecided_by(aligned))
+    warnings = list_warnings(prepared.campaign, best.states, model, delay, aligned, alike)
+    if aligned and delay is not None:
+        removed = channel_delay(prepared.lag, delay.standard_error)
         model = replace(model, test=TestNuisances(content_hash(campaign), campaign.joint.name, (removed,)))
     return Discovery(
         model=fitted_to(model, campaign),
@@ -166,7 +187,7 @@ def discover(
         found=bool(model.terms),
         reason=best.regressor.selection_result_.reason,
         skew=prepared.delay,
-        warnings=(*checked.warned(prepared.lag != 0.0), *warnings, *filter(None, left)),
+        warnings=(*checked.warned(aligned), *warnings, *filter(None, left)),
         states=best.states,
         regressor=best.regressor,
         campaign=prepared.campaign,
@@ -185,6 +206,11 @@ class _Prepared(NamedTuple):
     delay: ChannelDelay | None
     lag: float
     lags: Sequence[InputLag]
+
+    def without(self, delay: ChannelDelay) -> _Prepared:
+        """Return it with a delay between the channels removed."""
+        states = tuple(shifted(each, delay.time) for each in self.states)
+        return self._replace(states=states, delay=delay, lag=delay.time)
 
 
 def _prepare(
