@@ -140,7 +140,11 @@ CandidatesOption = Annotated[
     ),
 ]
 AlignOption = Annotated[
-    bool, typer.Option("--align", help="Remove the time delay between the channels that any law shows, before terms are sought.")
+    bool,
+    typer.Option(
+        "--align",
+        help="Remove the time delay between the channels, also where the law leaves more than noise.",
+    ),
 ]
 AcceptOption = Annotated[
     list[str] | None,
@@ -245,7 +249,11 @@ class Finding:
     states: Annotated[States, typer.Option(help="How rates are made of angles.")] = STATES
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None
     align: Annotated[
-        bool, typer.Option("--align", help="Remove the time delay between the channels that any law shows, before terms are sought.")
+        bool,
+        typer.Option(
+            "--align",
+            help="Remove the time delay between the channels, also where the law leaves more than noise.",
+        ),
     ] = ALIGN
 
     def arguments(self) -> dict[str, Any]:

@@ -95,8 +95,8 @@ def discover(
     bandwidth : float, optional
         Highest frequency kept in the angle, Hz.
     align : bool
-        Remove the time delay between the channels that any law shows, before terms are sought. One that the law found
-        shows is removed in any case, where that law then leaves no more than noise.
+        Remove the time delay between the channels whatever the law found leaves; by default one with which it leaves no
+        more than noise, and needs no more terms.
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     correct : bool
@@ -169,7 +169,8 @@ def discover(
             without = prepared.without(left_in)
             again = find(regressor.again(), without)
             # What a law lacks looks like a delay: believed is one that leaves noise alone and asks for no more terms.
-            if leaves_noise(again[0].model) and len(again[0].model.terms) <= len(best.model.terms):
+            alone = leaves_noise(again[0].model) and len(again[0].model.terms) <= len(best.model.terms)
+            if align or alone:
                 prepared, (best, verdict, left_in) = without, again
     delay = prepared.delay if prepared.lag else left_in
     model = with_delay_uncertainty(best, delay) if prepared.lag and delay is not None else best.model
