@@ -17,6 +17,18 @@ Made = TypeVar("Made")
 #: Where random numbers come from, as SPEC 7 of scientific Python has it: what ``numpy.random.default_rng`` takes.
 RNG = int | Sequence[int] | np.random.SeedSequence | np.random.BitGenerator | np.random.Generator | None
 
+#: Share below which a number is rounding beside another.
+ROUNDING = 1e-9
+#: Step of the differences by which slopes are taken, relative to what is varied.
+DIFFERENCE = 1e-4
+#: The same where a simulation, or an internal state, lies between.
+COARSE_DIFFERENCE = 1e-3
+#: Relative difference up to which two rates, or the ends of two iterations, are one.
+SAME = 1e-6
+#: Rows worked on at once, so that they stay in the cache.
+BLOCK = 4096
+#: Median of a squared normal deviate.
+MEDIAN_SQUARE = 0.454936
 # Samples beside a signal over which a cubic spline forgets how it went on.
 EDGE = 12
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.evidence.policy import POLICY
 from sindyjoint.diagnosis.evidence.score import Candidate, Ranking
 from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -209,7 +208,7 @@ def add_effects(start: Progress[P], most: int, say: Say, search: Portion) -> Pro
 def _try_effect(here: Progress[P], out: Collection[str], say: Say) -> Progress[P] | str | None:
     """Return the progress with the likeliest effect, or the id of one whose fit fails; None where none is likely."""
     ranking = here.problem.propose(out, say)
-    if ranking is None or ranking.nothing > POLICY.chance:
+    if ranking is None or ranking.nothing > here.problem.policy.chance:
         return None
     best = ranking.fitted[0]
     say(f"adding {best.name.replace('_', ' ')}")

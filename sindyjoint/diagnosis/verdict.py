@@ -52,8 +52,7 @@ def share_beyond_noise(
     """
     if after[0] <= policy.significant_excess * after[1]:
         return 0.0
-    share = float(np.clip((after[0] - after[1]) / max(before[0] - before[1], 1e-9), 0.0, 1.0))
-    return float(np.sqrt(share)) if policy.unexplained_rms else share
+    return float(np.clip((after[0] - after[1]) / max(before[0] - before[1], 1e-9), 0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -119,7 +118,7 @@ class Gaps:
         if after > before and self.beyond_response_noise(policy):
             return f"the response gap grows from {_percent(before)} to {_percent(after)}"
         noise = np.hypot(self.floor.response, policy.processing_error)
-        if after > np.hypot(policy.response_floors * noise, policy.within_floors * unsure):
+        if after > np.hypot(policy.outstanding * noise, policy.clearly * unsure):
             return (
                 f"the simulated response misses by {_percent(after)}, where its noise floor is "
                 f"{_percent(self.floor.response)} and the uncertainty of numbers and drive explains {_percent(unsure)}"
@@ -129,7 +128,7 @@ class Gaps:
     def beyond_response_noise(self, policy: DiagnosisPolicy) -> bool:
         """Return whether the simulated response stands above its own noise, whatever may explain that."""
         noise = np.hypot(self.floor.response, policy.processing_error)
-        return bool(self.final.response > policy.within_floors * noise)
+        return bool(self.final.response > policy.clearly * noise)
 
     def response_reservation(self, policy: DiagnosisPolicy) -> str:
         """Return what a name rests on where the uncertainty of the law is what explains its response; else nothing."""
@@ -146,9 +145,9 @@ class Gaps:
 def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: DiagnosisPolicy) -> tuple[str, str]:
     """Return the verdict and its reason: first whether the model explains the data, then what the effects are called.
 
-    Without a noise floor nothing is decided. A gap of more than ``within_floors`` floors is never called noise, and no
+    Without a noise floor nothing is decided. A gap of more than ``clearly`` floors is never called noise, and no
     name is given as the whole answer while one remains; nor while the simulated response grows, or stands
-    ``response_floors`` above its own noise and what the uncertainty of the law explains.
+    ``outstanding`` times above its own noise and what the uncertainty of the law explains.
     """
     _, final, floor = gaps.figures()
     if np.isnan(floor):
@@ -158,8 +157,8 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
         )
     size = f"a gap of {_percent(final)} where the noise floor is {_percent(floor)}"
     complaint = replace(gaps, initial=_without_zero_errors(steps, gaps.initial)).response_complaint(policy)
-    share = f"{100 * residual.share:.0f} %" + (" (RMS)" if policy.unexplained_rms else "")
-    beyond = min(gaps.floors(policy), residual.misfit) > policy.within_floors
+    share = f"{100 * residual.share:.0f} %"
+    beyond = min(gaps.floors(policy), residual.misfit) > policy.clearly
     excess = residual.share > residual.most
     if not steps:
         if beyond:
@@ -233,7 +232,7 @@ def discount(steps: Sequence[Step], verdict: str, gaps: Gaps, policy: DiagnosisP
     remainder that is as likely as the share of the gap that remains, within ``partly_outside``.
     """
     if verdict in ("unknown", "undecided"):
-        outside = policy.outside
+        outside = policy.mostly
     elif verdict == "partly_named":
         outside = float(np.clip(gaps.remains(), *policy.partly_outside))
     else:

@@ -18,13 +18,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from sindyjoint.discovery.factors import DEPENDENT, Factor, merge
+from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import BLOCK, ROUNDING, Array
 
-# Rows worked on at once: twenty columns of these are two thirds of a megabyte.
-TILE = 4096
 # Rounding of the Gram matrix, relative to its weakest direction, beyond which rows are decomposed instead. It bounds
 # the relative error of a coefficient; noise of a thousandth leaves that of ten million rows at 3e-7.
 TOLERANCE = 1e-9
@@ -60,7 +58,7 @@ class Base:
             return None
         triangle, root = factor.triangle, np.sqrt(factor.rows)
         norms = np.linalg.norm(triangle, axis=0)
-        least = np.where(norms > 0, DEPENDENT * norms, 1.0)
+        least = np.where(norms > 0, ROUNDING * norms, 1.0)
         weak = np.abs(np.diag(triangle)) < least
         scales = cls(np.diag(np.where(norms > 0, norms, 1.0)) / root, True, weak.astype(float))
         gram = scales.products_of(triangle)
@@ -205,8 +203,8 @@ class Tiles:
 
     def __init__(self, function: TermFunction):
         self.function = function
-        self._scratch = np.empty((len(function.operations), TILE))
-        self._block = np.empty((len(function.outputs) + 1, TILE))
+        self._scratch = np.empty((len(function.operations), BLOCK))
+        self._block = np.empty((len(function.outputs) + 1, BLOCK))
 
     def add_to(
         self,
@@ -231,8 +229,8 @@ class Tiles:
         InputError
             If a term or the target has no finite value somewhere.
         """
-        for start in range(0, target.size, TILE):
-            part = slice(start, start + TILE)
+        for start in range(0, target.size, BLOCK):
+            part = slice(start, start + BLOCK)
             block = self.columns(
                 [s[part] for s in states], target[part], None if weight is None else weight[part]
             )
@@ -244,7 +242,7 @@ class Tiles:
     def columns(self, states: Sequence[Array], target: Array, weight: Array | None = None) -> Array:
         """Return terms and target at a tile of rows, or fewer, shape (p + 1, n); of a tile until the next call."""
         n = target.size
-        block = self._block if n == TILE else np.empty((self._block.shape[0], n))
+        block = self._block if n == BLOCK else np.empty((self._block.shape[0], n))
         extra: list[Any] = [np.nan] * (len(self.function.arguments) - len(states))
         inputs = [np.ascontiguousarray(s, dtype=np.float64) for s in states]
         self.function.tile([*inputs, *extra], self._scratch[:, :n], block)

@@ -66,7 +66,7 @@ class ChannelDelay:
 
     def unresolved(self, sample_rate: float) -> bool:
         """Whether, left in channels of a sampling rate (Hz), it leaves open which terms are there."""
-        return self.significant and abs(self.time) * sample_rate > POLICY.unresolved_delay
+        return self.significant and abs(self.time) * sample_rate > POLICY.nearly
 
     @property
     def significant(self) -> bool:

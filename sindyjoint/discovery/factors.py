@@ -19,12 +19,10 @@ import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import ROUNDING, Array
 
 # Numbers of a matrix below which what NumPy does about its decomposition takes longer than the decomposition.
 SMALL = 10_000
-# Norm of what is left of a unit column, below which it is a combination of those before it.
-DEPENDENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,4 +174,4 @@ def dependent_columns(factor: Factor) -> list[int]:
     """Return columns that are linear combinations of earlier columns."""
     scaled, _, _ = factor.normalised()
     diagonal = np.abs(np.diag(scaled.triangle))[:-1]
-    return [int(index) for index in np.flatnonzero(diagonal < DEPENDENT)]
+    return [int(index) for index in np.flatnonzero(diagonal < ROUNDING)]

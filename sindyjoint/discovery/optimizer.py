@@ -99,7 +99,7 @@ class UniqueShareSTLSQ(BaseOptimizer):
         threshold: float | None = None,
         selection: str = "evidence",
         significance: float = POLICY.term_significance,
-        least_share: float = POLICY.least_share,
+        least_share: float = POLICY.accuracy,
         forced: Sequence[Column] = (),
         forbidden: Sequence[Column] = (),
         signs: Mapping[Column, int] | None = None,

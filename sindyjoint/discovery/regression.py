@@ -66,7 +66,7 @@ class SelectionRules:
     selection: str = "evidence"
     threshold: float | None = None
     significance: float = POLICY.term_significance
-    least_share: float = POLICY.least_share
+    least_share: float = POLICY.accuracy
     forced: Sequence[str] = ()
     signs: Mapping[str, int] = field(default_factory=dict)
     random_state: Any = None
@@ -143,7 +143,7 @@ class TermRegression:
         selection: str = "evidence",
         threshold: float | None = None,
         significance: float = POLICY.term_significance,
-        least_share: float = POLICY.least_share,
+        least_share: float = POLICY.accuracy,
         forced: Sequence[str] = (),
         forbidden: Sequence[str] = (),
         signs: Mapping[str, int] | None = None,

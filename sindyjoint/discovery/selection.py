@@ -255,7 +255,7 @@ def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ..
 def choose_by_evidence(
     path: Sequence[Step],
     significance: float = POLICY.term_significance,
-    least_share: float = POLICY.least_share,
+    least_share: float = POLICY.accuracy,
     forced: Sequence[int] = (),
     signs: Mapping[int, int] | None = None,
 ) -> Selection:
@@ -309,7 +309,7 @@ def _passes_limits(step: Step, significance: float, least_share: float, forced: 
     return bool(
         step.fit.t_ratios[judged].min() >= significance
         and np.all((step.fit.unique_share >= least)[judged])
-        and step.group_t_ratios[judged].min() >= POLICY.group_consistency
+        and step.group_t_ratios[judged].min() >= POLICY.likely
     )
 
 

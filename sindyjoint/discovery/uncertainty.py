@@ -64,7 +64,7 @@ def inclusion(
     evidence: Evidence,
     replicates: int = 500,
     significance: float = POLICY.term_significance,
-    least_share: float = POLICY.least_share,
+    least_share: float = POLICY.accuracy,
     random_state: Any = None,
 ) -> Inclusion:
     """Return inclusion probabilities of all candidates.
@@ -116,7 +116,7 @@ def inseparable(evidence: Evidence, columns: Sequence[int]) -> tuple[Inseparable
         if candidate in columns:
             continue
         fit = fit_columns(evidence, [*columns, candidate])
-        for position in np.flatnonzero(fit.t_ratios[:-1] < POLICY.separability):
+        for position in np.flatnonzero(fit.t_ratios[:-1] < POLICY.significant):
             others = [c for i, c in enumerate(columns) if i != position]
             correlation = _partial_correlation(evidence, columns[position], candidate, others)
             found.append(

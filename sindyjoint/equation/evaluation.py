@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import FormulaError, InputError
-from sindyjoint.numeric import chunks
+from sindyjoint.numeric import BLOCK, chunks
 
 if TYPE_CHECKING:
     import sympy
@@ -44,9 +44,6 @@ BINARY = {
     "maximum": np.maximum,
     "heaviside": np.heaviside,
 }
-
-# Rows per block: a program of thirty operations then works in one megabyte of scratch space.
-BLOCK = 4096
 
 
 @dataclass(frozen=True)

@@ -176,8 +176,8 @@ def range_warnings(
         (words.rate.lower(), rate, fitted.rate, f"{unit}/s"),
     ):
         size = np.abs(np.asarray(signal, dtype=np.float64))
-        share = float(np.mean(size > (1 + POLICY.range_slack) * tested)) if tested > 0 else 0.0
-        if share > POLICY.range_time:
+        share = float(np.mean(size > (1 + POLICY.tolerated) * tested)) if tested > 0 else 0.0
+        if share > POLICY.trifle:
             found.append(
                 f"{name} up to {size.max():.3g} {si} where {tested:.3g} was tested ({percent(share)} of the time)"
             )

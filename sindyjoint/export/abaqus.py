@@ -30,9 +30,8 @@ from sindyjoint.export.fidelity import (
     viscous_rows,
     words_of,
 )
-from sindyjoint.export.parts import GIVE, Parts, contribution, power_law, total
+from sindyjoint.export.parts import GIVE, POINTS, Parts, contribution, power_law, total
 
-POINTS = 41
 # Numbers that a model rarely uses: of the first element, and of the first node inside a Maxwell branch.
 ELEMENT, BRANCH_NODE = 900001, 900001
 WAYS = {

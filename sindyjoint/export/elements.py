@@ -18,10 +18,8 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel
 from sindyjoint.export.fidelity import Cycles, Represented, Rows, column_moments, evaluated
 from sindyjoint.export.parts import Curve
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import ROUNDING, Array
 
-# Two numbers are one where they differ by less.
-SAME = 1e-9
 # Deflections at which fitted sliders may yield, as shares of the tested angle; the last one never does.
 DEFLECTIONS = np.append(np.geomspace(0.01, 1.0, 19), 3.0)
 # Pairs that carry less than this share of all are left out; a fit that misses more of an element than that is none.
@@ -221,7 +219,7 @@ def _rate(element: JointElement, rate: Array, z: Array) -> Array:
 
 def _same(a: Array, b: Array | float) -> bool:
     scale = float(np.abs(a).max(initial=0.0)) or 1.0
-    return bool(np.all(np.isfinite(a))) and bool(np.all(np.abs(a - b) <= SAME * scale))
+    return bool(np.all(np.isfinite(a))) and bool(np.all(np.abs(a - b) <= ROUNDING * scale))
 
 
 def _slider(element: JointElement, limit: float, rate: float) -> Slider | Gap | None:
@@ -262,7 +260,7 @@ def _bouc_wen(element: JointElement, stiffness: float, angle: float, rate: float
 
     ahead, back = defect(1.0), defect(-1.0)
     beta, gamma = (ahead - back) / 2, (ahead + back) / 2
-    gamma = np.where(np.abs(gamma) < SAME * np.abs(beta), 0.0, gamma)
+    gamma = np.where(np.abs(gamma) < ROUNDING * np.abs(beta), 0.0, gamma)
     if not beta[1] > 0:
         return None
     n = round(float(np.log(beta[1] / beta[0]) / np.log(2)), 9)

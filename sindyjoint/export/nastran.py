@@ -30,9 +30,8 @@ from sindyjoint.export.fidelity import (
     viscous_rows,
     words_of,
 )
-from sindyjoint.export.parts import GIVE, Curve, Parts, total
+from sindyjoint.export.parts import GIVE, POINTS, Curve, Parts, total
 
-POINTS = 41
 # Numbers that a model rarely uses; the notes say to change them where they are taken.
 NUMBERS = "element damper table_elastic table_rate still relative set far first".split()
 AT = dict(zip(NUMBERS, range(900001, 900010), strict=True))

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 # Full friction is reached at this share of the tested rate where a target has no set-valued friction.
 RAMP = 1e-3
+# Of a table of the elastic moment.
+POINTS = 41
 # A spring that stands for sticking gives way by this share of the tested angle at full friction.
 GIVE = 1e-4
 

@@ -36,9 +36,8 @@ from sindyjoint.export.fidelity import (
     viscous_rows,
     words_of,
 )
-from sindyjoint.export.parts import RAMP, Curve, Parts
+from sindyjoint.export.parts import POINTS, RAMP, Curve, Parts
 
-POINTS = 41
 NAME = "sindyjoint_elements"
 VECTORS = {"deformation": "deformations", "velocity": "velocities"}
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array, line_spectrum
+from sindyjoint.policy import SHARED
 from sindyjoint.record import MINIMUM_SAMPLES, Motion
 
 IRREGULARITY = 0.01
@@ -19,8 +20,6 @@ LONGEST_GAP = 5.0
 # of the sampling rate (Kaiser 1974: transition width (A − 8) / 2.285 / length, with A = 120 dB).
 HALF_LENGTH = 32
 KAISER_BETA = 12.0
-# Fewer periods do not part neighbouring lines.
-FEWEST_PERIODS = 3
 # A line stands out of its surroundings; white noise does so in 1 of 200 runs of 3 periods, 1 of 3000 of 25.
 CONTRAST = 6.0
 # A harmonic of the true frequency stays below these parts of the largest line: a square wave's third has 1/3.
@@ -206,7 +205,7 @@ def decays(values: Array) -> bool:
     ranges = np.array([np.ptp(part) for part in np.array_split(values, PARTS)])
     middle, early = values[-values.size // PARTS :].mean(), values[: values.size // 2]
     # What moves to a stop falls likewise, and does not swing about it.
-    swings = np.count_nonzero(np.diff(np.sign(early - middle))) >= FEWEST_PERIODS
+    swings = np.count_nonzero(np.diff(np.sign(early - middle))) >= SHARED.fewest
     # What has died out goes on in noise: the last parts may grow by as little as that.
     return bool(swings and np.all(np.diff(ranges) <= ranges[0] / 50) and ranges[-1] < ranges[0] / 2)
 
@@ -244,7 +243,7 @@ def check_frequency(
     InputError
         Naming the largest line that is there instead.
     """
-    if angle.size * frequency / rate < FEWEST_PERIODS:
+    if angle.size * frequency / rate < SHARED.fewest:
         return
     share, contrast, largest = _measure_line(angle, rate, frequency)
     if share >= ANGLE_SHARE and contrast >= CONTRAST:

@@ -143,7 +143,7 @@ def check_margin(margin: float) -> None:
 def compare_models(
     before: JointModel,
     after: JointModel,
-    margin: float = POLICY.change_margin,
+    margin: float = POLICY.margin,
     same_sensors: bool = False,
     names: tuple[str, str] = ("before", "after"),
     warnings: tuple[str, ...] = (),
@@ -186,7 +186,7 @@ def compare_models(
             f"{only} stand(s) in one of the two only; what is left to the others differs by that: give both campaigns, "
             "and the same terms are fitted to both"
         )
-    level = POLICY.change_level / max(len(both), 1)
+    level = POLICY.level / max(len(both), 1)
     shifts = tuple(_shift(rows[0].get(name), rows[1].get(name), level, margin) for name in ids)
     return Change(before, after, shifts, margin, names, tuple(notes))
 

@@ -319,7 +319,7 @@ def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, .
             continue
         other = before[term.id]
         error = float(np.hypot(term.standard_error, other.standard_error))
-        if abs(term.coefficient - other.coefficient) > POLICY.refined_apart * error:
+        if abs(term.coefficient - other.coefficient) > POLICY.significant * error:
             apart.append(
                 f"{spelled(term.id)} ({other.coefficient:.4g} ± {other.standard_error:.2g} by regression, "
                 f"{term.coefficient:.4g} ± {term.standard_error:.2g} on the response)"
@@ -327,14 +327,12 @@ def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, .
     if not apart:
         return ()
     return (
-        f"regression and simulated response disagree by more than {POLICY.refined_apart:g} standard errors: "
+        f"regression and simulated response disagree by more than {POLICY.significant:g} standard errors: "
         f"{'; '.join(apart)}; the model lacks something, or samples are too few for derivatives",
     )
 
 
-def frequency_tests(
-    discovery: Discovery, margin: float = DISCOVERY.frequency_margin
-) -> tuple[FrequencyTest, ...]:
+def frequency_tests(discovery: Discovery, margin: float = DISCOVERY.margin) -> tuple[FrequencyTest, ...]:
     """Test every term of a discovered model.
 
     Parameters

@@ -82,7 +82,7 @@ def advise_runs(tested: Excitations) -> str:
     if not frequencies:
         return "record the same motion again, and once at half its amplitude"
     missing = []
-    need = POLICY.enough - len(frequencies)
+    need = POLICY.fewest - len(frequencies)
     if need > 0:
         # One lies in the widest gap; of a single frequency there is none.
         lowest, highest = frequencies[0], frequencies[-1]
@@ -92,7 +92,7 @@ def advise_runs(tested: Excitations) -> str:
             else [math.sqrt(lowest * highest), highest * 1.5]
         )
         missing.append(" and ".join(f"{frequency:.2g} Hz" for frequency in beside[:need]))
-    levels = POLICY.enough - len(set(tested.levels))
+    levels = POLICY.fewest - len(set(tested.levels))
     if levels > 0:
         missing.append(f"{levels} more level{'s' * (levels > 1)}")
     return (

@@ -162,7 +162,7 @@ def _gap(name: str, what: str, after: float, floor: float, unsure: float) -> Lig
     if not math.isfinite(after):
         return Light(name, "poor", f"{what}: could not be simulated")
     if not math.isfinite(floor):
-        colour: Colour = "fair" if after <= POLICY.mostly_explained else "poor"
+        colour: Colour = "fair" if after <= POLICY.large_part else "poor"
         return Light(name, colour, f"{what}; its noise is unknown")
     sentence, noise = f"{what}, noise floor {percent(floor)}", colour_of_misfit(after, floor)
     if noise == "good" or not unsure > floor:
@@ -217,9 +217,7 @@ def judge_comparison(result: Comparison) -> Trust:
         own.append(_agreement("single", f"single {result.several}", ids, result.frequencies))
     least = min((share[term] for term in ids if term in share), default=math.nan)
     if math.isfinite(least):
-        colour: Colour = (
-            "good" if least >= POLICY.surely_chosen else "fair" if least >= POLICY.often_chosen else "poor"
-        )
+        colour: Colour = "good" if least >= POLICY.confident else "fair" if least >= POLICY.mostly else "poor"
         own.append(
             Light(
                 "resampled",

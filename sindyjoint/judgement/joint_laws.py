@@ -17,6 +17,7 @@ from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
+from sindyjoint.judgement.changed import MANY
 from sindyjoint.judgement.discovery import Discovery, fitted_to
 from sindyjoint.judgement.term_search import campaign_model
 from sindyjoint.judgement.verdict import (
@@ -249,7 +250,7 @@ def _beyond(
     ]
     sources = [_source(each) for each in recovered]
     errors = law_errors(rows, sources, slow, columns)
-    size = np.where(errors.excess_with < LIMITS.explained, np.abs(errors.others), 0.0)
+    size = np.where(errors.excess_with < LIMITS.many_times, np.abs(errors.others), 0.0)
     if not rest or size.max() < LIMITS.stands_out:
         return errors, ""
 
@@ -348,10 +349,6 @@ def with_uncertain_structure(law: JointLaw, test: RigTest, update: Update) -> Jo
     )
 
 
-# Degrees of freedom of noise that is known.
-KNOWN = 1e6
-
-
 def _test_alike(law: JointLaw) -> str:
     """Say whether the joints of one kind have the same coefficients."""
     assert law.discovery is not None
@@ -365,11 +362,11 @@ def _test_alike(law: JointLaw) -> str:
         errors = law_errors(rows, [_source(each) for each in own], slow)
         fits.append((rows.coefficients, np.sqrt(np.diag(errors.covariance))))
     values, spread = (np.array(part) for part in zip(*fits, strict=True))
-    degrees = np.full(len(fits), KNOWN)
+    degrees = np.full(len(fits), MANY)
     least = min(heterogeneity(v, e, degrees)[1] for v, e in zip(values.T, spread.T, strict=True))
     p = min(1.0, least * len(terms))
     joints = " and ".join(law.joints)
-    if p < LIMITS.differ:
+    if p < LIMITS.strict_level:
         return f"{joints} are declared alike and differ (p = {p:.1g}): give them kinds of their own"
     return f"{joints} have one law within their errors (p = {p:.2g})"
 

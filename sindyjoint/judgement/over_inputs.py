@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     import sympy
 
 
-# Estimates at so many levels separate a trend from scatter.
-FEWEST_LEVELS = 3
-
-
 @dataclass(frozen=True)
 class CoefficientOver:
     """A coefficient over an input.
@@ -148,7 +144,7 @@ def level_tests(
     Nothing is returned where runs are not at one level each, or at fewer than three.
     """
     at = run_levels({s.run: s.inputs[each.name] for s in states if each.name in s.inputs}, each.tested)
-    if any(run.name not in at for run in evidence.runs) or len(set(at.values())) < FEWEST_LEVELS:
+    if any(run.name not in at for run in evidence.runs) or len(set(at.values())) < POLICY.fewest:
         return ()
     runs = tuple(replace(run, group=f"{at[run.name]!r}") for run in evidence.runs)
     grouped = replace(evidence, runs=runs)
@@ -158,8 +154,8 @@ def level_tests(
     found = group_estimates(grouped, [evidence.ids.index(term) for term in plain])
     shown = (np.array([float(group) for group in found.groups]) - each.zero) / each.factor
     # Over all coefficients together: one that the law does not let depend is not to seem to by chance.
-    margin = POLICY.frequency_margin
-    axis = Axis(each.label, each.shown_unit, POLICY.frequency_level / len(plain))
+    margin = POLICY.margin
+    axis = Axis(each.label, each.shown_unit, POLICY.level / len(plain))
     return tuple(
         frequency_test(
             term, shown, found.coefficients[:, i], found.standard_errors[:, i], found.degrees, margin, axis
@@ -167,10 +163,6 @@ def level_tests(
         for i, term in enumerate(plain)
         if np.all(found.standard_errors[:, i] > 0)
     )
-
-
-# Standard errors by which a coefficient is of another sign at the other end of the range.
-SIGNS = 2.0
 
 
 @dataclass(frozen=True)
@@ -222,7 +214,7 @@ def vanishing(model: JointModel, law: LevelLaw) -> tuple[tuple[str, str], ...]:
         low, high = (held[term] if term in held else None for held in ends)
         if low is None or high is None or low.coefficient * high.coefficient >= 0:
             continue
-        if all(abs(each.coefficient) > SIGNS * each.standard_error for each in (low, high)):
+        if all(abs(each.coefficient) > POLICY.likely * each.standard_error for each in (low, high)):
             found.append((term, name))
     return tuple(found)
 

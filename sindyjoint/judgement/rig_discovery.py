@@ -78,7 +78,7 @@ class RigRefinement:
             f"refined on the simulated response: {self.before:.2f} times the noise before, {self.after:.2f} after; "
             f"{found}",
         )
-        if self.after**2 > LIMITS.disagrees:
+        if self.after**2 > LIMITS.contradicts:
             words += (
                 f"the simulated response is {self.after:.1f} times the noise off: laws or structure lack something; "
                 "diagnose the rig",
@@ -268,7 +268,7 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
         return (
             "there are as many sensors as joints: nothing shows whether the structure is the one described",
         )
-    if misfit <= LIMITS.disagrees * degrees:
+    if misfit <= LIMITS.contradicts * degrees:
         return ()
     return (
         f"what is left of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "
@@ -278,7 +278,7 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
 
 def unstated_numbers(update: Update) -> str:
     """Say which numbers of a structure are other than its file has them, though it states none as uncertain."""
-    standing = [n for n in update.numbers if abs(n.change) > LIMITS.updated_by * n.standard_error]
+    standing = [n for n in update.numbers if abs(n.change) > LIMITS.significant * n.standard_error]
     words = [f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing]
     named = list_some(words, "numbers")
     return f"the sensors deny the structure as its file describes it, and agree with another: {named}"
@@ -349,7 +349,7 @@ def _judge_data(found: RigDiscovery, checked: Check[RigTest]) -> Light:
     light = judge_soundness(checked.soundness, found.simulated)
     refined = 0.0 if found.refinement is None else found.refinement.after
     left = np.nanmax([found.misfit, refined])
-    if left**2 > LIMITS.disagrees:
+    if left**2 > LIMITS.contradicts:
         return Light(
             "data", "poor", f"what structure and laws leave of the sensors is {left:.1f} times their noise"
         )

@@ -147,13 +147,13 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
     light = partial(Light, "explained", gap=gap.value, floor=floor.relative, interval=gap.interval)
     size = f"gap {percent(gap.value)} of the RMS {load} ({percent(gap.interval[0])} to {percent(gap.interval[1])})"
     if not math.isfinite(floor.relative):
-        colour: Colour = "fair" if gap.value <= POLICY.mostly_explained else "poor"
+        colour: Colour = "fair" if gap.value <= POLICY.large_part else "poor"
         return light(colour, f"{size}; {floor.words}")
     colour = colour_of_misfit(gap.value, floor.relative)
     sentence = f"{size}, noise floor {percent(floor.relative)} {floor.words}"
     if floor.bound and colour == "good":
         # What a law lacks is in the bound, too.
-        return light("fair" if gap.value <= POLICY.mostly_explained else "poor", sentence)
+        return light("fair" if gap.value <= POLICY.large_part else "poor", sentence)
     if colour != "good":
         sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither"
     return light(colour, sentence)
@@ -164,9 +164,9 @@ def colour_of_misfit(relative: float, floor: float) -> Colour:
 
     Good is what noise and the processing leave, and no more: the limit from which a diagnosis calls something missing.
     """
-    if relative <= DIAGNOSIS.within_floors * math.hypot(floor, DIAGNOSIS.processing_error):
+    if relative <= DIAGNOSIS.clearly * math.hypot(floor, DIAGNOSIS.processing_error):
         return "good"
-    return "fair" if beyond_noise(relative, floor) <= POLICY.mostly_explained else "poor"
+    return "fair" if beyond_noise(relative, floor) <= POLICY.large_part else "poor"
 
 
 def beyond_noise(relative: float, floor: float) -> float:
@@ -189,15 +189,15 @@ def judge_coverage(frequencies: Sequence[float | None], levels: Sequence[str | N
     if not tested:
         return Light(
             "determined",
-            "good" if runs >= POLICY.enough else "fair",
+            "good" if runs >= POLICY.fewest else "fair",
             f"{runs} aperiodic {of_runs.split()[1]}",
         )
     least = min(tested, heights) if heights else tested
-    colour: Colour = "good" if least >= POLICY.enough else "fair" if runs > 1 else "poor"
+    colour: Colour = "good" if least >= POLICY.fewest else "fair" if runs > 1 else "poor"
     written = f"{tested} frequenc{'ies' if tested != 1 else 'y'}"
     if heights:
         written += f", {heights} level{'s' * (heights != 1)}"
-    advice = "" if colour == "good" else f"; {POLICY.enough} of each tell the terms apart"
+    advice = "" if colour == "good" else f"; {POLICY.fewest} of each tell the terms apart"
     return Light("determined", colour, f"{written} in {of_runs}{advice}")
 
 
@@ -291,9 +291,7 @@ def _predicts(
         return _of_unseen(gap.value, gap.value, floor, "on these runs, which no fit has seen")
     error, inside = left_out_error(model, test, states)
     ratio = error / max(inside, 1e-300)
-    colour: Colour = (
-        "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.predicts_roughly else "poor"
-    )
+    colour: Colour = "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.contradicts else "poor"
     left = "groups of runs" if len(states) > 1 else "parts of the run"
     sentence = f"error {percent(error)} on {left} left out of the fit, {ratio:.2f} times the residual"
     return Light("predicts", colour, sentence, error=error)
@@ -305,9 +303,7 @@ def _of_unseen(error: float, gap: float, floor: float, what: str) -> Light:
         colour: Colour = "good"
     else:
         ratio = error / max(gap, 1e-300)
-        colour = (
-            "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.predicts_roughly else "poor"
-        )
+        colour = "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.contradicts else "poor"
     return Light("predicts", colour, f"error {percent(error)} {what}", error=error)
 
 

@@ -196,20 +196,18 @@ def _reach_verdict(
     if extra:
         reason = f"the data need {_spell_terms(extra)}, which the paper's law lacks"
         return "refuted", reason + (f", and do not show {_spell_terms(missing)}" if missing else "")
-    hidden = [
-        term for term in missing if _find_largest_share(regressor, model, term) > POLICY.negligible_share
-    ]
+    hidden = [term for term in missing if _find_largest_share(regressor, model, term) > POLICY.little]
     absent = [term for term in missing if term not in hidden]
     if absent and _is_needed(regressor, absent):
         return (
             "undecided",
             f"{_spell_terms(absent)} stands out of the noise beside the other four terms, yet carries too little to be "
-            f"chosen: less than {100 * POLICY.negligible_share:.0f} % of the {word}; higher levels would tell",
+            f"chosen: less than {100 * POLICY.little:.0f} % of the {word}; higher levels would tell",
         )
     if absent:
         return (
             "refuted",
-            f"{_spell_terms(absent)} would carry less than {100 * POLICY.negligible_share:.0f} % of the {word}",
+            f"{_spell_terms(absent)} would carry less than {100 * POLICY.little:.0f} % of the {word}",
         )
     if hidden:
         return "undecided", f"{_spell_terms(hidden)} was not found, and these runs could not have shown it"
@@ -222,8 +220,8 @@ def _reach_verdict(
 def _tolerated(model: JointModel, least: float) -> float:
     """Return the misfit up to which terms are judged, of which the weakest has the unique share ``least``."""
     floor = np.nan_to_num(model.fitted.noise_floor)
-    uncertainty = float(POLICY.noise_uncertainty * floor / model.fitted.moment_rms)
-    return min(max(least, uncertainty), EQUATION.tolerated_misfit)
+    uncertainty = float(POLICY.unknown * floor / model.fitted.moment_rms)
+    return min(max(least, uncertainty), EQUATION.tolerated)
 
 
 def _is_needed(regressor: TermRegression, extra: Sequence[str]) -> bool:
@@ -238,13 +236,13 @@ def _is_needed(regressor: TermRegression, extra: Sequence[str]) -> bool:
 def leaves_noise(model: JointModel) -> bool:
     """Return whether the residual of a model is that of the noise, within the uncertainty of this."""
     floor, residual = model.fitted.noise_floor, model.fitted.residual_rms
-    return bool(model.terms and residual**2 < (1 + POLICY.noise_uncertainty**2) * floor**2)
+    return bool(model.terms and residual**2 < (1 + POLICY.unknown**2) * floor**2)
 
 
 def noise_alike(residual: float, model: JointModel) -> bool:
     """Return whether a residual is that of the noise, or of a model, within the uncertainty of the noise."""
     least = max(float(np.nan_to_num(model.fitted.noise_floor)), model.fitted.residual_rms)
-    return bool(residual**2 < (1 + POLICY.noise_uncertainty**2) * least**2)
+    return bool(residual**2 < (1 + POLICY.unknown**2) * least**2)
 
 
 def _spell_terms(terms: Sequence[str]) -> str:
@@ -287,9 +285,6 @@ def unresolved_delay(
     except (np.linalg.LinAlgError, InputError):
         return None
     return found if found.significant else None
-
-
-SURE = 2.0  # standard errors of a term within which it may be there unseen
 
 
 def of_one_run(verdict: Verdict, runs: int) -> Verdict:
@@ -363,8 +358,8 @@ def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:
     hidden : float
         Largest share of the moment that a standard error of a term that is not in the law is.
     """
-    unknown = SURE * hidden if verdict.verdict == "confirmed" else share
-    if unknown <= POLICY.negligible_share or verdict.verdict == "undecided":
+    unknown = POLICY.likely * hidden if verdict.verdict == "confirmed" else share
+    if unknown <= POLICY.little or verdict.verdict == "undecided":
         return verdict
     what = (
         f"the sensors leave room for {100 * unknown:.1f} % of the moment beside the law"
@@ -372,7 +367,7 @@ def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:
         else f"the sensors show the angle of the joint only within {100 * unknown:.1f} % of itself"
     )
     reason = (
-        f"{what}, and terms are judged down to {100 * POLICY.negligible_share:.0f} % of the moment: sensors of "
+        f"{what}, and terms are judged down to {100 * POLICY.little:.0f} % of the moment: sensors of "
         f"displacement, longer runs or sines would tell; without that: {verdict.verdict}, {verdict.reason}"
     )
     return replace(verdict, verdict="undecided", reason=reason)

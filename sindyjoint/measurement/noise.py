@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 
 from sindyjoint.measurement.policy import POLICY
-from sindyjoint.numeric import Array, kept, without_line
+from sindyjoint.numeric import ROUNDING, Array, kept, without_line
 from sindyjoint.record import Run
 
 # Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
@@ -21,9 +21,8 @@ JUST_BELOW = 0.9
 BEFORE = (0.5, 0.7)
 # Fewest bins of a spectrum there, and the ratio of its densities up to which they are level.
 FEWEST_BINS, LEVEL = 6, 10.0
-# Differences of values that are alike but for rounding, relative to the largest value; and by how much a difference may
-# miss a multiple of the quantisation step, in steps.
-ROUNDING, OFF_STEP = 1e-9, 0.02
+# By how much a difference may miss a multiple of the quantisation step, in steps.
+OFF_STEP = 0.02
 # Noise of so many quantisation steps is no longer coarse.
 FINE = 8
 SEGMENTS = 16
@@ -91,7 +90,7 @@ def signal_end(
     smooth = scipy.ndimage.median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
     peak = int(np.argmax(density))
     further = np.zeros_like(density) if rising is None else rising(frequency)
-    sunk = np.flatnonzero((smooth <= POLICY.signal_to_noise * (floor + further))[peak:])
+    sunk = np.flatnonzero((smooth <= POLICY.outstanding * (floor + further))[peak:])
     edge = float(frequency[peak + sunk[0]]) if sunk.size else float(frequency[-1])
     lowest = 8 * sample_rate / signal.size
     just_below = float(np.interp(JUST_BELOW * edge, frequency, smooth))
@@ -176,8 +175,8 @@ def moment_noise(moment: Array, sample_rate: float, declared: float | None = Non
     rounding = quantisation_step(moment) / np.sqrt(12.0)
     if rounding >= noise:
         return rounding, True
-    white = difference_noise(moment, 2, 2) <= POLICY.white_differences * difference_noise(moment, 1, 2)
-    flat = end.flat and end.noise <= POLICY.estimates_agree * noise
+    white = difference_noise(moment, 2, 2) <= POLICY.clearly * difference_noise(moment, 1, 2)
+    flat = end.flat and end.noise <= POLICY.contradicts * noise
     return noise, flat or (by_differences == noise and white)
 
 
@@ -233,7 +232,7 @@ def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool
         )
     top = shared[2 * shared.size // 3 :]
     known = top[np.isfinite(top)]
-    return bool(known.size and np.median(known) > POLICY.shared_top)
+    return bool(known.size and np.median(known) > POLICY.mostly)
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,6 @@ from sindyjoint.rig import SensorNoise
 
 # Most steps of a path, and measured samples that one step holds on the average where there are fewer.
 MOST_STEPS, PER_STEP = 20_000, 2
-# Reversals smaller than so many standard deviations of noise, or steps of the recorder, are none.
-SIGMAS, QUANTA = 6.0, 1.5
 # Fewest samples that a parabola through a reversal takes.
 FEWEST_AT_A_TURN = 5
 # Steps that are left out on either side of a reversal.
@@ -231,7 +229,7 @@ def travelled(angle: Array) -> tuple[Array, Array, Array]:
         Where nothing moves.
     """
     steps, noise = np.abs(np.diff(angle)), white_noise(angle)
-    threshold = max(SIGMAS * noise, QUANTA * float(steps[steps > 0].min(initial=np.inf)))
+    threshold = max(POLICY.stands_out * noise, POLICY.clearly * float(steps[steps > 0].min(initial=np.inf)))
     turns = reversals(angle, threshold if np.isfinite(threshold) else 0.0)
     if turns.size < 2:
         raise InputError("the joint does not move beyond its noise; expected a path that it travels")
@@ -251,7 +249,7 @@ def _turning_angle(angle: Array, at: int, noise: float, end: bool) -> float:
 
     It goes through the samples that noise does not separate from the extreme one, whose own value holds the noise.
     """
-    far = np.abs(angle - angle[at]) > SIGMAS * noise
+    far = np.abs(angle - angle[at]) > POLICY.stands_out * noise
     start = at - int(np.argmax(np.append(far[:at][::-1], True)))
     stop = at + int(np.argmax(np.append(far[at + 1 :], True))) + 1
     if stop - start < FEWEST_AT_A_TURN:

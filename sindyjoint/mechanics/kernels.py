@@ -18,10 +18,9 @@ from sindyjoint.equation.evaluation import compile_terms
 from sindyjoint.equation.operations import integer_at, intrinsic, operated, pointer, program, shifted, stacked
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 
 HALVINGS = 30  # of a step in which a slider reaches its limit
-SLOPE = 1e-3  # step of the slopes of an internal state, relative to its largest value
 _pointer = types.CPointer(types.float64)
 LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer, _pointer, _pointer)
 
@@ -212,7 +211,7 @@ def fastest_decay(address, angle, rate, direction, parameters, state):
     largest, own = 0.0, np.ascontiguousarray(state[:, known])
     middle = rates(own)
     for place, size in enumerate(np.abs(own).max(axis=1, initial=0.0)):
-        step = SLOPE * size
+        step = COARSE_DIFFERENCE * size
         if not 0 < step < np.inf:
             continue
         sides = []

@@ -42,14 +42,12 @@ from sindyjoint.mechanics.rigs import (
 from sindyjoint.mechanics.structure import Hinge, Structure, assemble
 from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.mechanics.virtual_rig import Drive, Recorder
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import SAME, Array
 
 #: In the place of a law that is sought; its numbers are never used.
 UNKNOWN = PaperLaw(k1=1.0, name="unknown")
 LAWS: dict[str, Law] = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
 MOST_FREEDOMS = 2000
-# Records of one pulse have one rate, to this.
-SAME_RATE = 1e-6
 #: To which the force of a pulse is known where nothing is stated: as the lines of its samples are.
 PULSE_KNOWN_TO = 1e-3
 
@@ -283,7 +281,7 @@ def _pulse_test(given: RigFile, path: Path) -> RigTest:
     records = [read_measured(table, path) for table in given.measured]
     rate = records[0].sample_rate
     for table, record in zip(given.measured, records, strict=True):
-        if abs(record.sample_rate / rate - 1) > SAME_RATE:
+        if abs(record.sample_rate / rate - 1) > SAME:
             raise InputError(
                 f"{table.file}: {record.sample_rate:.6g} Hz beside {rate:.6g} Hz of {given.measured[0].file}; expected "
                 "records of one rate: resample one"

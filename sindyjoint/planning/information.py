@@ -144,7 +144,7 @@ def run_information(run: PlannedRun, model: JointModel, sensors: Sensors) -> Inf
     moved = motion(model_law(model), run.drive, frequency, run.level, points, run.waveform)
     # The first period is left out as start-up.
     periods = int(run.duration * frequency + 1e-9) - 1
-    if periods < STATES.fewest_periods:
+    if periods < STATES.fewest:
         raise InputError(f"a run of {run.duration:g} s has {periods} steady periods of {frequency:g} Hz")
     samples = periods * rate / frequency
     period = slice(-points, None)
@@ -288,7 +288,7 @@ def expected_errors(total: Information, coefficients: Array) -> tuple[Array, Arr
 def requirements(errors: Array, shares: Array, coefficients: Array) -> Array:
     """Return by how much each term passes what a discovery asks of it; from one on it is taken."""
     asked = np.maximum(errors * DISCOVERY.term_significance, 1e-300)
-    return np.asarray(np.minimum(np.abs(coefficients) / asked, shares / DISCOVERY.least_share))
+    return np.asarray(np.minimum(np.abs(coefficients) / asked, shares / DISCOVERY.accuracy))
 
 
 def margins(information: Information, coefficients: Array) -> Array:

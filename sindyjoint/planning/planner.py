@@ -118,7 +118,7 @@ class Planner:
             widest = float(max(half[i] / abs(known.joint.model.coefficients[i]) for i in self.matter))
         complete, missing = 1.0 - choice.left_out([]), choice.missing([])
         enough = self.until is not None and widest <= self.until
-        reached = bool(enough and not missing and complete >= POLICY.complete)
+        reached = bool(enough and not missing and complete >= POLICY.confident)
         return Now(len(known.runs), known.seconds, widest, complete, missing, reached)
 
     def _predicted(

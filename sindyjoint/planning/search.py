@@ -15,7 +15,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array, kept
+from sindyjoint.numeric import SAME, Array, kept
 from sindyjoint.planning.information import (
     Information,
     changes_over_band,
@@ -38,7 +38,6 @@ WORST = 50.0  # logarithm of what is not determined at all
 BROKEN = 10.0  # cost of each thing that a plan must not lack: larger than what logarithms of widths can win
 ROUNDS = 6
 STARTS = 16  # of the exchange, which ends in local optima
-GAIN = 1e-6
 # Of what is enough: beyond what tests of one joint scatter by.
 AMPLE = 0.6
 # Logarithm by which intervals are narrower than the grid's at least: what the joints drawn for the search and those
@@ -99,7 +98,7 @@ class Choice:
         count, levels = len(self.policy.levels), dict[float, set[str]]()
         for frequency, level in (*made, *((self.runs[i].frequency, str(i % count)) for i in chosen)):
             levels.setdefault(_same(frequency), set()).add(level)
-        possible = min(self.policy.fewest_frequencies, self._band.size)
+        possible = min(self.policy.fewest, self._band.size)
         most = sorted((min(len(each), self.policy.fewest_levels) for each in levels.values()), reverse=True)
         return max(0, possible * self.policy.fewest_levels - sum(most[:possible]))
 
@@ -151,7 +150,7 @@ class Choice:
         made = np.bincount(at[[*chosen]], minlength=at.max() + 1)
         crowded = np.maximum(made - most, 0).sum() + (made[at] >= most)
         # A plan that has runs enough tests all frequencies itself, whatever was made before.
-        alone = count >= self.policy.fewest_frequencies * self.policy.fewest_levels
+        alone = count >= self.policy.fewest * self.policy.fewest_levels
         return np.array([self.missing([*chosen, i], alone) for i in range(len(self.runs))]) + crowded
 
     def _grid_widths(self, count: int) -> Array:
@@ -255,9 +254,9 @@ def _exchanged(choice: Choice, start: Sequence[int]) -> tuple[float, list[int]]:
             others = chosen[:at] + chosen[at + 1 :]
             costs = choice.costs(tuple(sorted(others)), len(chosen))
             best = int(np.argmin(costs))
-            if costs[best] < cost - GAIN:
+            if costs[best] < cost - SAME:
                 cost, chosen = float(costs[best]), [*others[:at], best, *others[at:]]
-        if not cost < before - GAIN:
+        if not cost < before - SAME:
             break
     return cost, chosen
 

@@ -178,7 +178,7 @@ def details(result: Any) -> Iterator[str]:
 
         yield from wrap_findings(soundness)
     known = policies()
-    for name in view.judged_by(result):
+    for name in (*view.judged_by(result), "shared"):
         if name in known:
             limits = ", ".join(f"{each.name} {each.quantity}" for each in described(known[name]))
             yield from wrap(f"policy of {name}: {limits}", 110, subsequent_indent="  ")

@@ -28,7 +28,7 @@ DIGITS = 6
 TRUST, NEXT = "Can I trust it?", "What next?"
 MARKS = {"good": ("green", "ok"), "fair": ("yellow", "mind"), "poor": ("red", "no")}
 # The policies by which terms are found.
-FINDING = ("states", "equation", "discovery", "soundness", "workflows")
+FINDING = ("states", "equation", "discovery", "soundness")
 
 
 def _said_simulated(result: Any) -> bool:

@@ -87,7 +87,7 @@ def _agrees(better: ForceStates, run: Run, state: ForceStates) -> bool:
     measured = run.angle[span_of(run, state)]
     floor = max(state.noise.angle, rms(measured - state.angle))
     passed = [_passed(each) for each in (state, better)]
-    more = POLICY.chance / np.sqrt(2 * measured.size)
+    more = POLICY.significant / np.sqrt(2 * measured.size)
     return rms(measured - better.angle) <= floor * np.sqrt((1 + more) ** 2 + passed[0] - passed[1])
 
 
@@ -99,7 +99,7 @@ def _passed(state: ForceStates) -> float:
 
 
 def _follows(angle: Array, state: ForceStates) -> bool:
-    return bool(np.std(angle - state.angle) < POLICY.completion_follows * np.std(state.angle))
+    return bool(np.std(angle - state.angle) < POLICY.alike * np.std(state.angle))
 
 
 def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | None:
@@ -207,7 +207,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
             values += later.sum()
         elif state.method == "broadband":
             moment = state.moment if state.repeated else run.moment[span_of(run, state)]
-            lower, band = POLICY.inertia_seen, 2 * state.bandwidth / state.sample_rate
+            lower, band = POLICY.mostly, 2 * state.bandwidth / state.sample_rate
             accelerations.append(_upper(state.acceleration, state))
             # The acceleration went through the kernel once already.
             moments.append(_upper(_low_passed(moment, state, state.bandwidth), state))
@@ -220,18 +220,18 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
     if not (size > 0 and square > 0):
         return 0.0
-    least = max(POLICY.inertia_seen, POLICY.chance / np.sqrt(2 * max(values, 1)))
+    least = max(POLICY.mostly, POLICY.significant / np.sqrt(2 * max(values, 1)))
     if not both > least * size:
         return 0.0
     inertia = square / both
     left, noise_left = float(np.sum((y + inertia * x) ** 2)), noise[0] + inertia**2 * noise[1]
-    return inertia if not noise_left > 0 or left <= MEASUREMENT.signal_to_noise * noise_left else 0.0
+    return inertia if not noise_left > 0 or left <= MEASUREMENT.outstanding * noise_left else 0.0
 
 
 def _upper(signal: Array, state: ForceStates) -> Array:
     """Return what of a signal lies in the upper part of the band of a run's motion."""
     band = state.bandwidth
-    return _low_passed(signal, state, band) - _low_passed(signal, state, POLICY.inertia_seen * band)
+    return _low_passed(signal, state, band) - _low_passed(signal, state, POLICY.mostly * band)
 
 
 def _drive(state: ForceStates, between: float) -> Array | None:

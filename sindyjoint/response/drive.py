@@ -10,7 +10,7 @@ from sindyjoint.measurement.policy import POLICY as NOISE
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
-from sindyjoint.numeric import Array, kept, rms, without_line
+from sindyjoint.numeric import DIFFERENCE, Array, kept, rms, without_line
 from sindyjoint.record import Run
 from sindyjoint.response.laws import LawInRun, elastic_moment
 from sindyjoint.response.policy import POLICY
@@ -52,7 +52,7 @@ def _find_prescribed(states: ForceStates, spurious: bool, inertia: float) -> boo
     if states.method == "path":
         return True
     if states.method == "broadband" and not states.repeated:
-        return unanswered(states, inertia) > POLICY.beyond_noise
+        return unanswered(states, inertia) > POLICY.clearly
     if states.method != "periodic" or states.frequency is None:
         return False
     if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
@@ -61,7 +61,7 @@ def _find_prescribed(states: ForceStates, spurious: bool, inertia: float) -> boo
     basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
     residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
     floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
-    return bool(np.std(residual) > POLICY.beyond_noise * floor)
+    return bool(np.std(residual) > POLICY.clearly * floor)
 
 
 def unanswered(states: ForceStates, inertia: float) -> float:
@@ -78,7 +78,7 @@ def unanswered(states: ForceStates, inertia: float) -> float:
     )
     unit_noise = 2 / states.sample_rate  # one-sided density of white noise of variance one
     floor = unit_noise * states.noise.moment**2
-    beyond = (frequency > states.bandwidth) & (density > NOISE.signal_to_noise * floor)
+    beyond = (frequency > states.bandwidth) & (density > NOISE.outstanding * floor)
     frequency, density = frequency[beyond], density[beyond]
     stiffness = float(np.std(states.moment)) / max(float(np.std(states.angle)), 1e-300)
     answer = density / (stiffness + inertia * (2 * np.pi * frequency) ** 2) ** 2
@@ -94,15 +94,11 @@ def _sinusoidal(states: ForceStates) -> bool:
     basis = np.hstack([np.ones((states.n_samples, 1)), np.cos(phase), np.sin(phase)])
     parts = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
     amplitudes = np.hypot(parts[:count], parts[count:])[1:]
-    return bool(
-        np.all(amplitudes <= POLICY.significance * states.noise.angle * np.sqrt(2 / states.n_samples))
-    )
+    return bool(np.all(amplitudes <= POLICY.stands_out * states.noise.angle * np.sqrt(2 / states.n_samples)))
 
 
 # Periods after which a run that repeats is taken for steady.
 SETTLED = 3
-# Step of the differences by an initial angle or rate, in RMS of the signal.
-STEP = 1e-4
 # Parts of the samples that a start is fitted to, one after the other: a wrong rate leads far astray only in time.
 STAGES = (1 / 8, 1 / 4, 1 / 2, 1)
 # Error of what cannot be simulated, in RMS of the response: larger than that of anything that can.
@@ -198,7 +194,9 @@ def fitted_start(
 
         def jacobian(x: Array, at: Any = residual) -> Array:
             here = at(x)
-            return np.column_stack([(at(x + step) - here) / STEP for step in STEP * np.eye(x.size)])
+            return np.column_stack(
+                [(at(x + step) - here) / DIFFERENCE for step in DIFFERENCE * np.eye(x.size)]
+            )
 
         found = np.asarray(scipy.optimize.least_squares(residual, found, jacobian, bounds=(-bound, bound)).x)
     result = start.copy()

@@ -84,8 +84,8 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     smooth = scipy.signal.savgol_filter(values, width, 3)
     # A cubic over w points keeps 9/(4w) of the noise's variance (its value in the middle).
     least = max(
-        POLICY.significance * noise_by_differences(values, 4) * np.sqrt(2.25 / width),
-        POLICY.least_half_cycle * float(np.ptp(smooth)),
+        POLICY.stands_out * noise_by_differences(values, 4) * np.sqrt(2.25 / width),
+        POLICY.accuracy * float(np.ptp(smooth)),
     )
     maxima, _ = scipy.signal.find_peaks(smooth, prominence=least)
     minima, _ = scipy.signal.find_peaks(-smooth, prominence=least)

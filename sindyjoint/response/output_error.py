@@ -39,8 +39,8 @@ RTOL = 1e-7
 STEP, ROUGH_STEP = 2e-4, 1e-2
 # Sum of squares, in units of noise, below which a change by a parameter's whole scale has no effect.
 WITHOUT_EFFECT = 1e-4
-# Simulations per run from which the effect of the moment's noise is estimated.
-DRIVE_DRAWS = 4
+# Simulations from which the effect of noise, of the moment or of a drive, is estimated.
+DRAWS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,12 +194,12 @@ class OutputError:
             rows = slice(first, first + record.measured.size)
             first = rows.stop
             generator = np.random.default_rng(index)
-            for _ in range(DRIVE_DRAWS):
+            for _ in range(DRAWS):
                 noisy = record.with_drive_noise(generator, self.model)
                 change = self._weigh_residual(noisy, x[None])[0] - residual[rows]
                 if np.abs(change).max() < FAR_OFF * float(np.std(record.measured)) / record.sigma:
                     score = jacobian[rows].T @ change
-                    total += np.outer(score, score) / DRIVE_DRAWS
+                    total += np.outer(score, score) / DRAWS
         return total
 
     def nrmse(self, x: Array) -> dict[str, float]:

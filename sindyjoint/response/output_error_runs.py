@@ -275,7 +275,7 @@ def record_of(
         drive=drive,
         moment=moment,
         measured=measured,
-        sigma=max(noise, POLICY.least_noise * float(np.std(measured))),
+        sigma=max(noise, POLICY.simulated * float(np.std(measured))),
         skip=0 if steady else skip,
         excitation=excitation,
         limits=angle_limits(law, states, drive),

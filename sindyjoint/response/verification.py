@@ -241,7 +241,7 @@ def seen_words(seen: Mapping[str, bool | None]) -> list[str]:
 def band_of(responses: Sequence[Array | None]) -> Band | None:
     """Return the band of simulated responses; ``None`` with too few of them."""
     good = [response for response in responses if response is not None]
-    if len(good) < POLICY.fewest_draws:
+    if len(good) < POLICY.scatter:
         return None
     middle, spread = np.mean(good, axis=0), np.std(good, axis=0, ddof=1)
     return Band(middle - 1.96 * spread, middle + 1.96 * spread, len(responses), len(responses) - len(good))

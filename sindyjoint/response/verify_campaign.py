@@ -117,7 +117,7 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
         )
     mean = in_words_of(motion, "the mean angle was not measured where the model was fitted")
     inertia = in_words_of(motion, "the campaign declares the inertia")
-    other = declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.same_inertia)
+    other = declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.accuracy)
     notes = [
         (
             model.joint.name != campaign.joint.name,

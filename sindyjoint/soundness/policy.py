@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-from sindyjoint.policy import limit
+from sindyjoint.policy import SharedPolicy, limit
 
 REFEREE = "between what 69 injected faults and sound campaigns of random joints show"
 
 
 @dataclass(frozen=True)
-class SoundnessPolicy:
+class SoundnessPolicy(SharedPolicy):
     """Limits that decide what is warned of; the meaning of each is in its metadata."""
 
     # How sure: error rates, and what takes their place where the distribution is not known.
@@ -16,45 +16,14 @@ class SoundnessPolicy:
         1e-4,
         "expected number of false alarms in one record, of which follows how long an odd stretch must be",
     )
-    outstanding: float = limit(
-        4.0,
-        "standard errors, or times what is usual among neighbours or other runs, from which something stands out",
-        source="normal noise gets there once in 16 000 cases",
-    )
     contrast: float = limit(
         2.5,
         "step in a series of periods over the ranges of the four periods on either side, of two twice that; and ratio "
         "of the slopes of both halves of a drift up to which it is one",
         source="simulated white noise has one step in 5 000 series of 9 to 12 periods, none in 20 000 of 17 or more",
     )
-    clearly: float = limit(
-        1.5,
-        "ratio from which one value is clearly larger than another: mean squares of explanations, ranges, gains",
-    )
     # How much: shares of a channel's range, amplitude or RMS.
-    nearly: float = limit(
-        0.1,
-        "share up to which a part does not count, as a rate of the largest or a resolution of the scatter, or two "
-        "things are nearly the same",
-    )
-    large_part: float = limit(0.2, "share of a run that may be left out, or from which a part is a large one")
-    changed: float = limit(
-        0.05,
-        "change of level or zero (in amplitudes) or phase (rad) along a run, or misfit of a common law, that counts",
-        source="moves a coefficient by a twentieth",
-    )
-    taken_for_granted: float = limit(
-        0.003, "scatter of these from period to period that is taken for granted", source=REFEREE
-    )
-    bears: float = limit(
-        0.01,
-        "share of a run's samples, or phase (rad), at fault up to which work goes on; or of a channel's scatter, as "
-        "its resolution or a line of the mains, from which it is noted",
-    )
     # How many.
-    fewest: int = limit(
-        3, "periods, runs, jumps or groups of levels from which they tell anything of each other"
-    )
     few_periods: int = limit(8, "periods below which a change in time cannot be seen", unit="periods")
     few_samples: float = limit(16.0, "samples per period below which processing shows in coefficients")
     fewest_equal: int = limit(
@@ -74,9 +43,6 @@ class SoundnessPolicy:
     explains: float = limit(
         0.4, "what a fault, once undone, leaves of a mean square, at most, to explain it", source=REFEREE
     )
-    another_scale: float = limit(
-        10.0, "ratio of two sizes from which one is in another unit, and no edge of a common range"
-    )
     # What cannot be, or says nothing.
     largest_angle: float = limit(
         3.4, "largest plausible angle", unit="rad", source="half a turn and a margin"
@@ -92,19 +58,11 @@ class SoundnessPolicy:
     wrong_frequency: float = limit(
         0.004, "relative error of the declared frequency that is reported", source=REFEREE
     )
-    same: float = limit(1.02, "ratio of two frequencies below which they are one")
-    same_level: float = limit(1.15, "ratio of the ranges of angle below which all runs have one level")
     # Sensors held against each other.
     gain: float = limit(
         0.03,
         "relative error of a gain, or share of energy given off or of the mains, that is reported",
         source="what sensors are calibrated to",
-    )
-    unit: float = limit(
-        0.3,
-        "relative error of a gain, or shift of recovered states, that stops; or spike, in amplitudes of its channel, "
-        "that is reported",
-        source=REFEREE,
     )
     usual_uncertainty: float = limit(
         0.02,

@@ -13,8 +13,6 @@ from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, list_some, quantities
 
 OFFSET_FAMILY = ("constant_moment", "quadratic_stiffness")
-# Share of a record left out as start-up from which it is reported.
-LARGE_DROP = 0.25
 
 
 def list_warnings(
@@ -27,7 +25,7 @@ def list_warnings(
 ) -> Iterator[str]:
     """Yield the warnings that hold for a result."""
     yield from campaign.warnings
-    if delay is not None and delay.significant and model.fitted.misfit <= EQUATION.tolerated_misfit:
+    if delay is not None and delay.significant and model.fitted.misfit <= EQUATION.tolerated:
         # Where the law does not fit, the best delay compensates for what the law lacks.
         yield _word_delay(delay, model, aligned)
     yield from warn_of_negative_inertia(model)
@@ -89,7 +87,7 @@ def _warn_of_evidence(
             "nothing: drive it harder",
         ),
         (
-            model.terms and fitted.misfit > EQUATION.tolerated_misfit,
+            model.terms and fitted.misfit > EQUATION.tolerated,
             f"the model explains {explained:.1f} % of the mean square {load}; {100 * fitted.misfit:.1f} % of the RMS "
             f"{load} {rest}: hysteresis, play or another effect outside this library is likely",
         ),
@@ -214,10 +212,10 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         else "the gaps are those of its parts, left out in turn; record a second run to check the model"
     )
     frequencies = [s.frequency for s in states if s.frequency is not None]
-    alike = len(frequencies) == len(states) and max(frequencies) < POLICY.same * min(frequencies)
+    alike = len(frequencies) == len(states) and max(frequencies) < (1 + POLICY.little) * min(frequencies)
     ranges = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
-    one_level = len(periodic) == len(states) and max(ranges) < POLICY.same_level * min(ranges)
+    one_level = len(periodic) == len(states) and max(ranges) < (1 + POLICY.alike) * min(ranges)
     once = any(s.noise.source in ("spectrum", "coherent") for s in states)
     short = [
         s.run
@@ -226,7 +224,7 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
     ]
     ends = {run.name: run.duration for run in campaign.runs}
     dropped = {s.run: s.dropped / ends[s.run] for s in periodic}
-    late = [run for run, share in dropped.items() if share > LARGE_DROP]
+    late = [run for run, share in dropped.items() if share > POLICY.large_part]
     notes = [
         (len(states) == 1, f"one run only: {held}"),
         (

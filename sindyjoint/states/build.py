@@ -159,7 +159,7 @@ def repeats(run: Run) -> bool:
     """
     frequency = run.frequency if run.frequency is not None else estimate_frequency(run)
     per = run.sample_rate / frequency
-    if per < 10 or run.n_samples < (POLICY.fewest_periods + 0.5) * per:
+    if per < 10 or run.n_samples < (POLICY.fewest + 0.5) * per:
         return False
     late = run.angle[run.n_samples // 3 :]
     grid = np.arange(late.size)
@@ -169,7 +169,7 @@ def repeats(run: Run) -> bool:
     shifted = np.interp(grid[:usable] + per, grid, late)
     change = shifted - late[:usable]
     spread = float(np.std(late))
-    if spread == 0 or np.sqrt(np.mean(change**2)) > POLICY.repeats_within * np.sqrt(2) * spread:
+    if spread == 0 or np.sqrt(np.mean(change**2)) > POLICY.large_part * np.sqrt(2) * spread:
         return False
     if run.frequency is not None:
         return True
@@ -181,7 +181,7 @@ def repeats(run: Run) -> bool:
         np.interp(grid[: int(late.size - np.ceil(lag))] + lag, grid, late)
         - late[: int(late.size - np.ceil(lag))]
     )
-    return bool(np.sqrt(np.mean(far**2)) <= POLICY.repeats_within * np.sqrt(2) * spread)
+    return bool(np.sqrt(np.mean(far**2)) <= POLICY.large_part * np.sqrt(2) * spread)
 
 
 def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tuple[ForceStates, ...]:

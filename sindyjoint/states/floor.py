@@ -32,7 +32,7 @@ def repetition(run: Run) -> int | None:
     ----------
     run : Run
     """
-    late = run.n_samples // POLICY.fewest_repetitions
+    late = run.n_samples // POLICY.fewest
     if late < POLICY.shortest_repetition:
         return None
     angle, moment = (signal - np.mean(signal) for signal in (run.angle, run.moment))
@@ -40,7 +40,7 @@ def repetition(run: Run) -> int | None:
         return None
     likeness = np.minimum(_autocorrelation(angle), _autocorrelation(moment))
     near = likeness[POLICY.shortest_repetition : late + 1]
-    passing = np.flatnonzero(near > 1 - POLICY.same_segment**2)
+    passing = np.flatnonzero(near > 1 - POLICY.alike**2)
     if not passing.size:
         return None
     top = int(passing[0])
@@ -48,13 +48,13 @@ def repetition(run: Run) -> int | None:
         top += 1
     lag = POLICY.shortest_repetition + top
     alike = all(
-        np.std(late_part[lag:] - late_part[:-lag]) <= POLICY.same_segment * np.sqrt(2) * np.std(late_part)
+        np.std(late_part[lag:] - late_part[:-lag]) <= POLICY.alike * np.sqrt(2) * np.std(late_part)
         for late_part in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])
     )
     if not alike or _departs(angle, lag) or _departs(moment, lag):
         return None
     wasted = run.n_samples % lag
-    return lag if wasted <= POLICY.most_wasted * run.n_samples else None
+    return lag if wasted <= POLICY.nearly * run.n_samples else None
 
 
 def _departs(signal: Array, lag: int) -> bool:
@@ -67,7 +67,7 @@ def _departs(signal: Array, lag: int) -> bool:
     first, second, third = late[: -2 * lag], late[lag:-lag], late[2 * lag :]
     one = float(np.sqrt(np.mean((second - first) ** 2 + (third - second) ** 2) / 2))
     two = float(np.sqrt(np.mean((third - first) ** 2)))
-    return two > max(POLICY.departing * one, POLICY.departing_share * float(np.std(signal)))
+    return two > max(POLICY.clearly * one, POLICY.little * float(np.std(signal)))
 
 
 def mean_period(run: Run, period: int) -> tuple[Run, int]:
@@ -89,9 +89,7 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
     }
     angle = stacks["angle"]
     away = np.sqrt(np.mean((angle[:-1] - angle[-1]) ** 2, axis=1))
-    skipped = (
-        1 if count > POLICY.fewest_repetitions - 1 and away[0] > POLICY.transient * np.median(away[1:]) else 0
-    )
+    skipped = 1 if count > POLICY.fewest - 1 and away[0] > POLICY.clearly * np.median(away[1:]) else 0
     valid: NDArray[np.bool_] | None = None
     if run.valid is None:
         mean = {name: stack[skipped:].mean(axis=0) for name, stack in stacks.items()}
@@ -336,7 +334,7 @@ def scatter_of(found: Iterable[Pair]) -> float | None:
 
 
 def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
-    """Yield neighbouring periods whose motion is the same within ``same_motion``, each laid over the other."""
+    """Yield neighbouring periods whose motion is the same within ``tolerated``, each laid over the other."""
     frequency = states.frequency or main_frequency(states.angle, states.sample_rate)
     per = int(round(states.sample_rate / frequency)) if frequency > 0 else 0
     count = states.n_samples // per if per >= SHORTEST else 0
@@ -349,7 +347,7 @@ def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
         begins = np.unique(np.linspace(first + per - reach, first + per + reach, PLACES).astype(int))
         begins = begins[begins + per <= states.n_samples]
         away = [float(np.mean((states.angle[b : b + per] - states.angle[early]) ** 2)) for b in begins]
-        if not away or min(away) > 2 * (POLICY.same_motion * np.std(states.angle[early])) ** 2:
+        if not away or min(away) > 2 * (POLICY.tolerated * np.std(states.angle[early])) ** 2:
             continue
         late = slice(begins[int(np.argmin(away))], begins[int(np.argmin(away))] + per)
         both = states.moving[early] & states.moving[late]
@@ -371,7 +369,7 @@ def _neighbours(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
     if moving.size < FEWEST_PAIRS or not spread.all() or not frequency > 0:
         return
     away, place = scipy.spatial.cKDTree(state / spread).query(
-        state / spread, NEAREST + 1, distance_upper_bound=POLICY.same_motion
+        state / spread, NEAREST + 1, distance_upper_bound=POLICY.tolerated
     )
     other = moving[np.where(np.isfinite(away), place, 0)]
     apart = np.isfinite(away) & (np.abs(other - moving[:, None]) > states.sample_rate / frequency / 2)

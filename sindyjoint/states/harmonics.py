@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array, chunks
+from sindyjoint.numeric import BLOCK, Array, chunks
 from sindyjoint.states.policy import POLICY
 
-CHUNK = 4096
 FIRST_ORDERS = (1, 2, 3)
 
 
@@ -113,7 +112,7 @@ def _compute_multiples(phase: Array, count: int) -> tuple[Array, Array]:
     """
     cosine, sine = np.empty((2, count, phase.size))
     # Few samples at a time: all of them stay in the cache.
-    for rows in chunks(phase.size, CHUNK):
+    for rows in chunks(phase.size, BLOCK):
         c, s = np.cos(phase[rows]), np.sin(phase[rows])
         cosine[0, rows], sine[0, rows] = c, s
         for k in range(1, count):
@@ -183,7 +182,7 @@ def refine_frequency(signal: Array, sample_rate: float, frequency: float, order:
     centre = np.arange(periods) - (periods - 1) / 2
     slope = centre @ phase / (centre @ centre)
     scatter = np.std(phase - np.mean(phase) - slope * centre, ddof=2) / np.sqrt(centre @ centre)
-    if abs(slope) <= POLICY.frequency_significance * scatter:
+    if abs(slope) <= POLICY.outstanding * scatter:
         return frequency
     return float(frequency * (1 + slope / (2 * np.pi * order)))
 
@@ -210,9 +209,7 @@ def steady_start(
     late = phasor[periods // 2 :]
     target = np.median(late.real, axis=0) + 1j * np.median(late.imag, axis=0)
     distance = np.sqrt(np.sum(np.abs(phasor - target) ** 2, axis=1))
-    scatter = max(
-        float(np.median(distance[periods // 2 :])), POLICY.steady_scatter * float(np.abs(target[0]))
-    )
+    scatter = max(float(np.median(distance[periods // 2 :])), POLICY.accuracy * float(np.abs(target[0])))
     unsteady = np.flatnonzero(distance[: periods // 2] > POLICY.unsteady * scatter)
     return int(unsteady[-1]) + 1 if unsteady.size else 0
 

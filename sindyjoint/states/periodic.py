@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import SAME, Array
 from sindyjoint.record import Run
 from sindyjoint.states.floor import Pair, scatter_of
 from sindyjoint.states.harmonics import (
@@ -28,8 +28,6 @@ REPLICATES = 8
 BAND_SHARE = 0.4
 # Largest number of harmonics tried. A stick–slip angle has decayed below any real noise long before.
 MAXIMUM_HARMONICS = 120
-# Share of its size that a signal changes by where it is the same but for rounding.
-SAME = 1e-6
 
 
 def periodic_states(
@@ -144,10 +142,10 @@ def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
     start = int(round(steady_start(run.angle, run.sample_rate, frequency) * per))
     # One part in a thousand of a period may be missing at the end: rounding of the record's length.
     periods = int(np.floor((run.n_samples - start) / per + 1e-3))
-    if periods < POLICY.fewest_periods:
+    if periods < POLICY.fewest:
         raise InputError(
             f"{run.label}: {periods} steady period(s) of {frequency:g} Hz; the periodic method needs "
-            f"{POLICY.fewest_periods}, use method='broadband' or a longer record"
+            f"{POLICY.fewest}, use method='broadband' or a longer record"
         )
     return start, min(start + int(round(periods * per)), run.n_samples), periods
 

@@ -17,6 +17,9 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.states.record import ForceStates
 
+#: Cells of a map along either axis.
+MAP_CELLS = 24
+
 
 @dataclass(frozen=True, eq=False)
 class ForceStateMap:

@@ -13,15 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.policy import POLICY
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.response.laws import model_law
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.period import steady_states
 
 # Samples per period; reversals fall on samples, where friction is taken in the middle of its interval.
 SAMPLES = 720
-# Step of a derivative by a number of the model, in standard errors.
-STEP = 1e-3
 # What a loop is measured by, in the order of :func:`loop_measures`.
 MEASURES = ("secant", "storage", "loss_factor", "energy")
 
@@ -185,7 +183,7 @@ def model_curve(model: JointModel, amplitude: ArrayLike, frequency: float) -> Jo
     if slopes:
         variance = np.einsum("iab,ij,jab->ab", np.array(slopes), covariance, np.array(slopes))
         errors = np.sqrt(np.maximum(variance, 0.0))
-    fitted, more = model.fitted, 1 + POLICY.range_slack
+    fitted, more = model.fitted, 1 + POLICY.tolerated
     tested = (sizes <= more * fitted.angle) & (2 * np.pi * frequency * sizes <= more * fitted.rate)
     if fitted.frequencies:
         tested &= min(fitted.frequencies) / more <= frequency <= more * max(fitted.frequencies)
@@ -198,7 +196,7 @@ def varied_laws(model: JointModel) -> Sequence[tuple[Any, Any, float]]:
     """Return for each uncertain number of a model the laws with it smaller and larger, and by how much."""
     found = []
     for place in np.flatnonzero(model.number_errors > 0):
-        step = STEP * model.number_errors[place]
+        step = COARSE_DIFFERENCE * model.number_errors[place]
         ends = []
         for side in (-1, 1):
             numbers = model.numbers

@@ -289,7 +289,7 @@ def held_warnings(test: RigTest, held: Sequence[Spectra]) -> tuple[str, ...]:
         left = left_held(test, spectra, spectra.angular)
         # Of each harmonic the drive is eliminated.
         misfit = float(np.sum(np.abs(left) ** 2)) / (2 * len(left) * len(test.sensors))
-        if misfit > LIMITS.disagrees:
+        if misfit > LIMITS.contradicts:
             words.append(
                 f"run {run.name!r} updates the structure, and with joints that stick its sensors are "
                 f"{np.sqrt(misfit):.1f} times their noise off: the joints slip in it; drive it less"

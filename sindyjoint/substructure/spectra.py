@@ -98,9 +98,9 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     per = run.sample_rate / frequency
     first = max(int(round(steady_start(s, run.sample_rate, frequency, orders) * per)) for s in signals[1:])
     periods = int(np.floor((run.drive.size - first) / per + 1e-3))
-    if periods < POLICY.fewest_periods:
+    if periods < POLICY.fewest:
         raise InputError(
-            f"run {run.name!r}: {periods} steady period(s) of {frequency:g} Hz; expected {POLICY.fewest_periods} or "
+            f"run {run.name!r}: {periods} steady period(s) of {frequency:g} Hz; expected {POLICY.fewest} or "
             "more: record longer, or begin later"
         )
     stop = min(first + int(round(periods * per)), run.drive.size)

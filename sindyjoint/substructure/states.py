@@ -72,7 +72,7 @@ def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
     """Return the harmonics up to where a continuous spectrum ends in noise, shape (h,)."""
     power = np.abs(amplitude) ** 2 / (2 * standard_error**2)
     smooth = scipy.ndimage.median_filter(power, min(power.size, max(5, power.size // 60)) | 1, mode="nearest")
-    above = np.flatnonzero(smooth > NOISE.signal_to_noise)
+    above = np.flatnonzero(smooth > NOISE.outstanding)
     return np.arange(power.size) <= (above[-1] if above.size else -1)
 
 
@@ -84,9 +84,9 @@ def slow_orders(recovery: Recovery, joint: int) -> Orders:
         # The errors of all harmonics from one up, against the angle about and above where its rate is largest.
         main = int(np.argmax(size * recovery.spectra.angular))
         above = np.sqrt(np.cumsum(error[::-1] ** 2)[::-1])
-        slow = above > LIMITS.hardly_seen_record * np.sqrt(np.sum(size[main // 2 :] ** 2))
+        slow = above > LIMITS.little * np.sqrt(np.sum(size[main // 2 :] ** 2))
         return slow & (np.arange(size.size) < main // 2)
-    slow = error > LIMITS.hardly_seen * size[main]
+    slow = error > LIMITS.hardly * size[main]
     slow[main:] = False
     return slow
 
@@ -205,7 +205,7 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
     )
     highest = float(angular[kept][-1] / (2 * np.pi)) if kept.any() else 0.0
     share, periods = (
-        (STATES.sticking_rate_share, STATES.sticking_guard)
+        (STATES.nearly, STATES.periodic_guard)
         if dwells(rate)
         else (STATES.passing_rate_share, STATES.passing_guard)
     )
@@ -277,7 +277,7 @@ class JointSeen:
         if self.together:
             others = ", ".join(map(repr, self.together))
             return f"joint {self.joint!r} shows only together with {others}: add a sensor between them"
-        if self.moment_error > LIMITS.not_shown:
+        if self.moment_error > LIMITS.unknown:
             return (
                 f"the moment of joint {self.joint!r} is known to {100 * self.moment_error:.0f} % only: add a sensor "
                 "near it, or drive it harder"
@@ -306,7 +306,7 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
         scale = np.sqrt(np.diag(of_moments).real)
         correlations.append(np.abs(of_moments) / np.outer(scale, scale))
     best, common = np.min(errors, axis=0), np.min(correlations, axis=0)
-    hidden = best[joints:] > LIMITS.not_shown
+    hidden = best[joints:] > LIMITS.unknown
     return tuple(
         JointSeen(
             names[j], float(np.max(peaks, axis=0)[j]), float(best[j]), float(best[joints + j]),

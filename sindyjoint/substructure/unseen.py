@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
-from sindyjoint.numeric import Array, partials, scaled_least_squares
+from sindyjoint.numeric import DIFFERENCE, Array, partials, scaled_least_squares
 from sindyjoint.states.record import ForceStates
 from sindyjoint.substructure.policy import POLICY as LIMITS
 
@@ -23,7 +23,6 @@ ROUNDS = 20
 ROWS = 2000  # of each run
 SETTLED = 1e-5  # change of an angle, of the largest, at which it is found
 FARTHEST = 0.3  # by which a step may change an angle, of the largest
-STEP = 1e-4  # by which angle and rate are varied, of the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +230,7 @@ def _columns_and_slopes(
     def columns(angle: Array, rate: Array) -> Array:
         return term_columns(terms, angle, rate, state.acceleration[rows])
 
-    by_angle, by_rate = partials(lambda *at: columns(*at) @ coefficients, motion, STEP)
+    by_angle, by_rate = partials(lambda *at: columns(*at) @ coefficients, motion, DIFFERENCE)
     return columns(*motion), (by_angle, by_rate)
 
 
@@ -269,7 +268,7 @@ def run_weights(states: Sequence[ForceStates]) -> Array:
             for s in states
         ]
     )
-    weight = 1 / (noise + (LIMITS.well_known * largest) ** 2)
+    weight = 1 / (noise + (LIMITS.little * largest) ** 2)
     rows = np.array([np.count_nonzero(s.moving) for s in states])
     return np.asarray(weight * rows.sum() / (weight @ rows))
 

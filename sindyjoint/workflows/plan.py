@@ -304,7 +304,7 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
     count = 0
     if 0 < time < inf:
         # Twice as many as the plain grid has: the shorter each is, the less the fewest settings take of the time.
-        most = 2 * POLICY.fewest_frequencies * len(POLICY.levels[::2])
+        most = 2 * POLICY.fewest * len(POLICY.levels[::2])
         count = min(most, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
     if not count:
         raise InputError(

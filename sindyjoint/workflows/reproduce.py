@@ -23,11 +23,10 @@ from sindyjoint.response.laws import with_coefficients
 from sindyjoint.response.oscillations import Oscillation
 from sindyjoint.response.verification import Verification
 from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.states.surface import ForceStateMap, SurfaceFit, fit_surface, map_of_states
+from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, SurfaceFit, fit_surface, map_of_states
 from sindyjoint.workflows.verify import verify
 
 NOISE = 0.01
-MAP_CELLS = 24
 # The map needs more levels than the tables: every level is one ring in the plane of angle and rate.
 MAP_LEVELS = tuple(np.linspace(0.92, 0.12, 9).round(3).tolist())
 MAP_DURATION = 4.0  # s

@@ -7,7 +7,9 @@ import pytest
 
 from sindyjoint.diagnosis import CAMPAIGN, FittedEffect, load_effects
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import yield_complaint
+from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.mechanics import virtual_campaign
 
 EFFECTS = {effect.id: effect for effect in load_effects()}
@@ -57,15 +59,13 @@ def test_little_half_cycles_between_pulls_do_not_make_a_slider_a_spring(problem)
 def test_a_slider_whose_stiffness_would_be_negative_explains_nothing(problem):
     """A moment that is a Jenkins element upside down: the catalogue's sign leaves it no gain, whatever its corner."""
     (effect,) = [EFFECTS["jenkins_element"]]
-    regression = problem.regression
-    values = np.array([0.3 * regression.reference.angle])
+    values = np.array([0.3 * reference_scales(problem.work.rows).angle])
     for sign, gains in ((1.0, True), (-1.0, False)):
         made = [
             replace(run, target=run.target + sign * 2e3 * effect.variants[0].along(run.motion, values)[:, 0])
             for run in problem.work.rows
         ]
-        work = replace(problem.work, rows=tuple(made))
-        gain, (coefficient,) = work.regression().gain(effect.variants[0], values)
+        gain, (coefficient,) = GapRegression.build(made, problem.work.model).gain(effect.variants[0], values)
         assert (gain > 100) is gains and np.sign(coefficient) == sign
         if gains:
             assert coefficient == pytest.approx(2e3, rel=0.1)

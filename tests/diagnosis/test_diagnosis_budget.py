@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
-from sindyjoint.diagnosis import CAMPAIGN
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.start import Work, cut_up, first_model
 from sindyjoint.diagnosis.campaign.unnamed import make_budget, shares
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
+from sindyjoint.states.policy import POLICY as STATES
 from tests.diagnosis.hidden_effects import hide
 
 PARTS = ("state", "history", "run", "processing", "noise")
@@ -38,8 +38,8 @@ KINDS = {
 
 
 def work_on(campaign):
-    states = campaign_states(campaign, rate_share=CAMPAIGN.rate_share)
-    runs, parts, groups = cut_up(campaign.identification_runs, states, CAMPAIGN.rate_share)
+    states = campaign_states(campaign, rate_share=STATES.passing_rate_share)
+    runs, parts, groups = cut_up(campaign.identification_runs, states)
     return Work.build(campaign, runs, parts, groups, first_model(campaign, parts, None, "paper").model)
 
 

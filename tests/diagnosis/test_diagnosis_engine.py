@@ -86,10 +86,11 @@ def test_a_search_whose_gap_ends_larger_than_it_began_is_taken_back():
     assert names(candidates=(better, worse, last)) == ["better", "worse", "last"]
 
 
-def test_what_remains_is_a_share_of_the_mean_square_or_of_the_rms():
+def test_what_remains_is_a_share_of_the_mean_square():
     before, after = (5000.0, 1000.0), (2000.0, 1000.0)
     assert share_beyond_noise(before, after, CAMPAIGN) == pytest.approx(0.25)
-    assert share_beyond_noise(before, after, STRUCTURE) == pytest.approx(0.5)
+    # A quarter of the RMS.
+    assert STRUCTURE.unexplained == pytest.approx(0.25**2)
     assert share_beyond_noise(before, (1200.0, 1000.0), CAMPAIGN) == 0.0
 
 
@@ -189,11 +190,11 @@ def test_no_verdict_says_more_than_its_figures(initial, final, floor, unsure, sh
     verdict, _ = judge(steps, Residual(share, 0.15), figures, CAMPAIGN)
     (moment, response), policy = final, CAMPAIGN
     if verdict in ("nothing_missing", "named", "ambiguous"):
-        assert moment <= policy.within_floors * np.hypot(floor[0], policy.processing_error) * (1 + 1e-12)
+        assert moment <= policy.clearly * np.hypot(floor[0], policy.processing_error) * (1 + 1e-12)
         noise = np.hypot(floor[1], policy.processing_error)
-        widest = np.hypot(policy.response_floors * noise, policy.within_floors * unsure[1])
+        widest = np.hypot(policy.outstanding * noise, policy.clearly * unsure[1])
         assert not response > widest * (1 + 1e-12)
-        assert not (response > initial[1] and response > policy.within_floors * noise * (1 + 1e-12))
+        assert not (response > initial[1] and response > policy.clearly * noise * (1 + 1e-12))
         assert np.isfinite(response) or not found
     assert (verdict == "nothing_missing") <= (not found)
     named = discount(steps, verdict, figures, policy)
@@ -203,7 +204,7 @@ def test_no_verdict_says_more_than_its_figures(initial, final, floor, unsure, sh
 
 def test_a_structure_differs_from_a_campaign_in_what_is_said_and_every_limit_is_explained():
     differing = {f.name for f in fields(CAMPAIGN) if getattr(CAMPAIGN, f.name) != getattr(STRUCTURE, f.name)}
-    assert differing == {"most_effects", "unexplained", "unexplained_rms", "most_regions", "search_work"}
+    assert differing == {"most_effects", "unexplained", "most_regions", "search_work"}
     for each in described(STRUCTURE):
         assert len(each.meaning.split()) > 2 and each.source and each.unit
 

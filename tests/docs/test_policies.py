@@ -20,12 +20,13 @@ POLICIES = policies()
 def test_limits_are_printed_with_what_set_them(sindyjoint):
     record = json.loads(sindyjoint("limits", "--json").stdout)
     assert set(record) == set(POLICIES)
-    told = record["states"]["same_motion"]
+    told = record["shared"]["tolerated"]
     assert told["value"] == 0.05 and told["source"] and told["meaning"]
+    assert "tolerated" not in record["states"] and POLICIES["states"].tolerated == told["value"]
+    assert record["diagnosis in_place"]["least_help"]["value"] == 0.5
     printed = sindyjoint("limits", "states").stdout
-    assert (
-        "same_motion = 0.05" in printed and "from: convention" in printed and "within_floors" not in printed
-    )
+    assert "harmonic_misses = 4" in printed and "from: measured on simulated" in printed
+    assert "least_help" not in printed
     wrong = sindyjoint("limits", "kitchen")
     assert wrong.status == 2 and "no part 'kitchen' has limits; expected one of" in wrong.stderr
 
@@ -50,7 +51,7 @@ def test_every_folder_that_decides_has_a_policy():
         "soundness",
         "states",
         "judgement",
-        "workflows",
+        "shared",
         "measurement",
     }
     assert needed <= {name.split()[0] for name in POLICIES}

@@ -78,7 +78,7 @@ def test_a_sweep_passes_from_its_frequency_to_five_times_that_and_back():
 def test_a_model_is_a_range_of_its_errors():
     model = paper_model()
     known = like_model(model)
-    assert known.high - known.low == pytest.approx(2 * POLICY.model_errors * model.standard_errors)
+    assert known.high - known.low == pytest.approx(2 * POLICY.significant * model.standard_errors)
 
 
 def test_elements_of_a_model_act_in_the_limits_and_in_what_a_run_tells():
@@ -184,7 +184,7 @@ def test_the_high_tone_of_a_planned_run_is_no_disagreement_of_its_channels():
         INTER_PANEL, [PlannedRun("angle", "two-tone-3", 8.0, 6e-5, "rad", 4.0)], Sensors(2000.0, 0.01)
     ).runs[0]
     moment, share = main_line(run.moment, run.sample_rate, 8.0)
-    assert moment == pytest.approx(24.0) and share < SOUNDNESS.unit
+    assert moment == pytest.approx(24.0) and share < SOUNDNESS.unknown
     assert not {each.id for each in find_faults(Campaign(Joint(), (run,)))} & {"channels_disagree"}
     slow = replace(run, angle=6e-5 * np.sin(2 * np.pi * 8.0 * run.time))
     assert "channels_disagree" in {each.id for each in find_faults(Campaign(Joint(), (slow,)))}

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import Array
+from sindyjoint.policy import SHARED
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, force_states
+from sindyjoint.states.policy import POLICY as STATES
 
 SEGMENTS = 4
-FEWEST = 3
 LEAST_PERIODS = 4  # of a segment
 TREND_HARMONICS = 7
 MEMBER = " part "  # between the name of a run and the number of its segment
@@ -35,13 +36,13 @@ def changes(runs: Sequence[Run], states: Sequence[ForceStates], policy: Diagnosi
     steady part has changed at once.
     """
     pairs = [(r, s) for r, s in zip(runs, states, strict=True) if s.method == "periodic" and s.frequency]
-    if 2 * sum(steady_before(run, s, None, policy) is not None for run, s in pairs) > len(pairs):
+    if 2 * sum(steady_before(run, s, policy) is not None for run, s in pairs) > len(pairs):
         return True
     found = [stiffness_change(run, s) for run, s in pairs]
     if not found:
         return False
     ratio, share = np.median(np.array(found), axis=0)
-    return bool(ratio > policy.change_ratio and share > policy.change_share)
+    return bool(ratio > policy.stands_out and share > policy.accuracy)
 
 
 def stiffness_change(run: Run, states: ForceStates) -> tuple[float, float]:
@@ -96,9 +97,7 @@ class Segment:
     states: ForceStates
 
 
-def steady_before(
-    run: Run, states: ForceStates, rate_share: float | None = None, policy: DiagnosisPolicy = CAMPAIGN
-) -> ForceStates | None:
+def steady_before(run: Run, states: ForceStates, policy: DiagnosisPolicy = CAMPAIGN) -> ForceStates | None:
     """Return the states of what was left out at the start of a run, if it was long, steady, and of other stiffness.
 
     The motion of a joint that a moment drives changes where its stiffness does, and looks as if it had not settled.
@@ -108,18 +107,18 @@ def steady_before(
     # The last period of it may hold the change.
     end = round((states.dropped - 1 / states.frequency) * run.sample_rate)
     # A start-up is over sooner. What was left out for longer, and was steady, was another joint.
-    if end < policy.change_start * run.n_samples:
+    if end < policy.large_part * run.n_samples:
         return None
     cut = {name: getattr(run, name)[:end] for name in ("moment", "angle")}
     rate = None if run.rate is None else run.rate[:end]
     valid = None if run.valid is None else run.valid[:end]
     try:
         start = replace(run, rate=rate, valid=valid, source=None, **cut)
-        early = force_states(start, "periodic", None, rate_share)
+        early = force_states(start, "periodic", None, STATES.passing_rate_share)
     except SindyJointError:
         return None
     lasting = early.n_samples / run.sample_rate
-    long = lasting * states.frequency >= 2 * LEAST_PERIODS and early.n_samples >= policy.change_steady * end
+    long = lasting * states.frequency >= 2 * LEAST_PERIODS and early.n_samples >= policy.mostly * end
     if not long or not _differ(period_stiffness(run, early), period_stiffness(run, states), policy):
         return None
     return replace(early, began=states.began)
@@ -131,12 +130,10 @@ def _differ(one: NDArray[np.complex128], other: NDArray[np.complex128], policy: 
         return False
     apart = float(np.abs(np.mean(one) - np.mean(other)))
     error = float(np.sqrt(np.var(one) / one.size + np.var(other) / other.size))
-    return apart > policy.change_ratio * error and apart > policy.change_share * float(np.abs(np.mean(other)))
+    return apart > policy.stands_out * error and apart > policy.accuracy * float(np.abs(np.mean(other)))
 
 
-def segments(
-    run: Run, states: ForceStates, rate_share: float | None = None, policy: DiagnosisPolicy = CAMPAIGN
-) -> tuple[Segment, ...]:
+def segments(run: Run, states: ForceStates, policy: DiagnosisPolicy = CAMPAIGN) -> tuple[Segment, ...]:
     """Return up to four stretches of whole periods, each with its own mean period and time.
 
     What changes within a stretch, in proportion to time, is taken off: it then repeats as it is in its middle. A run
@@ -146,18 +143,16 @@ def segments(
     whole = (Segment(run, states),)
     if states.method != "periodic":
         return whole
-    early = steady_before(run, states, rate_share, policy)
+    early = steady_before(run, states, policy)
     if early is None:
-        parts = _stretches(run, states, rate_share, SEGMENTS)
-        return parts if len(parts) >= FEWEST else whole
-    before = _stretches(run, early, rate_share, SEGMENTS // 2)
-    after = _stretches(run, states, rate_share, SEGMENTS // 2, len(before))
+        parts = _stretches(run, states, SEGMENTS)
+        return parts if len(parts) >= SHARED.fewest else whole
+    before = _stretches(run, early, SEGMENTS // 2)
+    after = _stretches(run, states, SEGMENTS // 2, len(before))
     return (*before, *after) if before and after else whole
 
 
-def _stretches(
-    run: Run, states: ForceStates, rate_share: float | None, most: int, number: int = 0
-) -> tuple[Segment, ...]:
+def _stretches(run: Run, states: ForceStates, most: int, number: int = 0) -> tuple[Segment, ...]:
     """Return stretches of the steady part of a run, numbered on; none where its processing fails."""
     assert states.frequency is not None
     per = run.sample_rate / states.frequency
@@ -174,9 +169,8 @@ def _stretches(
         valid = None if straight.valid is None else straight.valid[low:high]
         inputs = {name: values[low:high] for name, values in straight.inputs.items()}
         try:
-            part = force_states(
-                replace(straight, rate=rate, valid=valid, inputs=inputs, **cut), "periodic", None, rate_share
-            )
+            stretch = replace(straight, rate=rate, valid=valid, inputs=inputs, **cut)
+            part = force_states(stretch, "periodic", None, STATES.passing_rate_share)
         except SindyJointError:
             return ()
         late = low / run.sample_rate

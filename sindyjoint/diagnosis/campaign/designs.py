@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sindyjoint.diagnosis.campaign.change import LEAST_PERIODS
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
@@ -41,7 +42,6 @@ BY_MOMENT = "sinusoidal moment that moves the joint so far"
 HARMONICS = 15  # of a motion under a moment
 FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
 LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
-LEAST_PERIODS = 4
 USED = 0.9  # of a limit: what the sought effect adds is not in the model
 SAMPLES_PER_PERIOD = 40  # of the highest harmonic
 

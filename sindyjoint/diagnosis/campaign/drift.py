@@ -18,6 +18,7 @@ from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, campaign_states
 from sindyjoint.states.floor import mean_slope
+from sindyjoint.states.policy import POLICY as STATES
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
@@ -57,7 +58,7 @@ def find_drift(
         fits = {run.name: mean_slope(getattr(run, signal), run.sample_rate, s) for run, s in periodic}
         ratio = float(np.median([abs(f[0]) / f[1] for f in fits.values()]))
         moved = float(np.median([abs(f[0]) * f[2] for f in fits.values()]))
-        if ratio > policy.drift_ratio and moved > policy.drift_share:
+        if ratio > policy.stands_out and moved > policy.trifle:
             found[name] = ChannelDrift(name, {k: f[3] for k, f in fits.items()}, ratio)
     # A moment and an angle that move together are the joint's own creep.
     return next(iter(found.values())) if len(found) == 1 else None
@@ -71,9 +72,9 @@ def without_drift_found(problem: Problem) -> tuple[Problem, tuple[Step, ...]]:
     drift = _with_kept_runs(problem.drift, work.campaign.validation_runs, work.kept_states)
     runs = tuple(_without_drift(run, drift) for run in work.runs)
     campaign = work.campaign.with_runs(tuple(_without_drift(run, drift) for run in work.campaign.runs))
-    states = campaign_states(campaign, rate_share=policy.rate_share)
+    states = campaign_states(campaign, rate_share=STATES.passing_rate_share)
     own = gap_runs(states, work.model, work.groups, policy)
-    repaired = refit(own, work.model, problem.found, policy)
+    repaired = refit(own, work.model, problem.found)
     later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, policy)
     straight = replace(problem, work=later, repaired=repaired, drift=drift)
     if grows(problem.gap, straight.gap):
@@ -103,8 +104,7 @@ def _without_drift(run: Run, drift: ChannelDrift) -> Run:
 def _drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
     """Return the step that a drifting channel put right is."""
     slope = float(np.median(list(drift.slopes.values())))
-    # A slope of so many standard errors, tempered as likelihoods of effects are.
-    belief = float(1 / (1 + np.exp(-0.5 * drift.significance**2 / policy.temper)))
+    belief = float(1 / (1 + np.exp(-0.5 * drift.significance**2)))
     unit = "N*m/s" if drift.effect == "moment_drift" else "rad/s"
     units = {"slope": unit if motion == "rotation" else unit_for(unit, motion)}
     return Step(drift.effect, "run", (drift.effect,), belief, (), {"slope": slope}, (), before, after, units)

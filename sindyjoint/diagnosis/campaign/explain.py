@@ -13,7 +13,7 @@ from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, with_zero_fitted
 from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, score_of
 from sindyjoint.diagnosis.campaign.other_starts import with_delay
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refit, refit_nonlinear
+from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work, is_free
 from sindyjoint.diagnosis.effects.catalogue import Effect
@@ -39,12 +39,12 @@ def fitted_together(
     work, shifts, others = _settled(work, shifts, others)
     folded = all(run.folded for run in work.rows)
     # Under weights of the model before, whose error the effect was, its terms do not stand out of their errors.
-    repaired = refit(work.rows, work.model, others, work.policy if folded else keeping(work.policy))
+    repaired = refit(work.rows, work.model, others, drops=folded)
     work = work.again(repaired.model, repaired.effects)
     if not folded:
         # The rows are weighted anew by the residual, and with them the nonlinear parameters.
         effects = refit_nonlinear(work.rows, repaired.model, repaired.effects, work.policy)
-        repaired = refit(work.rows, repaired.model, effects, work.policy)
+        repaired = refit(work.rows, repaired.model, effects)
     work, repaired = counted_from_zero(work, repaired)
     work = replace(work, model=repaired.model)
     return work, replace(repaired, effects=(*shifts, *repaired.effects))
@@ -61,7 +61,7 @@ def counted_from_zero(work: Work, repaired: Repaired) -> tuple[Work, Repaired]:
         if not before.any():
             break
         later = later.again(fitted.model, fitted.effects)
-        fitted = refit(later.rows, later.model, fitted.effects, keeping(work.policy))
+        fitted = refit(later.rows, later.model, fitted.effects, drops=False)
         if np.all(np.abs(_angle_errors(fitted) - before) <= SAME_ZERO * np.abs(before)):
             return later, fitted
     return work, repaired
@@ -80,7 +80,7 @@ def aligned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> tupl
         total = float(np.clip(total + delay.coefficients[0], -LONGEST, LONGEST))
         states = tuple(shifted(s, total) for s in work.states)
         rows = gap_runs(states, work.model, work.groups, policy)
-        model: JointModel = refit(rows, work.model, others, policy).model
+        model: JointModel = refit(rows, work.model, others).model
         rows = gap_runs(states, model, work.groups, policy)
         more, coefficients = GapRegression.build(rows, model, others, policy).gain(
             delay.variant, delay.values
@@ -110,7 +110,7 @@ def _realigned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> t
     """Correct a delay that was removed while an effect was missing beside it, where that leaves less of the moment."""
     before = GapRegression.build(work.plain, work.model, others, work.policy)
     gain, coefficients = before.gain(delay.variant, delay.values)
-    if gain < work.policy.realign:
+    if gain < work.policy.likely**2:
         return work, delay
     later, more = aligned(work, others, replace(delay, coefficients=coefficients))
     after = GapRegression.build(later.plain, later.model, others, work.policy)
@@ -287,7 +287,7 @@ def _found(begun: Begun, most: int, say: Say, rounds: int = ROUNDS) -> Found:
         won += best.score.total - without.score.total
         work, shift = aligned(work, [*begun.given, *others], fitted[i])
         shifts.append(shift)
-    later = refit(work.plain, work.model, [*begun.given, *others], keeping(work.policy))
+    later = refit(work.plain, work.model, [*begun.given, *others], drops=False)
     again = replace(
         begun.without([shift.name for shift in shifts]),
         work=work.again(later.model, later.effects),

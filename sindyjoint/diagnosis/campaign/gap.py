@@ -51,29 +51,16 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     if work.campaign.validation_runs:
         moment, response = pooled_errors(kept_runs(work, model, effects))
         return Gap(moment, response)
-    moment = _held_out(work, model, adding)
+    size = moment_size(work.states, work.campaign.joint.inertia)
+    moment = held_out_gap(work.rows, model, adding, work.noise, work.policy, size=size)
     of_response = continuation_gap if is_free(work.campaign) else response_gap
     return Gap(moment, of_response(work, model, effects))
-
-
-def moment_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return the gap of the moment alone, for which nothing is simulated unless runs are kept for validation."""
-    if work.campaign.validation_runs:
-        return gap_of(work, model, effects).moment
-    adding = [e for e in effects if not e.shifts]
-    return _held_out(work, model, adding)
-
-
-def _held_out(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return the moment gap on runs left out, relative to what the noise floor is."""
-    size = moment_size(work.states, work.campaign.joint.inertia)
-    return held_out_gap(work.rows, model, effects, work.noise, work.policy, size=size)
 
 
 def gap_without(work: Work, found: Sequence[FittedEffect], names: Collection[str]) -> Gap:
     """Return the gap of the model without some of its effects, the others fitted anew."""
     kept = [f for f in found if f.name not in names]
-    fitted = refit(work.rows, work.model, [f for f in kept if not f.shifts], work.policy)
+    fitted = refit(work.rows, work.model, [f for f in kept if not f.shifts])
     return gap_of(work, fitted.model, (*(f for f in kept if f.shifts), *fitted.effects))
 
 

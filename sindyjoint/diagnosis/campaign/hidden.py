@@ -14,6 +14,7 @@ from sindyjoint.mechanics.laws import INTER_PANEL, Law
 from sindyjoint.mechanics.stickslip import transfer_moment
 from sindyjoint.mechanics.virtual import LEVELS, virtual_campaign
 from sindyjoint.numeric import RNG
+from sindyjoint.paper import FREQUENCIES
 from sindyjoint.record import Campaign
 
 CHOICES = (
@@ -27,7 +28,6 @@ CHOICES = (
     "nothing",
 )
 SHARE = 0.06
-FREQUENCIES = (3.0, 4.0, 5.0, 6.0)
 
 
 def hidden_campaign(rng: RNG = None) -> tuple[Campaign, str]:

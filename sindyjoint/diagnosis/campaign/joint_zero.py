@@ -22,7 +22,6 @@ from sindyjoint.diagnosis.campaign.numbers.whole import number_columns
 from sindyjoint.diagnosis.campaign.regression import stack
 from sindyjoint.diagnosis.campaign.repair import (
     Repaired,
-    keeping,
     least_squares,
     modelled,
     refit,
@@ -33,10 +32,9 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.evidence.policy import POLICY
 from sindyjoint.diagnosis.result import Step
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import DIFFERENCE, Array
 from sindyjoint.states import ForceStates
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
@@ -61,7 +59,7 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
     centres = [e for e in last.found if e.name in {each.id for each in centred}]
     if not (zeros or len(centres) > 1) or constant is None or offset is None or not centred:
         return None
-    if not others and last.gap.moment <= straight.policy.within_floors * last.noise_floor.moment:
+    if not others and last.gap.moment <= straight.policy.clearly * last.noise_floor.moment:
         return None
     beside = [e for e in others if e.effect.enters == "moment" and e not in centres]
     middle, gain, least = _best_zero(last.work, beside, constant, centred)
@@ -143,7 +141,7 @@ def counted_from(straight: Problem, zero: float, repaired: Repaired | None = Non
     later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, policy)
     if repaired.effects:
         # Rows have their weights by the law that they are about.
-        again = refit(later.rows, repaired.model, repaired.effects, keeping(policy))
+        again = refit(later.rows, repaired.model, repaired.effects, drops=False)
         repaired = replace(again, dropped=straight.dropped)
     return replace(
         straight,
@@ -165,9 +163,8 @@ def _counted(states: ForceStates, zero: float) -> ForceStates:
     )
 
 
-# Steps of Gauss and Newton, of which the last is below this share of the zero's standard error; the difference by which
-# the law's slope along the motion is taken, of the largest angle.
-ROUNDS, SMALL_STEP, DIFFERENCE = 6, 0.1, 1e-4
+# Steps of Gauss and Newton, of which the last is below this share of the zero's standard error.
+ROUNDS, SMALL_STEP = 6, 0.1
 
 
 def with_zero_fitted(problem: Problem) -> tuple[Problem, bool]:
@@ -183,7 +180,7 @@ def with_zero_fitted(problem: Problem) -> tuple[Problem, bool]:
         return without, False
     both = _fitted(problem, problem.found) if any(has_middle(e.effect) for e in others) else problem
     scores = [score_of(p.work.plain, p.repaired.model, p.found).total for p in (both, without)]
-    stays = scores[0] - scores[1] > -np.log(POLICY.chance)
+    stays = scores[0] - scores[1] > -np.log(problem.policy.chance)
     return (both, False) if stays else (without, True)
 
 
@@ -197,7 +194,7 @@ def _fitted(problem: Problem, effects: Sequence[FittedEffect]) -> Problem:
     for _ in range(ROUNDS):
         rows = [shifted_run(run, total) for run in work.rows]
         adding = refit_nonlinear(rows, model, adding, work.policy)
-        fitted = refit(rows, model, adding, keeping(work.policy))
+        fitted = refit(rows, model, adding, drops=False)
         step, its_error, misfit = _zero_step(rows, fitted.model, fitted.effects)
         if not misfit < chi_square:
             break

@@ -10,13 +10,14 @@ import numpy as np
 import scipy
 
 from sindyjoint.clock import spend
+from sindyjoint.diagnosis.campaign.regression import FARTHEST
 from sindyjoint.diagnosis.campaign.repair import all_columns, yield_complaint
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import JoinedMotions
 from sindyjoint.diagnosis.evidence.rows import Rotated
-from sindyjoint.diagnosis.evidence.score import Evidence, Score
+from sindyjoint.diagnosis.evidence.score import GROUPS, Evidence, Score
 from sindyjoint.diagnosis.evidence.search import Candidate, Chosen, Search
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
@@ -24,14 +25,10 @@ from sindyjoint.numeric import Array, main_frequency
 
 # Points of a grid of nonlinear parameters, by their number.
 GRID = {1: (13,), 2: (7, 5), 3: (5, 3, 3)}
-# Groups of rows that are predicted from the others: runs, and segments of them where runs are fewer.
-GROUPS = 8
 # Trials of a refinement, per parameter.
 TRIALS = 30
 # The term of a model that may not push.
 FRICTION = "coulomb_friction"
-# Columns beyond this have no square.
-FARTHEST = 1e150
 
 
 @dataclass(eq=False)
@@ -109,7 +106,7 @@ class CampaignEvidence:
                     found.append(
                         Candidate(
                             effect.id, form, values, place, len(mix) > 1 or signs[0],
-                            effect.enters != "moment", bool(variant.states), mix,
+                            effect.enters != "moment", mix,
                         )
                     )  # fmt: skip
         return found

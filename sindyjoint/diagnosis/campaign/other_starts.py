@@ -1,4 +1,4 @@
-"""Other models to start a search from: the one that discovery finds, and both with the channels' delay removed first.
+"""Another model to start a search from, the one that discovery finds; and channels whose delay is removed first.
 
 A law that lacks what discovery can find is given effects in its place, and a delay is taken for a law. Neither can be
 seen while the search goes on; it can be seen at its end, by what remains of the gap.
@@ -8,16 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.gap import gap_of, moment_gap
+from sindyjoint.diagnosis.campaign.gap import gap_of
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit
-from sindyjoint.diagnosis.campaign.start import first_model, is_free
+from sindyjoint.diagnosis.campaign.start import first_model
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.discovery.delay import find_delay, shifted
@@ -34,23 +32,14 @@ Problem = Any
 def other_starts(
     straight: Problem, last: Problem, say: Say
 ) -> Iterator[tuple[Problem, tuple[Step, ...], str]]:
-    """Yield the terms that discovery finds as starts, of channels as they are and aligned, with steps and words.
+    """Yield the terms that discovery finds as a start, with steps and words.
 
     Only where the gap is not far above that of ``last``, where the search ended so far, another one is worth it.
     """
-    worth = straight.policy.start_worth * last.gap.moment
-    delayed = None if is_free(straight.work.campaign) else with_delay(straight)
-    for begun, words in ((straight, ""), (delayed and delayed.problem, " and the channels aligned")):
-        if begun is None:
-            continue
-        say(f"discovering the terms{words.replace(' and', ' with')}")
-        found = discovered(begun)
-        if found is None:
-            continue
-        problem, steps = found
-        before = () if begun is straight or delayed is None else (delayed.step,)
-        if problem.gap.moment <= worth:
-            yield problem, (*before, *steps), f"the terms that discovery finds{words}"
+    say("discovering the terms")
+    found = discovered(straight)
+    if found and found[0].gap.moment <= (1 + straight.policy.nearly) * last.gap.moment:
+        yield *found, "the terms that discovery finds"
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,29 +49,14 @@ class Aligned:
     Parameters
     ----------
     problem : Problem
-    before : Problem
-        The same with its delay.
     delay : FittedEffect
     belief : float
         Probability that there is one.
     """
 
     problem: Problem
-    before: Problem
     delay: FittedEffect
     belief: float
-
-    @property
-    def moment_gap(self) -> float:
-        """Of the moment alone, which tells whether a search from here is worth a simulation."""
-        return moment_gap(self.problem.work, self.problem.repaired.model, self.problem.found)
-
-    @cached_property
-    def step(self) -> Step:
-        """The removal of the delay as a step; its gaps are simulated where somebody asks for them."""
-        delay, gaps = self.delay, (self.before.gap, self.problem.gap)
-        step = _step(delay.name, delay.family, delay.parameters, self.before.units(delay), *gaps)
-        return replace(step, probability=self.belief)
 
 
 def with_delay(problem: Problem) -> Aligned | None:
@@ -96,14 +70,14 @@ def with_delay(problem: Problem) -> Aligned | None:
         return None
     delay = FittedEffect(effect, effect.variants[0], np.empty(0), np.array([lag.time]), 0.0)
     aligned = work.again(work.model, (), tuple(shifted(s, lag.time) for s in work.states))
-    model = refit(aligned.rows, work.model, (), problem.policy).model
+    model = refit(aligned.rows, work.model, ()).model
     later = replace(problem, work=replace(aligned, model=model), repaired=Repaired(model, (delay,)))
-    return Aligned(later, problem, delay, _belief(lag.time / lag.standard_error, problem.policy))
+    return Aligned(later, delay, _belief(lag.time / lag.standard_error))
 
 
-def _belief(ratio: float, policy: DiagnosisPolicy) -> float:
-    """Return the probability that a number of so many standard errors is not zero, tempered as likelihoods are."""
-    return float(1 / (1 + np.exp(-0.5 * min(ratio**2 / policy.temper, 1e3))))
+def _belief(ratio: float) -> float:
+    """Return the probability that a number of so many standard errors is not zero."""
+    return float(1 / (1 + np.exp(-0.5 * min(ratio**2, 1e3))))
 
 
 def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
@@ -134,29 +108,15 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
     if denied:
         model = first_model(campaign, work.states, _without(model, denied), None, policy).model
     later = problem.with_model(model)
-    shifts = tuple(e for e in problem.found if e.shifts)
     extra = [t for t in model.terms if t.id not in known and t.id != INERTIA]
     dropped = tuple(sorted(known - set(model.ids)))
-    return _as_few_as_needed(later, _steps(later, problem.gap, extra, shifts, dropped))
-
-
-def _as_few_as_needed(problem: Problem, steps: tuple[Step, ...]) -> tuple[Problem, tuple[Step, ...]]:
-    """Return the problem and its steps without the last ones where those before leave noise and nothing repeats."""
-    if problem.regression.repeats:
-        return problem, steps
-    for place, step in enumerate(steps[:-1], 1):
-        if step.gap_after.moment <= problem.noise_floor.moment:
-            smaller = _without(problem.work.model, {later.effect for later in steps[place:]})
-            fewer = problem.with_model(refit(problem.work.rows, smaller, (), problem.policy).model)
-            return fewer, (*steps[: place - 1], replace(step, gap_after=fewer.gap))
-    return problem, steps
+    return later, _steps(later, problem.gap, extra, dropped)
 
 
 def _steps(
     problem: Problem,
     before: Gap,
     extra: list[ModelTerm],
-    shifts: tuple[FittedEffect, ...],
     dropped: tuple[str, ...],
 ) -> tuple[Step, ...]:
     """Return a step for each further term, in order of what it carries alone, with the gap of the law so far."""
@@ -164,8 +124,8 @@ def _steps(
     ordered = sorted(extra, key=lambda term: -term.unique_share)
     for place, term in enumerate(ordered, 1):
         later = {each.id for each in ordered[place:]}
-        after = problem.gap if not later else _gap_without(problem, later, shifts)
-        belief = _belief(term.coefficient / max(term.standard_error, 1e-300), problem.policy)
+        after = problem.gap if not later else _gap_without(problem, later)
+        belief = _belief(term.coefficient / max(term.standard_error, 1e-300))
         numbers, units = {term.symbol: term.coefficient}, {term.symbol: term.unit}
         steps.append(replace(_step(term.id, term.family, numbers, units, before, after), probability=belief))
         before = after
@@ -174,11 +134,11 @@ def _steps(
     return tuple(steps)
 
 
-def _gap_without(problem: Problem, ids: set[str], shifts: tuple[FittedEffect, ...]) -> Gap:
+def _gap_without(problem: Problem, ids: set[str]) -> Gap:
     """Return the gap of the model without some terms, the others fitted anew."""
     work = problem.work
     smaller = _without(work.model, ids)
-    return gap_of(work, refit(work.rows, smaller, (), problem.policy).model, shifts)
+    return gap_of(work, refit(work.rows, smaller, ()).model, ())
 
 
 def _without(model: JointModel, ids: set[str]) -> JointModel:

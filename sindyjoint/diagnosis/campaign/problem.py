@@ -56,6 +56,7 @@ from sindyjoint.soundness.warnings import (
     warn_of_negative_inertia,
 )
 from sindyjoint.states import ForceStates, campaign_states, one_after_another
+from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.text import in_words_of
 
 BASE, OWN_ZERO = "paper", "the joint's own zero"
@@ -115,10 +116,10 @@ class CampaignProblem(Problem):
         actuator: Actuator | None = None,
     ) -> CampaignProblem:
         """Return the problem of a campaign, and of a model or the terms of a library fitted to it."""
-        share = policy.rate_share
+        share = STATES.passing_rate_share
         states = one_after_another(campaign, campaign_states(campaign, rate_share=share))
         whole = campaign.identification_runs
-        runs, parts, groups = cut_up(whole, states, share, policy)
+        runs, parts, groups = cut_up(whole, states, policy)
         start = first_model(campaign, parts, model, base or BASE, policy, effects)
         work = Work.build(campaign, runs, parts, groups, start.model, start.effects, policy)
         return cls(
@@ -154,11 +155,6 @@ class CampaignProblem(Problem):
         return self.repaired.dropped
 
     @cached_property
-    def regression(self) -> GapRegression:
-        """The rows on model and effects."""
-        return self.work.regression(self.found)
-
-    @cached_property
     def gap(self) -> Gap:
         """On runs left out of the fit."""
         return gap_of(self.work, self.repaired.model, self.found)
@@ -176,7 +172,7 @@ class CampaignProblem(Problem):
     def uncertainty(self) -> Gap:
         """Return the gap of the response that the true law leaves by its numbers and its drive."""
         floor = self.noise_floor.response
-        if is_free(self.work.campaign) or not self.gap.response > self.policy.within_floors * floor:
+        if is_free(self.work.campaign) or not self.gap.response > self.policy.clearly * floor:
             return Gap(0.0, 0.0)
         return Gap(0.0, response_error(self.work, self.repaired.model, self.found))
 
@@ -239,10 +235,10 @@ class CampaignProblem(Problem):
         return None if found is None else Start(*found, OWN_ZERO, straight)
 
     def with_model(self, model: JointModel) -> Self:
-        """Return the problem of another model, fitted to these states; delays removed from them stay so."""
+        """Return the problem of another model, fitted to these states."""
         work = self.work
         later = Work.build(work.campaign, work.runs, work.states, work.groups, model, (), self.policy)
-        return replace(self, work=later, repaired=Repaired(model, tuple(e for e in self.found if e.shifts)))
+        return replace(self, work=later, repaired=Repaired(model, ()))
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""

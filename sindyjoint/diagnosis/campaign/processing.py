@@ -26,9 +26,6 @@ from sindyjoint.response.policy import POLICY as RESPONSE
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.broadband import smoothing_kernels
 
-# Standard deviations by which a misfit may grow by chance.
-SURE = 2.0
-
 
 def processing_errors(
     runs: Sequence[Run],
@@ -62,7 +59,7 @@ def is_seen(error: Array, row: GapRun, model: JointModel, effects: Sequence[Fitt
     """
     left = row.target - modelled(row, model, effects)
     with_it, without_it = row.white(left), row.white(left - error)
-    chance = SURE * 2 * float(np.linalg.norm(with_it - without_it))
+    chance = CAMPAIGN.likely * 2 * float(np.linalg.norm(with_it - without_it))
     return bool(without_it @ without_it - with_it @ with_it < chance)
 
 
@@ -108,7 +105,7 @@ def _replicate(
         return None
     with np.errstate(over="ignore"):  # a simulation that runs away is far from the measurement
         apart = float(np.std(result.simulated_angle - result.angle))
-    if not apart < RESPONSE.completion_follows * np.std(result.angle):
+    if not apart < RESPONSE.alike * np.std(result.angle):
         return None
     shift = Corrections.of(effects).shift
     angle = delayed(run.angle, shift * run.sample_rate) if shift else run.angle.copy()

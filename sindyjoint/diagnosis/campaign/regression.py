@@ -25,7 +25,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.numeric import Array
 
-MEASUREMENT = "measurement"  # the family of what is wrong with a channel
 PER_TRIAL = 5_000.0  # samples that a trial costs beside those that it goes along
 # Columns of a state that grew beyond this have no square.
 FARTHEST = 1e150
@@ -64,10 +63,7 @@ class GapRegression:
         policy: DiagnosisPolicy = CAMPAIGN,
     ) -> GapRegression:
         """Return the regression of a model, with effects found before beside its terms."""
-        columns = [
-            stack(runs, lambda r: base_columns(model, r)),
-            *(effect_rows(runs, e) for e in sorted(found, key=lambda e: e.family != MEASUREMENT)),
-        ]
+        columns = [stack(runs, lambda r: base_columns(model, r)), *(effect_rows(runs, e) for e in found)]
         base, target = np.hstack(columns), np.concatenate([run.white(run.target) for run in runs])
         basis = _orthonormal(base)
         residual = target - basis @ (basis.T @ target)
@@ -110,12 +106,7 @@ class GapRegression:
             return 0.0, np.zeros(len(variant.columns))
         ends = np.cumsum([run.motion.keep.size for run in self.runs])[:-1]
         parts = zip(self.runs, np.split(columns, ends), strict=True)
-        return self.gain_of(variant, np.vstack([run.white(part) for run, part in parts]))
-
-    def gain_of(self, variant: Variant, columns: Array) -> tuple[float, Array]:
-        """Return the same for whitened columns, shape (N, n_columns)."""
-        if not np.all(np.abs(columns) < FARTHEST):
-            return 0.0, np.zeros(columns.shape[1])
+        columns = np.vstack([run.white(part) for run, part in parts])
         size = np.linalg.norm(columns, axis=0)
         projected = self.projected(columns)
         norm = np.linalg.norm(projected, axis=0)
@@ -130,9 +121,6 @@ class GapRegression:
         explained = unit @ coefficients
         coefficients = coefficients / norm
         if wrong_signs(variant, coefficients):
-            return 0.0, coefficients
-        # What is larger than the moment itself must be cancelled by the other terms, and is no effect.
-        if np.any(np.abs(coefficients) * size > self.policy.cancelled * np.linalg.norm(self.target)):
             return 0.0, coefficients
         return float(2 * explained @ self.residual - explained @ explained), coefficients
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.regression import GapRegression, effect_rows, stack
+from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.rows.build import base_columns
 from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales, row_groups
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
@@ -53,9 +53,9 @@ def refit(
     runs: Sequence[GapRun],
     model: JointModel,
     effects: Sequence[FittedEffect],
-    policy: DiagnosisPolicy = CAMPAIGN,
+    drops: bool = True,
 ) -> Repaired:
-    """Estimate terms and effects together; drop terms that the effects made needless, the least first.
+    """Estimate terms and effects together; drop terms that the effects made needless, the least first, if any may go.
 
     A term is needless that carries no share of the moment beside them, and does not stand out of its error or is
     friction that pushes. Beside a zero error no term is that a shift of the displacement makes of another one: it may
@@ -69,10 +69,10 @@ def refit(
         ratio = np.abs(coefficients[:size]) / np.sqrt(np.diag(covariance)[:size])
         share = np.abs(coefficients[:size]) * _own_rms(runs, model) / model.fitted.moment_rms
         pushing = coefficients[:size] < [0.0 if t.family == FRICTION else -np.inf for t in model.terms]
-        weak = np.flatnonzero((pushing | (ratio < policy.needless_ratio)) & (share < policy.needless_share))
+        weak = np.flatnonzero((pushing | (ratio < CAMPAIGN.significant)) & (share < CAMPAIGN.column_error))
         if shifted:
             weak = weak[~np.array(made_by_shift([term.expression for term in model.terms]))[weak]]
-        if not effects or not weak.size or size <= 1:
+        if not drops or not effects or not weak.size or size <= 1:
             break
         least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
@@ -84,11 +84,6 @@ def refit(
         later.append(replace(each, coefficients=coefficients[k : k + width]))
         k += width
     return Repaired(model, tuple(later), tuple(dropped), covariance)
-
-
-def keeping(policy: DiagnosisPolicy) -> DiagnosisPolicy:
-    """Return a policy under which no term becomes needless."""
-    return replace(policy, needless_share=0.0)
 
 
 def _solve(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> tuple[Array, Array]:
@@ -141,28 +136,13 @@ def about_zero(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) 
     return replace(run, motion=replace(motion, moment_slope=slope), secant=True)
 
 
-def rest_angle(
-    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect] = ()
-) -> float | None:
-    """Return where the elastic moment of the terms and a constant, fitted beside effects, is zero; rad.
+def rest_angle(runs: Sequence[GapRun], model: JointModel) -> float | None:
+    """Return where the elastic moment of the terms and a constant is zero, nearest to the mean of the motion; rad.
 
-    Nearest to the mean of the motion and within it. None where there is no such angle, and where it is not known: where
-    no stiffness about it stands out of its error, or where terms and effects leave much of the moment.
+    None where there is no such angle within the motion, or no stiffness about it stands out of its error.
     """
-    beside = [e for e in effects if e.family != "measurement"]
-    plain = [np.column_stack([base_columns(model, r), np.ones(r.target.size)]) for r in runs]
-    own = np.vstack([run.white(rows) for run, rows in zip(runs, plain, strict=True)])
-    columns = np.hstack([own, *(effect_rows(runs, e) for e in beside)])
-    solved, covariance = least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
-    moment = np.concatenate([run.target for run in runs])
-    whole = [
-        np.hstack([rows, *(e.variant.along(r.motion, e.values) for e in beside)])
-        for r, rows in zip(runs, plain, strict=True)
-    ]
-    if np.linalg.norm(moment - np.vstack(whole) @ solved) > CAMPAIGN.rest_misfit * np.linalg.norm(moment):
-        return None
-    size = own.shape[1]
-    solved, covariance = solved[:size], covariance[:size, :size]
+    rows = stack(runs, lambda run: np.column_stack([base_columns(model, run), np.ones(run.target.size)]))
+    solved, covariance = least_squares(rows, np.concatenate([run.white(run.target) for run in runs]))
     moved = np.concatenate([run.motion.angle for run in runs])
     angle = np.linspace(float(moved.min()), float(moved.max()), 401)
     still = np.zeros_like(angle)
@@ -173,7 +153,7 @@ def rest_angle(
     if rest is None:
         return None
     slope = np.array([np.interp(rest, angle, np.gradient(column, angle)) for column in elastic.T])
-    sure = slope @ solved > CAMPAIGN.needless_ratio * np.sqrt(slope @ covariance @ slope)
+    sure = slope @ solved > CAMPAIGN.significant * np.sqrt(slope @ covariance @ slope)
     return rest if sure else None
 
 
@@ -207,14 +187,13 @@ def held_out_gap(
     effects: Sequence[FittedEffect],
     noise: dict[str, float],
     policy: DiagnosisPolicy = CAMPAIGN,
-    refitted: bool = True,
     size: float | None = None,
 ) -> float:
     """Return the moment gap on runs that were left out, relative RMS.
 
     Relative to ``size``, N·m; default: the RMS of the rows.
 
-    Each group of runs is left out in turn; coefficients and, unless they are not to be ``refitted``, nonlinear
+    Each group of runs is left out in turn; coefficients and nonlinear
     parameters come from the others.
     The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
     So is what the processing leaves of the model's own simulation.
@@ -232,7 +211,7 @@ def held_out_gap(
         out, others = labels == group, white_labels != group
         used, rows = plain, white
         train = [run for run in runs if run.group != group]
-        if refitted and train and len(train) < len(runs) and any(e.values.size for e in effects):
+        if train and len(train) < len(runs) and any(e.values.size for e in effects):
             # Along the motion itself where it is short: a kink that is followed roughly has its numbers elsewhere.
             if sum(run.motion.angle.size for run in train) > MOST_FOLLOWED:
                 train = [run.rough() for run in train]

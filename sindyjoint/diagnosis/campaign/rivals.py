@@ -20,11 +20,11 @@ from sindyjoint.diagnosis.campaign.rows.build import base_columns, gap_runs
 from sindyjoint.diagnosis.campaign.rows.run import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.evidence.policy import POLICY as EVIDENCE
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice, Step
 from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.numeric import Array
+from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.text import in_words_of
 
 # Step of the differences, in the logarithm of a nonlinear parameter.
@@ -202,7 +202,7 @@ class Rivals:
 
     def factor_of(self, design: Design) -> Array:
         """Return the factor of a run that nobody has made yet."""
-        expected = expected_states(design, self.work.states, self.work.policy.rate_share)
+        expected = expected_states(design, self.work.states, STATES.passing_rate_share)
         (row,) = gap_runs([expected], self.work.model, ["advised"], self.work.policy)
         return self.condensed([row]) if row.target.size else np.zeros_like(self.factor[:0])
 
@@ -226,7 +226,7 @@ class Rivals:
         found = np.zeros((len(self.members),) * 2)
         for i, (member, (_, own)) in enumerate(zip(self.members, places, strict=True)):
             target = rows[:, own] @ member.coefficients
-            inflated = 1 + EVIDENCE.column_error**2 * _left(rows[:, :base], target)
+            inflated = 1 + self.work.policy.column_error**2 * _left(rows[:, :base], target)
             for j, (columns, _) in enumerate(places):
                 if j != i:
                     beside = np.hstack([rows[:, :base], rows[:, columns]])
@@ -247,7 +247,7 @@ class Rivals:
     def promises(self, tried: Sequence[tuple[Design, Array]], added: Sequence[Array]) -> list[Promise]:
         """Return what is expected of runs, the best first: by a moment where that drove before and is enough."""
         found = [Promise(design, factor, *self.judged([*added, factor])) for design, factor in tried]
-        enough = self.work.policy.enough
+        enough = self.work.policy.confident
 
         def worth(each: Promise) -> tuple[bool, float, float]:
             by_moment = each.design.waveform == BY_MOMENT and each.confidence >= enough

@@ -11,11 +11,9 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.change import MEMBER, changes, segments
 from sindyjoint.diagnosis.campaign.processing import processing_errors, without_processing
-from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import (
     Repaired,
     about_zero,
-    keeping,
     model_errors,
     refit,
     refit_nonlinear,
@@ -40,6 +38,7 @@ from sindyjoint.states import (
 from sindyjoint.states.floor import moment_floor
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics
+from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import group_labels
 
 # Rows of all runs that are searched; more of them hardly change what is found.
@@ -97,10 +96,6 @@ class Work:
         states = self.states if states is None else states
         return Work.build(self.campaign, self.runs, states, self.groups, model, effects, self.policy)
 
-    def regression(self, found: Sequence[FittedEffect] = ()) -> GapRegression:
-        """Return the regression of the rows on the model and effects."""
-        return GapRegression.build(self.rows, self.model, found, self.policy)
-
     def moment_rows(self) -> tuple[GapRun, ...]:
         """Return rows that are moments of the joint, in free motion too."""
         if not is_free(self.campaign):
@@ -111,7 +106,7 @@ class Work:
     def kept_states(self) -> tuple[ForceStates, ...]:
         """States of the runs kept for validation, as measured."""
         kept = self.campaign.validation_runs
-        states = states_of(self.campaign, kept, rate_share=self.policy.rate_share)
+        states = states_of(self.campaign, kept, rate_share=STATES.passing_rate_share)
         return one_after_another(self.campaign, states)
 
     @cached_property
@@ -178,14 +173,13 @@ def applicable(
 def cut_up(
     runs: Sequence[Run],
     states: Sequence[ForceStates],
-    rate_share: float | None = None,
     policy: DiagnosisPolicy = CAMPAIGN,
 ) -> tuple[tuple[Run, ...], tuple[ForceStates, ...], tuple[str, ...]]:
     """Return runs, states and group labels of the segments of runs that change in time; whole runs otherwise."""
     labels = group_labels(states)
     if not changes(runs, states, policy):
         return tuple(runs), tuple(states), tuple(labels)
-    parts = [segments(run, s, rate_share, policy) for run, s in zip(runs, states, strict=True)]
+    parts = [segments(run, s, policy) for run, s in zip(runs, states, strict=True)]
     return (
         tuple(each.run for part in parts for each in part),
         tuple(each.states for part in parts for each in part),
@@ -234,11 +228,10 @@ def first_model(
     start = Repaired(
         replace(fitted, joint=campaign.joint, fitted=data, inputs=campaign.inputs).without_elements(), effects
     )
-    # No term of a model that was given is dropped before anything is found.
-    all_terms = keeping(policy) if effects else policy
     # The rows' own noise needs the slopes of a law, and the law is fitted best under that noise: twice is enough.
+    # No term of a model that was given is dropped before anything is found.
     for _ in range(2):
         own = gap_runs(states, start.model, group_labels(states), policy)
         later = refit_nonlinear(own, start.model, start.effects, policy) if effects else ()
-        start = refit(own, start.model, later, all_terms)
+        start = refit(own, start.model, later, drops=not effects)
     return start

@@ -22,7 +22,7 @@ from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
 from sindyjoint.diagnosis.parts import Budget, divide_gap
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.equation.terms import Reference
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import ROUNDING, Array
 
 # Knots of the surface: of each sheet over (|θ̇|, θ), and of what changes quickly along θ or along |θ̇| alone.
 SHEET = (9, 5)
@@ -33,8 +33,6 @@ THRESHOLDS = np.geomspace(0.015, 0.8, 9)
 GAPS = (0.6, 0.85)
 # Relaxation times, in units of the motion's own 1/ω.
 FORGETTING = np.array([0.15, 0.4, 1.0, 2.5, 6.0])
-# Two signals that point the same way within this are one.
-ROUNDING = 1e-9
 TURNS = 3
 
 
@@ -335,7 +333,7 @@ def _between_levels(runs: Sequence[GapRun], policy: DiagnosisPolicy) -> tuple[Fo
     amplitude = np.exp(np.round(np.log([float(np.abs(run.angle).max()) for run in runs]), 2))
     folds = []
     for index, own in enumerate(amplitude):
-        known = np.flatnonzero(np.abs(np.log(amplitude / own)) > np.log1p(policy.same_level))
+        known = np.flatnonzero(np.abs(np.log(amplitude / own)) > np.log1p(policy.tolerated))
         if known.size and amplitude[known].max() > own:
             folds.append(Fold(index, tuple(int(i) for i in known)))
     return tuple(folds)
@@ -352,7 +350,7 @@ def shares(problem: GapRegression, noise: float, measured: bool = False) -> dict
     prediction = Prediction(problem)
     before = prediction.base
     deviation = float(np.sqrt(2 * prediction.rows))
-    margin = problem.policy.significant_fall * deviation
+    margin = problem.policy.significant * deviation
     floor = min(float(prediction.rows), before) if problem.repeats else noise * before
     credit = dict.fromkeys(KINDS, 0.0)
     if before - floor <= margin:
@@ -362,9 +360,7 @@ def shares(problem: GapRegression, noise: float, measured: bool = False) -> dict
     while open_kinds:
         tried = {kind: prediction.best(kind, beside) for kind in open_kinds}
         least = min(each.error for each in tried.values())
-        kind = next(
-            k for k in KINDS if k in tried and tried[k].error <= least + problem.policy.alike * deviation
-        )
+        kind = next(k for k in KINDS if k in tried and tried[k].error <= least + deviation)
         gain = residual - max(tried[kind].error, floor)
         if gain <= margin:
             break

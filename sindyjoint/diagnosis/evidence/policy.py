@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sindyjoint.policy import limit
+from sindyjoint.policy import SharedPolicy, limit
 
 
 @dataclass(frozen=True)
-class EvidencePolicy:
+class EvidencePolicy(SharedPolicy):
     """When a set of effects wins over one with less in it, and when two sets cannot be told apart."""
 
     chance: float = limit(
@@ -16,30 +16,11 @@ class EvidencePolicy:
         "probability that anything is added where there is nothing but noise, all candidates tried",
         source="error rate, measured on simulated noise in the rows of the campaign itself",
     )
-    most_deviate: float = limit(
-        3.0,
-        "standard deviations that a single group counts for at most",
-        source="convention: one run does not decide",
-    )
-    within: float = limit(
-        1.5,
-        "prediction errors, RMS in units of what noise makes expected, up to which nothing more is called missing",
-        source="as in the verdict: a noise floor is known within that factor",
-    )
-    least_help: float = limit(
-        0.1,
-        "share by which a member makes prediction errors smaller where more than noise remains",
-        source="convention: what takes less than a tenth stands in for something else",
-    )
     column_error: float = limit(
         0.02,
-        "relative error of an effect's column: motions are processed, nonlinear parameters rounded",
+        "relative error of an effect's column (motions are processed, nonlinear parameters rounded), and share of the "
+        "moment that a term of the model carries at least",
         source="free decays with Coulomb friction leave 1 % of what it explains",
-    )
-    little: float = limit(
-        0.05,
-        "share of the score that is no further effect where noise, or hysteresis, explains the rest",
-        source="campaigns with one hidden effect: what a second one wins there is an error of the first one's column",
     )
 
 

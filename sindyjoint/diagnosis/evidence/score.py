@@ -25,6 +25,8 @@ from sindyjoint.numeric import Array
 #: Sizes of the discrepancy that are tried, relative to the RMS of the moment. Twice as much changes little.
 SIZES = np.array([0.0, *(5e-4 * 2.0 ** np.arange(12))])
 Sizes = slice | NDArray[np.intp]
+# Groups of rows that are predicted from the others: runs, and segments of them where runs are fewer.
+GROUPS = 8
 # A ridge on columns of unit norm, for those that depend on others.
 RIDGE = 1e-10
 

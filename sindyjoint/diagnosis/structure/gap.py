@@ -53,7 +53,7 @@ def _beside(
 def _audible_end(problem: PulseProblem, record: int) -> float:
     each = problem.records[record]
     noise, policy = problem.noise[record].sigma, problem.policy
-    return audible_end(each.displacement, each.sample_rate, policy.audible * noise)
+    return audible_end(each.displacement, each.sample_rate, policy.significant * noise)
 
 
 def audible_end(measured: Array, sample_rate: float, least: float) -> float:
@@ -101,7 +101,7 @@ def regions_of(
     if not power.any():
         return []
     time = np.arange(measured.size) / sample_rate
-    end = audible_end(measured, sample_rate, policy.audible * noise)
+    end = audible_end(measured, sample_rate, policy.significant * noise)
     envelope, _ = hilbert_envelope(measured, sample_rate)
     height = envelope / float(envelope.max())
     regions = Regions(power, "record", policy)

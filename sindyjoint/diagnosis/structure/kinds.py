@@ -15,11 +15,8 @@ from sindyjoint.diagnosis.structure.output_error import differences
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import Array, root_of
+from sindyjoint.numeric import DIFFERENCE, Array, root_of
 from sindyjoint.response.laws import LEAST_DRAWN, model_law
-
-# Step of the differences, in the scaled numbers of a fit.
-STEP = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +134,7 @@ def with_slopes(
     """Return the model of some numbers of a fit with the covariance that follows from theirs, by linearisation."""
     whole = assembled(x)
     slopes = differences(
-        lambda at: assembled(at).numbers, x, whole.numbers, range(x.size), np.full(x.size, STEP), high
+        lambda at: assembled(at).numbers, x, whole.numbers, range(x.size), np.full(x.size, DIFFERENCE), high
     )
     spread = slopes @ covariance @ slopes.T
     return whole.with_numbers(whole.numbers, (spread + spread.T) / 2)

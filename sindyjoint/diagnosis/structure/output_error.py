@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
-from sindyjoint.diagnosis.evidence.score import Evidence, Score
+from sindyjoint.diagnosis.evidence.score import GROUPS, Evidence, Score
 from sindyjoint.numeric import Array
 
 # Step of the differences, in standard errors of numbers that have a prior: a simulation in time has events, and a
 # smaller one would see them.
 STEP_PRIOR = 0.05
-# Parts of the rows, at least, that are predicted one from the others.
-GROUPS = 8
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,6 @@ import numpy as np
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change
-from sindyjoint.diagnosis.evidence.policy import POLICY
 from sindyjoint.diagnosis.evidence.score import Ranking, rise
 from sindyjoint.diagnosis.parts import Budget, Place, divide_gap, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
@@ -123,7 +122,7 @@ class StructureProblem(Problem):
         rows = self.pulse.rows()
         # Variance of a mean square in units of noise, times the samples: 2 of its own, the rest of the noise's.
         variance = 2 + 2 / self.policy.late_share
-        sure = self.policy.significant_fall * float(np.sqrt(variance / rows))
+        sure = self.policy.significant * float(np.sqrt(variance / rows))
         return self.best.cost / rows < 1 + sure
 
     @cached_property
@@ -171,7 +170,7 @@ class StructureProblem(Problem):
             start = np.delete(found.x, range(at, at + each.change.size))
             less = fit(fewer, start, pulse.duration, iterations=4)
             if less is not None and rise(score_of(pulse, found), score_of(fewer, less)) < -np.log(
-                POLICY.chance
+                self.policy.chance
             ):
                 pulse, found = fewer, less
             else:
@@ -300,7 +299,7 @@ def warnings_of(
     if virtual:
         lines.append("the response is simulated (a virtual pulse test of the rig), not measured")
     if drawn:
-        share = 100 * problem.policy.known_to
+        share = 100 * problem.policy.trifle
         lines.append(
             f"no model was given: the terms of the rig's own joint were taken as known to {share:.3g} %"
         )

@@ -32,9 +32,8 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.virtual_rig import with_laws
 from sindyjoint.numeric import Array, main_frequency, noise_by_differences
+from sindyjoint.response.output_error import STEP
 
-# Step of the differences in the scaled numbers of an effect.
-STEP_EFFECT = 2e-4
 # Modes are added to the search only as far as records can show them.
 MODES = 6
 # Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.
@@ -182,7 +181,7 @@ class PulseProblem(OutputError):
     ) -> Array:
         """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
         low, high = self.bounds(extra)
-        steps = STEP_EFFECT * np.maximum(1.0, 0.1 * (high - low))
+        steps = STEP * np.maximum(1.0, 0.1 * (high - low))
         steps[: self.priors] = STEP_PRIOR
         steps[high <= low] = 0.0
         return differences(lambda at: self.residuals(at, duration, extra), x, residual, places, steps, high)

@@ -20,15 +20,12 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.states.record import ForceStates
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segments import DRAWS, Channels, SegmentedRun
 from sindyjoint.substructure.states import joint_states, kept_of
-
-# Step of the differences for the numbers of an effect, of the largest that is sought.
-STEP_EFFECT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +96,7 @@ class RecordsProblem(RunsProblem):
         low, high = self.bounds(extra)
         columns = np.zeros((residual.size, len(places)))
         columns[:first] = super().derivatives(x, residual[:first], duration, places, extra)
-        steps = STEP_EFFECT * (high - low)
+        steps = COARSE_DIFFERENCE * (high - low)
         steps[: self.priors] = STEP_PRIOR
 
         def segments(at: Array) -> Array | None:

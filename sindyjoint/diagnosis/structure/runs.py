@@ -27,15 +27,13 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Hinge, Structure
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.substructure.recovery import Recovery, Update, held_spectra, update_structure, with_numbers
 from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
 from sindyjoint.substructure.simulated.steady import Condensed, Steady
 
 Complex = NDArray[np.complex128]
 
-# Step of the differences, in the scaled numbers of the fit.
-STEP = 1e-3
 # Laws' numbers without a prior may move by so many of their standard errors.
 FREE = 300.0
 KEPT = 200
@@ -107,7 +105,7 @@ class RunsProblem(OutputError):
     ) -> RunsProblem:
         """Return the problem without runs, the structure's numbers updated by those whose joints stick."""
         prior = update_structure(test, (), held_spectra(test)) if test.update_runs else None
-        return cls(test, kinds_of(test, models, policy.model_error), (), prior=prior, policy=policy)
+        return cls(test, kinds_of(test, models, policy.hardly), (), prior=prior, policy=policy)
 
     @property
     def duration(self) -> float:
@@ -263,7 +261,9 @@ class RunsProblem(OutputError):
             rows = slice(first, first + run.rows)
             first = rows.stop
             for column, place in enumerate(places):
-                step = STEP if x[place] + STEP <= high[place] else -STEP
+                step = (
+                    COARSE_DIFFERENCE if x[place] + COARSE_DIFFERENCE <= high[place] else -COARSE_DIFFERENCE
+                )
                 moved = x.copy()
                 moved[place] += step
                 try:
@@ -366,7 +366,7 @@ class NearRuns(RunsProblem):
         here = self.residuals(x, duration, extra)
         if here is None:
             return np.zeros((residual.size, len(places)))
-        steps = np.full(x.size, STEP)
+        steps = np.full(x.size, COARSE_DIFFERENCE)
         return differences(
             lambda at: self.residuals(at, duration, extra), x, here, places, steps, self.bounds(extra)[1]
         )

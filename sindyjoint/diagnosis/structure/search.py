@@ -50,7 +50,7 @@ def search(
     found = _search(problem, base, [change for change in changes if not change.fallback], period, say)
     fallback = [change for change in changes if change.fallback]
     residual = min((base.cost - each.gain for each in found), default=base.cost) / problem.rows()
-    if fallback and residual > problem.policy.fallback:
+    if fallback and residual > problem.policy.significant_excess:
         found += _search(problem, base, fallback, period, say)
     return found
 
@@ -189,7 +189,7 @@ def _close(
         if change.effect.id not in kept or behind < kept[change.effect.id][0]:
             kept[change.effect.id] = behind, change, found
     best = min(behind for behind, _, _ in kept.values())
-    limit = best + policy.behind + policy.lost_share * cost
+    limit = best + policy.behind + policy.accuracy * cost
     return [(change, found) for behind, change, found in kept.values() if last or behind <= limit]
 
 

@@ -147,7 +147,7 @@ def relative(catalogue: Catalogue) -> set[str]:
 
 def _exceeds_scale(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
     """Return whether values pass the scale of nonlinear parameters by more than they may."""
-    most = 1 + POLICY.scale_excess
+    most = 1 + POLICY.large_part
     return any(getattr(largest, name) > most * getattr(scale, name) for name in relative(catalogue))
 
 

@@ -11,7 +11,6 @@ from sindyjoint.errors import InputError
 from sindyjoint.files.drafting.assignment import Dialogue
 from sindyjoint.files.drafting.survey import Bundle, Column
 from sindyjoint.files.timeaxis import (
-    FEWEST_PERIODS,
     LONGEST_GAP,
     PARTS,
     check_frequency,
@@ -22,6 +21,7 @@ from sindyjoint.files.timeaxis import (
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.files.writers import toml_string
 from sindyjoint.numeric import Array, main_frequency
+from sindyjoint.policy import SHARED
 from sindyjoint.record import MINIMUM_SAMPLES
 from sindyjoint.text import printable
 
@@ -45,10 +45,6 @@ INTERVALS = {
 COARSE = 0.5
 # Share of its power by which a motion may change from one period to the next.
 REPEATS = 0.03
-# Amplitudes within this factor are one level.
-SAME_LEVEL = 1.15
-# Below this, a thousandth of the unit reads better.
-SMALL = 0.1
 _HERTZ = re.compile(r"(\d+(?:[.,p]\d+)?)\s*[hH]z")
 _LEVEL_WORD = re.compile(
     r"(?:^|[^a-z])(low|lo|middle|mid|medium|high|hi|small|large|max|min|full|half)(?![a-z])", re.IGNORECASE
@@ -139,10 +135,10 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     named = _HERTZ.search(name)
     if named:
         stated = float(re.sub("[,p]", ".", named[1]))
-        if _holds(stated, angle, moment, rate) and stated * angle.size / rate >= FEWEST_PERIODS:
+        if _holds(stated, angle, moment, rate) and stated * angle.size / rate >= SHARED.fewest:
             return stated
     periods = found * angle.size / rate
-    if periods < FEWEST_PERIODS or not _holds(found, angle, moment, rate):
+    if periods < SHARED.fewest or not _holds(found, angle, moment, rate):
         return None
     # The power of what changes from one period to the next, relative to that of the signal.
     at = np.arange(angle.size)
@@ -205,11 +201,11 @@ def name_levels(names: Sequence[str], peaks: Sequence[float], unit: str) -> list
     >>> name_levels(["3Hz-low", "4Hz_0.5in", "c", "d"], [0.001, 0.002, 0.0031, 0.003], "rad")
     ['low', '0.5 in', '3 mrad', '3 mrad']
     """
-    if unit in ("rad", "m") and max(peaks) < SMALL:
+    if unit in ("rad", "m") and max(peaks) < SHARED.nearly:
         peaks, unit = [1e3 * peak for peak in peaks], f"m{unit}"
     labels, lowest = [""] * len(names), 0.0
     for i in sorted(range(len(names)), key=lambda i: peaks[i]):
-        if not (lowest and peaks[i] <= SAME_LEVEL * lowest):
+        if not (lowest and peaks[i] <= (1 + SHARED.alike) * lowest):
             lowest = peaks[i]
         stem = _HERTZ.sub(" ", names[i])
         word, size = _LEVEL_WORD.search(stem), _LEVEL_SIZE.search(stem)

@@ -13,6 +13,7 @@ from urllib.parse import quote
 import numpy as np
 from rich.markup import escape
 
+from sindyjoint.policy import SHARED as POLICY
 from sindyjoint.reporting.equation import superscripted
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Curve, Kind, Scale, by_name, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, markup, section
@@ -33,7 +34,6 @@ from sindyjoint.trust import Light, Trust
 from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
 from sindyjoint.workflows.joints.record import CAMPAIGNS, CampaignRecord
 from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
-from sindyjoint.workflows.policy import POLICY
 
 # More names than these cannot be read below an axis; characters of a name on a terminal.
 NAMED, NAME = 24, 24
@@ -278,9 +278,9 @@ def _trust(result: Batch) -> Trust:
         Light("alike", "fair", f"{list_some(apart)} differ from the others: see which joints differ")
         if apart
         else Light("alike", "good", "no coefficient leaves the distribution of the others")
-        if result.found >= POLICY.fewest_joints
+        if result.found >= POLICY.scatter
         else Light(
-            "alike", "fair", f"{result.found} of the {POLICY.fewest_joints} joints among which outliers show"
+            "alike", "fair", f"{result.found} of the {POLICY.scatter} joints among which outliers show"
         ),
     )
     where = {record.id: shlex.quote(record.manifest) for record in result.records}

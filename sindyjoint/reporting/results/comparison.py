@@ -99,7 +99,7 @@ def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
         return _value(test.estimates[at], test.standard_errors[at])
 
     def answer(test: FrequencyTest) -> str:
-        small = test.answer == "independent within margin" and test.p_value < DISCOVERY.frequency_level
+        small = test.answer == "independent within margin" and test.p_value < DISCOVERY.level
         return test.answer + (f"; a change of {_trend(test)} is significant" if small else "")
 
     columns: dict[str, Callable[[FrequencyTest], str]] = {

@@ -32,10 +32,10 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
-from sindyjoint.reporting.results.discovery_data import MAP_CELLS
 from sindyjoint.reporting.results.verification import CYCLES_SHOWN, KEPT_SAMPLES
 from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
 from sindyjoint.response.oscillations import hilbert_envelope, main_frequency
+from sindyjoint.states.surface import MAP_CELLS
 from sindyjoint.text import percent, quantities, spelled
 
 MOST_RIVALS = 4

@@ -19,10 +19,9 @@ from sindyjoint.judgement.discovery import Discovery, estimates_by_group
 from sindyjoint.judgement.over_inputs import OverInput
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
-from sindyjoint.states.surface import ForceStateMap, force_state_map, map_of_states
+from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, force_state_map, map_of_states
 from sindyjoint.trust import Trust
 
-MAP_CELLS = 24
 SHEET_NODES = 17
 LOOP_SAMPLES = 480
 PHASE_BINS, TIME_BINS = 60, 40

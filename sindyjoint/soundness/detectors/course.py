@@ -46,7 +46,7 @@ class Step:
         return float(after.mean() / max(float(before.mean()), 1e-12))
 
 
-def step_of(series: Array, least: float = POLICY.changed) -> Step | None:
+def step_of(series: Array, least: float = POLICY.tolerated) -> Step | None:
     """Return the step of a series that stands out most of the scatter on either side, where it is large enough.
 
     A gradual change, such as a start-up, scatters on either side nearly as much as it steps.
@@ -63,7 +63,7 @@ def step_of(series: Array, least: float = POLICY.changed) -> Step | None:
     windows = np.lib.stride_tricks.sliding_window_view(series, side)
     left, right = windows[: n - 2 * side], windows[side + 1 :]
     size = right.mean(axis=1) - left.mean(axis=1)
-    scatter = np.ptp(left, axis=1) + np.ptp(right, axis=1) + POLICY.taken_for_granted
+    scatter = np.ptp(left, axis=1) + np.ptp(right, axis=1) + POLICY.hardly
     # Some of few periods agree by chance: no less than what two ranges of as many are by their usual differences.
     contrast = np.abs(size) / np.maximum(scatter, side * np.median(np.abs(np.diff(series))))
     at = int(np.argmax(contrast))
@@ -110,7 +110,7 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
     if clock not in lines or len(lines) < 2 or lines[clock].size <= POLICY.few_periods:
         return
     # Periods in which every channel is quiet.
-    quiet = np.logical_and.reduce([np.abs(line) < POLICY.changed for line in lines.values()])
+    quiet = np.logical_and.reduce([np.abs(line) < POLICY.tolerated for line in lines.values()])
     alive = np.flatnonzero(~quiet)
     first, last = int(alive[0]), int(alive[-1]) + 1
     # Of a single period the excitation may be a part.
@@ -170,7 +170,7 @@ def _beat(record: Record) -> float:
 def _find_phase_steps(record: Record, lines: Lines, first: int, words: Words) -> list[Finding]:
     """Return samples that all channels lost, or one of them."""
     per = record.samples_per_period / record.order
-    least = max(POLICY.changed, 2 * np.pi / per)  # no less than a sample
+    least = max(POLICY.tolerated, 2 * np.pi / per)  # no less than a sample
     clock = record.driven_by
 
     def step(line: NDArray[np.complex128]) -> Step | None:
@@ -245,8 +245,8 @@ def _find_zero_changes(
 ) -> Iterator[Finding]:
     """Yield a zero that jumps or drifts; ``mean`` is in parts of the channel's amplitude, which ``of`` holds."""
     first, amplitude = of
-    step = step_of(mean, max(POLICY.changed, _beat(record) if name == "moment" else 0.0))
-    slope = drift_of(mean, POLICY.changed)
+    step = step_of(mean, max(POLICY.tolerated, _beat(record) if name == "moment" else 0.0))
+    slope = drift_of(mean, POLICY.tolerated)
     moved = step.size if step is not None else (slope or 0.0) * mean.size
     size = f"by {moved * amplitude:.3g} {words.unit(name)} ({100 * abs(moved):.2g} % of its amplitude)"
     if step is not None:
@@ -263,7 +263,7 @@ def _find_zero_changes(
 def _find_clock_drift(record: Record, lines: Lines, words: Words) -> Iterator[Finding]:
     """Yield channels whose clocks differ."""
     apart = np.unwrap(np.angle(lines["moment"] * np.conj(lines["angle"])))
-    slope = drift_of(apart, max(POLICY.changed, _beat(record)))
+    slope = drift_of(apart, max(POLICY.tolerated, _beat(record)))
     if slope is None:
         return
     total = slope * apart.size

@@ -92,7 +92,7 @@ def find_sizes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "implausible_size",
             record.name,
             "angle",
-            "stops" if swing > POLICY.another_scale * largest or peak <= largest else "biases",
+            "stops" if swing > POLICY.many_times * largest or peak <= largest else "biases",
             f"the {words.of('angle')} reaches {peak:.3g} {unit}, its amplitude is {swing:.3g} {unit}{degrees}",
             f"k1 in {words.unit('moment')}/{unit} is wrong by the factor of the unit, k3 by its cube",
             "check the unit ('Grad' is read as giga-radian, degrees are 'deg') and the gain of the channel",
@@ -146,7 +146,7 @@ def find_disagreement(record: Record, words: Words) -> Iterator[Finding]:
     gain, gain_error, delay, delay_error = found
     phase = 2 * np.pi * (record.frequency or record.main) * abs(delay)
     apart = abs(gain - 1) > max(POLICY.gain, POLICY.outstanding * gain_error)
-    late = phase > POLICY.bears and abs(delay) > POLICY.outstanding * delay_error
+    late = phase > POLICY.little and abs(delay) > POLICY.outstanding * delay_error
     if not (apart or late):
         return
     factor = f"the acceleration is {gain:.4g} ± {gain_error:.2g} times that of the {words.of('angle')}"
@@ -162,7 +162,7 @@ def find_disagreement(record: Record, words: Words) -> Iterator[Finding]:
         "sensors_disagree",
         record.name,
         "acceleration",
-        "stops" if abs(gain - 1) > POLICY.unit else "biases",
+        "stops" if abs(gain - 1) > POLICY.unknown else "biases",
         ", ".join([factor] * apart + [when] * late),
         f"low frequencies follow one sensor and high ones the other: {wrong}",
         "; ".join([remedies[0]] * apart + [remedies[1]] * late),
@@ -180,12 +180,12 @@ def find_coverage(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "one run only", "no coefficient can be checked on a run that was left out",
             "make runs at several levels and frequencies",
         ))  # fmt: skip
-    elif steady and max(known) < POLICY.same * min(known):
+    elif steady and max(known) < (1 + POLICY.little) * min(known):
         said.append((
             f"one frequency only, {known[0]:g} Hz", "c1 and the inertia cannot be told from M_F and k1",
             "make runs at three frequencies or more",
         ))  # fmt: skip
-    if steady and len(records) > 1 and max(ranges) < POLICY.same_level * min(ranges):
+    if steady and len(records) > 1 and max(ranges) < (1 + POLICY.alike) * min(ranges):
         said.append((
             f"one level only, an amplitude of {0.5 * max(ranges):.3g} {words.unit('angle')}",
             "k3 cannot be told from k1, nor M_F from c1", "make runs at two levels or more",
@@ -207,7 +207,7 @@ def find_lines(record: Record, words: Words) -> Iterator[Finding]:
         return
     if words.structure:
         multiple = record.main / declared
-        if abs(multiple - max(1, round(multiple))) > POLICY.changed:
+        if abs(multiple - max(1, round(multiple))) > POLICY.tolerated:
             yield _frequency_finding(
                 record, "the drive", record.main, "nothing repeats, and nothing is recovered"
             )
@@ -215,7 +215,7 @@ def find_lines(record: Record, words: Words) -> Iterator[Finding]:
     if load is None:
         return
     both = {c.name: main_line(c.values, rate, declared) for c in (load, clock)}
-    elsewhere = {name: f for name, (f, share) in both.items() if share < POLICY.unit}
+    elsewhere = {name: f for name, (f, share) in both.items() if share < POLICY.unknown}
     if len(elsewhere) == 2 and abs(elsewhere["moment"] / elsewhere["angle"] - 1) < POLICY.nearly:
         said = "every coefficient, and c1 and the inertia by the ratio"
         yield _frequency_finding(record, "both channels", elsewhere["angle"], said)
@@ -239,7 +239,7 @@ def _raised(name: Channel, other: Channel, record: Record, at: float) -> bool:
     """Return whether a tone is in both channels: damping and inertia raise the high ones of the moment."""
     multiple = at / (record.declared or at)
     shown = main_line(other.values, record.sample_rate, record.declared or at, at)[1]
-    return abs(multiple - round(multiple)) < POLICY.same - 1 and shown >= POLICY.unit
+    return abs(multiple - round(multiple)) < POLICY.little and shown >= POLICY.unknown
 
 
 def _frequency_finding(record: Record, what: str, at: float, said: str) -> Finding:
@@ -277,7 +277,7 @@ def find_noise(records: Sequence[Record], words: Words) -> Iterator[Finding]:
                 "excess_noise",
                 record.name,
                 name,
-                "biases" if share[i] > POLICY.changed else "note",
+                "biases" if share[i] > POLICY.tolerated else "note",
                 f"noise of {noise[i]:.3g} {words.unit(name)} RMS, {100 * share[i]:.2g} % of the {words.of(name)}, "
                 f"{noise[i] / usual:.3g} times that of the other runs",
                 "look at shielding and sensor of that run; leave it out if the others suffice",
@@ -290,7 +290,7 @@ def find_mains(record: Record, words: Words) -> Iterator[Finding]:
         for mains in MAINS if channel.name != "rate" else ():
             amplitude = mains_line(channel.values, record, mains)
             share = amplitude / np.sqrt(2) / channel.std
-            if share < POLICY.bears:
+            if share < POLICY.little:
                 continue
             yield words.finding(
                 "mains_hum",

@@ -67,7 +67,7 @@ def find_saturation(record: Record, words: Words) -> Iterator[Finding]:
             "saturation",
             record.name,
             channel.name,
-            "biases" if masked or share <= POLICY.bears else "stops",
+            "biases" if masked or share <= POLICY.little else "stops",
             f"{100 * share:.2g} % of the samples of the {name} at its {' and '.join(found)} value ({limits})",
             "those samples are left out; repeat the run with a larger range of the amplifier"
             if masked
@@ -122,10 +122,10 @@ def find_held(record: Record, words: Words) -> Iterator[Finding]:
         masked = record.short(spans) if words.structure else share <= POLICY.large_part
         done = "filled in" if words.structure else "left out"
         yield words.finding(
-            "frozen_segment" if longest > POLICY.bears * record.n_samples else "dropouts",
+            "frozen_segment" if longest > POLICY.little * record.n_samples else "dropouts",
             record.name,
             channel.name,
-            "biases" if masked or (words.structure and share <= POLICY.bears) else "stops",
+            "biases" if masked or (words.structure and share <= POLICY.little) else "stops",
             f"the {words.of(channel.name)} stays at {'zero' if zero else 'one value'} {len(spans)} time(s), for up to "
             f"{longest} samples ({1e3 * longest / record.sample_rate:.3g} ms), {100 * share:.2g} % of the run",
             f"those samples are {done}; look at cables and buffers"
@@ -154,7 +154,7 @@ def held_spans(channel: Channel, moves: bool = False) -> Spans:
     # What is at a limit of the channel is saturation.
     low, high = channel.levels[0][[0, -1]] + AT_LIMIT * channel.range * np.array([1, -1])
     spans = [(a, b + 1) for a, b in spans_of(equal) if x[a] == 0.0 or low < x[a] < high]
-    if not channel.quantised or (moves and channel.step < POLICY.nearly * POLICY.bears * channel.std):
+    if not channel.quantised or (moves and channel.step < POLICY.nearly * POLICY.little * channel.std):
         least = _least_length(equal)
         return tuple(s for s in spans if s[1] - s[0] >= least)
     step = np.abs(np.diff(x, prepend=x[0], append=x[-1]))
@@ -184,7 +184,7 @@ def _others_move(record: Record, channel: Channel, span: tuple[int, int]) -> boo
 
 def _rests(record: Record, channel: Channel, spans: Spans) -> bool:
     """Return whether a channel at zero is right: a drive about a blow, the acceleration of a joint that sticks."""
-    sticks = all(np.ptp(record.clock[a:b]) <= POLICY.bears * np.ptp(record.clock) for a, b in spans)
+    sticks = all(np.ptp(record.clock[a:b]) <= POLICY.little * np.ptp(record.clock) for a, b in spans)
     return channel.name == DRIVE or (record.run is not None and channel.jumps and sticks)
 
 
@@ -222,7 +222,7 @@ def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
     for channel in record.alive:
         share = channel.step / channel.std if channel.std else 0.0
         many = channel.levels[0].size > channel.values.size / 4
-        if not channel.quantised or share < POLICY.bears or many:
+        if not channel.quantised or share < POLICY.little or many:
             continue
         coarse = share > POLICY.nearly
         yield Finding(
@@ -271,9 +271,9 @@ def spike_samples(channel: Channel) -> Mask:
     """
     away = departures(channel.values)
     usual = POLICY.outstanding * max(float(np.quantile(away, USUAL)), channel.step)
-    marked: Mask = away > max(usual, (2.0 if channel.jumps else POLICY.unit) * channel.amplitude)
+    marked: Mask = away > max(usual, (2.0 if channel.jumps else POLICY.unknown) * channel.amplitude)
     # What happens all the time (impacts, stick-slip) belongs to the joint.
-    return marked if np.mean(marked) <= POLICY.bears else np.zeros_like(marked)
+    return marked if np.mean(marked) <= POLICY.little else np.zeros_like(marked)
 
 
 def find_spikes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
@@ -290,7 +290,7 @@ def find_spikes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
                 spans = _alone(record, channel, marked[channel.name])
             size = float(np.abs(channel.values - np.median(channel.values))[marked[channel.name]].max())
             relative = size / max(channel.amplitude, 1e-300)
-            jerk = channel.name == "moment" and relative < POLICY.another_scale
+            jerk = channel.name == "moment" and relative < POLICY.many_times
             if not spans or (jerk and _motion_shows(record, spans)):
                 continue
             yield words.finding(
@@ -333,7 +333,7 @@ def _joint_jumps(records: Sequence[Record], marks: Sequence[Mapping[str, Mask]],
             halves = np.array_split(x[max(at - BEFORE, 0) : at], 2)
             early, late = (float(np.median(half)) for half in halves if half.size)
             inwards.append((late - early) * late < 0)
-    if len(inwards) < POLICY.fewest or np.ptp(np.abs(np.concatenate(ends))) < POLICY.changed:
+    if len(inwards) < POLICY.fewest or np.ptp(np.abs(np.concatenate(ends))) < POLICY.tolerated:
         return False
     share = float(np.mean(inwards))
     return max(share, 1 - share) >= 1 - POLICY.large_part

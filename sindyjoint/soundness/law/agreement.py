@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import DIFFERENCE, Array
 from sindyjoint.substructure.recovery import Recovery, solved, with_numbers
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.transfer import jump_columns, open_joints
@@ -24,7 +24,6 @@ Complex = NDArray[np.complex128]
 
 # Harmonics of all runs together that are looked at, and of one run.
 LINES, FEWEST_LINES, MOST_LINES = 240, 8, 60
-STEP = 1e-4  # relative change by which the structure's numbers are varied
 ROUNDS = 5
 SETTLED = 1e-4  # relative change of χ² at which an iteration ends
 SMALLEST = 1e-3  # factor below which a channel shows nothing
@@ -175,8 +174,8 @@ def _designs(test: RigTest, angular: Array) -> tuple[Complex, Complex, Complex]:
         return transfer.design, transfer.angles
 
     design, angles = design_of(test)
-    units = STEP * np.eye(len(test.uncertain))
-    slopes = [(design_of(with_numbers(test, unit))[0] - design) / STEP for unit in units]
+    units = DIFFERENCE * np.eye(len(test.uncertain))
+    slopes = [(design_of(with_numbers(test, unit))[0] - design) / DIFFERENCE for unit in units]
     return design, np.array(slopes).reshape(len(slopes), *design.shape), angles
 
 

@@ -157,7 +157,7 @@ def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator
         )
         effect = "k1 and c1 depend on the frequency, k2 and the mean are lost, M_F fades over each half-cycle"
         remedy = "switch the coupling to DC and repeat the tests"
-        stops = lead > POLICY.unit
+        stops = lead > POLICY.unknown
         yield Finding(best.id, None, best.channel, "stops" if stops else "biases", extent, effect, remedy)
         return
     if best.channel == "moment" and not _is_one_time(runs, inertia, best):
@@ -222,7 +222,7 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     moved = size * usual * rms(np.concatenate([s.moment[s.moving] for s in states]))
     more = delay.residual_rms**2 - floor**2  # unknown where the floor is
     unexplained = more > (POLICY.nearly * moved) ** 2 and delay.residual_rms > (1 + POLICY.nearly) * floor
-    if size * usual < POLICY.bears or unexplained:
+    if size * usual < POLICY.little or unexplained:
         return
     yield Finding(
         "channel_delay",

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array, rms
+from sindyjoint.numeric import ROUNDING, Array, rms
 from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Record
 from sindyjoint.states.record import ForceStates
@@ -19,8 +19,6 @@ POINTS, MOST_HARMONICS, STEADY = 128, 40, 0.6
 # Samples of a run that does not repeat, evenly spread.
 SAMPLES = 2_400
 MOTION = ("angle", "rate", "acceleration")
-# Ridge of the flexible law: rounding.
-RIDGE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +251,7 @@ def inverted(gram: Array) -> Array:
     """Return the inverse of products of columns, scaled to unit norm and with a ridge."""
     norms = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     scale = np.outer(norms, norms)
-    return np.asarray(np.linalg.inv(gram / scale + RIDGE * np.eye(norms.size)) / scale)
+    return np.asarray(np.linalg.inv(gram / scale + ROUNDING * np.eye(norms.size)) / scale)
 
 
 def misfit(runs: Motions, inertia: float | None, scale: Scale | None = None) -> float:

@@ -140,7 +140,7 @@ def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
         fits.append((rest, index, min(rows.left_by(law, i) for i in index)))
     rest, index, departure = min(fits)
     common = float(np.sqrt(rest))
-    alike = rest < min(POLICY.explains * everything**2, POLICY.changed**2)
+    alike = rest < min(POLICY.explains * everything**2, POLICY.tolerated**2)
     apart = departure > max(POLICY.departs, POLICY.fewest * common)
     return (index, common) if alike and apart else None
 
@@ -194,12 +194,12 @@ class Held:
         frequency show is the joint's.
         """
         swing = np.ptp(self.runs.angle, axis=1)
-        if abs(np.log(swing[run] / np.median(swing))) > np.log(POLICY.another_scale):
+        if abs(np.log(swing[run] / np.median(swing))) > np.log(POLICY.many_times):
             return True
         rows, of_others = self.rows(self.runs.take([run])), self.rows(self.runs.take(self.alike)).products
         columns = rows.columns[0]
         leverage = np.einsum("ij,jk,ik->i", columns, inverted(of_others.sum(axis=0)[:-1, :-1]), columns)
-        if len(self.alike) < POLICY.fewest or np.median(leverage) > POLICY.another_scale:
+        if len(self.alike) < POLICY.fewest or np.median(leverage) > POLICY.many_times:
             return False
         within = rms((rows.target[0] - columns @ self.law) / np.sqrt(1 + leverage))
         return within > max(POLICY.departs, POLICY.fewest * self.common) and not self._kin_too(run)
@@ -208,7 +208,7 @@ class Held:
         """Return whether all other runs of its frequency depart from the law of other frequencies as well."""
         if self.runs.frequency is None:
             return False
-        same = np.abs(np.log(self.runs.frequency / self.runs.frequency[run])) < np.log(POLICY.same)
+        same = np.abs(np.log(self.runs.frequency / self.runs.frequency[run])) < np.log1p(POLICY.little)
         kin = [i for i in np.flatnonzero(same).tolist() if i != run]
         rest = tuple(i for i in self.alike if not same[i])
         if not kin or len(rest) < 2:
@@ -295,7 +295,7 @@ def find_drifts(runs: Motions, alike: Motions, inertia: float | None, words: Wor
         known = np.flatnonzero(np.bincount(part, minlength=PARTS) >= FEWEST)
         if known.size < PARTS // 2:
             continue
-        slope = drift_of(_means(part, residual)[known], POLICY.changed, place=known)
+        slope = drift_of(_means(part, residual)[known], POLICY.tolerated, place=known)
         total = (slope or 0.0) * PARTS
         # Of a law that leaves much the mean moves as well, as drive and motion change along a sweep.
         if slope is None or np.var(residual) - total**2 / 12 > POLICY.nearly**2:

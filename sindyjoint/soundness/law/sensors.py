@@ -239,7 +239,7 @@ def _describe(
         for old, new in zip(unknowns_of(before), unknowns_of(found.equations), strict=True)
     )
     shift, said = max(angle, moment), [words.of(names[channel]) for channel in found.channels]
-    severity: Severity = "stops" if shift > POLICY.unit else "biases" if shift > POLICY.bears else "note"
+    severity: Severity = "stops" if shift > POLICY.unknown else "biases" if shift > POLICY.little else "note"
     better = f"agree {found.ratio**-0.5:.3g} times better"
     if found.kind == "swapped":
         extent = f"{said[0]} and {said[1]} are in each other's place: the channels then {better}"
@@ -271,7 +271,7 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
     late = abs(turn * fault.delay)
     # Standard errors by the noise, and by what the fault leaves beyond it.
     sure = POLICY.outstanding * max(1.0, found.fit.chi_squared / found.equations.degrees) ** 0.5
-    if abs(fault.gain) < POLICY.changed:
+    if abs(fault.gain) < POLICY.tolerated:
         shown = 100 * max(abs(fault.gain), SMALLEST)
         extent = f"the {said} shows {shown:.2g} % of what the others predict: {agree}"
         return ("no_signal", "stops", extent, "check its cable, range and unit; leave it out")
@@ -279,7 +279,7 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
         size = "" if off < POLICY.gain else f", times {abs(fault.gain):.4g}"
         extent = f"the {said} has the other sign than the others predict{size}: {agree}"
         return ("reversed_sign", "stops", extent, "turn its sign in the file, or leave it out")
-    if off >= max(POLICY.gain, sure * errors[0]) and (off >= late or late < POLICY.bears):
+    if off >= max(POLICY.gain, sure * errors[0]) and (off >= late or late < POLICY.little):
         units = [f" (as {u})" for factor, u in UNITS.items() if abs(fault.gain / factor - 1) < POLICY.gain]
         extent = f"the {said} is {fault.gain:.4g} times what the others predict{''.join(units[:1])}: {agree}"
         remedy = "compare its calibration, gain and unit; correct or leave it out"
@@ -288,8 +288,8 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
                 ", or its part of the structure is another: with one sensor more than joints nothing tells"
             )
             return ("gain_differs", "note" if severity == "note" else "biases", extent, remedy)
-        return ("gain_differs", "stops" if off > POLICY.unit else severity, extent, remedy)
-    if late < max(POLICY.bears, sure * errors[1] * turn):
+        return ("gain_differs", "stops" if off > POLICY.unknown else severity, extent, remedy)
+    if late < max(POLICY.little, sure * errors[1] * turn):
         return None
     extent = (
         f"the {said} comes {1e3 * abs(fault.delay):.3g} ms {'later' if fault.delay > 0 else 'earlier'} than the others "

@@ -16,8 +16,6 @@ from sindyjoint.substructure.policy import POLICY as LIMITS
 
 # What the time step may take of a frequency so many times the first one with joints that stick.
 SLOW, HARMONIC = 1e-3, 10
-# Median of the square of a standard normal number.
-MEDIAN_SQUARE = 0.4549
 
 
 def steps_of(structure: Structure, rate: float) -> int:

@@ -27,11 +27,11 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure, craig_bampton, projected
 from sindyjoint.mechanics.transient import State, trajectory
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING, REACH, between_samples, recorded
-from sindyjoint.numeric import Array, delayed, noise_by_differences, rms
+from sindyjoint.numeric import COARSE_DIFFERENCE, MEDIAN_SQUARE, Array, delayed, noise_by_differences, rms
+from sindyjoint.response.output_error import DRAWS
 from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segment_parts import (
-    MEDIAN_SQUARE,
     carried,
     kept,
     moved,
@@ -46,18 +46,12 @@ from sindyjoint.substructure.simulated.segment_parts import (
 PERIODS = 10
 # Fixed-interface modes of the structure that is simulated.
 MODES = 12
-# Step of the differences by a state, of the size of the motion.
-STEP = 1e-3
 # Times as many steps, with which what those leave out is found.
 FINER = 4
 # Errors of the drive move joints up to so many times the first frequency with joints that stick.
 DRIVEN = 2.0
 # Steps of a state towards where it fits best.
 ROUNDS = 2
-# Draws of the noise of the drive, from which what it adds to the residual follows.
-DRAWS = 4
-# By what factor noise that was not declared may be another.
-MOST_WRONG = 1.5
 
 
 class Channels(NamedTuple):
@@ -150,7 +144,9 @@ class SegmentedRun:
         ends = np.linspace(REACH, n - REACH, max(1, int(periods / PERIODS)) + 1).round().astype(int).tolist()
         noise = np.sqrt(recovery.spectra.variance[:, 0] * (n - 1) / 2)
         if not test.drive_noise:
-            noise[0] *= np.clip(noise_by_differences(run.drive, 6) / noise[0], 1 / MOST_WRONG, MOST_WRONG)
+            noise[0] *= np.clip(
+                noise_by_differences(run.drive, 6) / noise[0], 1 / LIMITS.clearly, LIMITS.clearly
+            )
         own = carried(test)
         basis = craig_bampton(
             with_drive(test, test.structure), [test.at, *(sensor.point for sensor in test.sensors)], MODES
@@ -243,7 +239,7 @@ class SegmentedRun:
             upper.append(lines[:, lines.shape[1] // 2 :])
         ratio = np.sqrt(np.median(np.hstack(upper) ** 2, axis=1) / MEDIAN_SQUARE)
         declared = [bool(sensor.noise) for sensor in self.test.sensors]
-        ratio = np.where(declared, 1.0, np.clip(ratio, 1 / MOST_WRONG, MOST_WRONG))
+        ratio = np.where(declared, 1.0, np.clip(ratio, 1 / LIMITS.clearly, LIMITS.clearly))
         missing = tuple((part.reshape(count, -1) / ratio[:, None]).ravel() for part in self.missing)
         return replace(self, sigma=self.sigma * ratio, missing=missing)
 
@@ -328,10 +324,9 @@ class SegmentedRun:
     ) -> tuple[State, Array]:
         """Return the state of a segment with which it fits best, and what errors of it explain."""
         residual = self._segment(reduced, span, state) + missing
-        effects = np.array([
-            (self._segment(reduced, span, moved(state, [STEP], [move])) + missing - residual) / STEP
-            for move in self.directions
-        ]).T  # fmt: skip
+        away = (moved(state, [COARSE_DIFFERENCE], [move]) for move in self.directions)
+        changes = [self._segment(reduced, span, each) + missing - residual for each in away]
+        effects = np.array(changes).T / COARSE_DIFFERENCE
         count = effects.shape[1]
         effects = np.hstack([effects, self._drive_effects(reduced, span, state, residual - missing)])
         left, size, right = np.linalg.svd(effects, full_matrices=False)

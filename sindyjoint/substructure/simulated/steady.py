@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure, tangent_of
-from sindyjoint.numeric import Array, solve_factored
+from sindyjoint.numeric import SAME, Array, solve_factored
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
 from sindyjoint.substructure.period import by_harmonic
 
@@ -26,8 +26,6 @@ Factors = tuple[Array, NDArray[np.int32]]
 
 # Newton steps, from a motion that was recovered and from one nearby.
 STEPS, FURTHER_STEPS = 40, 6
-# Of the largest moment: what may be out of balance.
-BALANCED = 1e-6
 # Steps with the derivatives of a balance nearby, each of which leaves less than this share of the one before.
 CHORDS, LEADS_ON = 30, 0.6
 # Halvings of a Newton step that makes the balance worse, before it is taken nevertheless.
@@ -141,7 +139,7 @@ class Steady:
         SimulationError
             Where no balance is found from the start.
         """
-        size = BALANCED * (float(np.abs(self.load(self.drive)).max()) + 1e-300)
+        size = SAME * (float(np.abs(self.load(self.drive)).max()) + 1e-300)
         angles, balanced = (start, False) if factors is None else self._by_chords(start, factors, size)
         if balanced:
             return angles

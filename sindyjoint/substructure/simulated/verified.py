@@ -43,8 +43,6 @@ Complex = NDArray[np.complex128]
 #: A record begins at rest where its first samples are less than this share of the RMS of their sensors. In the midst of
 #: a motion they are as large as that; a blow may begin with the first sample.
 AT_REST = 0.5
-#: Share of the RMS of a sensor above the compared frequencies from which on it is said.
-SMALL = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +172,7 @@ def verify_runs(
             )
         whole = run.responses[:, run.drive.size - measured.time.size :].std(axis=1)
         share = np.sqrt(np.clip(1 - (measured.signals.std(axis=1) / whole) ** 2, 0, None))
-        if measured.repeats and share.max() > SMALL:
+        if measured.repeats and share.max() > LIMITS.large_part:
             worst = test.sensors[int(np.argmax(share))].name
             warnings.append(
                 f"{run.name}: compared up to {measured.highest:.3g} Hz; {100 * share.max():.0f} % of what {worst} "

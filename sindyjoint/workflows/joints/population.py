@@ -23,15 +23,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import Maybe, same
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array
-from sindyjoint.workflows.policy import POLICY
+from sindyjoint.numeric import MEDIAN_SQUARE, Array
+from sindyjoint.policy import SHARED as POLICY
 
 EFFICIENCY = 0.37
 ROUNDING = 1e-12
 ROUNDS = 20
 # Beyond so many standard deviations: only these are judged with themselves left out; nearer ones cannot be outliers.
 SUSPECT = 2.0
-MEDIAN_CHI_SQUARE = 0.454936  # of one degree of freedom
 HUBER = 1.345
 # Beyond so many joints the degrees of freedom of a slope's error do not matter.
 MANY = 400
@@ -169,7 +168,7 @@ def next_joint(scatter: CoefficientScatter) -> NextJoint | None:
     and their spread τ on n − 1 degrees of freedom (Higgins, Thompson and Spiegelhalter 2009, with one more degree: here
     errors are small against τ).
     """
-    if scatter.joints < POLICY.fewest_joints or not np.isfinite([scatter.spread, scatter.mean_error]).all():
+    if scatter.joints < POLICY.scatter or not np.isfinite([scatter.spread, scatter.mean_error]).all():
         return None
     return NextJoint(scatter.mean, float(np.hypot(scatter.spread, scatter.mean_error)), scatter.joints - 1.0)
 
@@ -240,20 +239,22 @@ def _estimate_robustly(name: str, y: Array, s: Array, level: float) -> Coefficie
     here = np.flatnonzero(np.isfinite(y))
     scores, p = np.full(y.size, np.nan), np.full(y.size, np.nan)
     v, e, unknown = y[here], s[here], float("nan")
-    if here.size < POLICY.fewest_joints:
+    if here.size < POLICY.scatter:
         mean, error, tau = float(np.mean(v)) if here.size else unknown, unknown, unknown
         kept = np.ones(here.size, dtype=bool)
     else:
         centre = float(np.median(v))
         first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)
         # The median and its deviations know as much of a normal sample as 37 % of it would by mean and variance.
-        kept = _compute_two_sided(first, EFFICIENCY * (v.size - 1)) > POLICY.rejected
+        kept = _compute_two_sided(first, EFFICIENCY * (v.size - 1)) > 2 * float(
+            scipy.special.ndtr(-POLICY.significant)
+        )
         for _ in range(ROUNDS):
             mean, error, tau = random_effects(v[kept], e[kept])
             scores[here], p[here] = _judge_outliers(v, e, kept)
             # Whoever the others' distribution does not rule out joins them: rejecting more would make it too narrow.
             joined = p[here] > level / v.size
-            if np.array_equal(joined, kept) or joined.sum() < POLICY.fewest_joints - 1:
+            if np.array_equal(joined, kept) or joined.sum() < POLICY.scatter - 1:
                 break
             kept = joined
     return CoefficientScatter(
@@ -283,7 +284,7 @@ def median_spread(deviation: Array, errors: Array) -> float:
     With errors of zero this is 1.4826 times the median absolute deviation.
     """
     squares, variances = deviation**2, errors**2
-    return _find_root(lambda t: _median(squares / (t + variances)) - MEDIAN_CHI_SQUARE, deviation)
+    return _find_root(lambda t: _median(squares / (t + variances)) - MEDIAN_SQUARE, deviation)
 
 
 def _median(values: Array) -> float:
@@ -324,7 +325,7 @@ def _fit_trends(
     for name, (y, s) in data.items():
         for covariate, x in covariates.items():
             use = np.isfinite(y) & np.isfinite(x)
-            if use.sum() < POLICY.fewest_joints + 1 or np.unique(x[use]).size < 3:
+            if use.sum() < POLICY.scatter + 1 or np.unique(x[use]).size < 3:
                 continue
             slope, error, level, degrees = robust_line(x[use], y[use], s[use])
             p = float(_compute_two_sided(np.array([slope / error]), degrees)[0]) if error > 0 else 1.0

@@ -15,10 +15,10 @@ from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.discovery.evidence import Evidence, fit_columns, read_evidence
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
+from sindyjoint.policy import SHARED as POLICY
 from sindyjoint.text import spelled
 from sindyjoint.workflows.joints.population import CoefficientScatter, Population, population
 from sindyjoint.workflows.joints.record import FACTORS_FILE, CampaignRecord
-from sindyjoint.workflows.policy import POLICY
 
 TEMPERATURE, SERIAL = "temperature", "serial number"
 
@@ -369,9 +369,9 @@ def _list_notes(found: Sequence[CampaignRecord], compared: Sequence[CampaignReco
             f"{len(found) - len(compared)} joint(s) of the other kind of motion are listed, not compared: their "
             "coefficients have other units"
         )
-    if len(compared) < POLICY.fewest_joints:
+    if len(compared) < POLICY.scatter:
         notes.append(
-            f"{len(compared)} joint(s) with a model: outliers are looked for among {POLICY.fewest_joints} or more"
+            f"{len(compared)} joint(s) with a model: outliers are looked for among {POLICY.scatter} or more"
         )
     names = [record.joint["name"] for record in found]
     if len(names) > 1 and len(set(names)) == 1 and all(record.joint["serial"] is None for record in found):

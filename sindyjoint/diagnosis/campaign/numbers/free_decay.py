@@ -35,7 +35,7 @@ def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffe
         return float("nan")
     training = [first for first, _ in parts]
     rows = gap_runs(training, model, work.groups, policy, free=True)
-    fitted = refit(rows, model, refit_nonlinear(rows, model, effects, policy), policy)
+    fitted = refit(rows, model, refit_nonlinear(rows, model, effects, policy))
     fitted = refined(work.campaign, training, rows, fitted)
     gap = own = 0.0
     for run, (_, rest) in zip(work.runs, parts, strict=True):

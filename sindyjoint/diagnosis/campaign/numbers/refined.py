@@ -14,7 +14,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.campaign.numbers.whole import is_element
 from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
-from sindyjoint.diagnosis.campaign.repair import Repaired, keeping, refine_effect, refit
+from sindyjoint.diagnosis.campaign.repair import Repaired, refine_effect, refit
 from sindyjoint.diagnosis.campaign.rows.run import reference_scales
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.test_record import TestNuisances
@@ -71,7 +71,7 @@ def refined_problem(
     alike = [(form, each) for form, each in done if each.misfit <= least + FORM_LEAD]
     best, refinement = min(alike, key=lambda pair: (_rank(pair[0]), pair[1].misfit))
     before, after = (simulated_gap(model, campaign, test) for model in (problem.whole, refinement.model))
-    if not after <= (1 + problem.policy.refined_gap) * before:
+    if not after <= (1 + problem.policy.trifle) * before:
         note = (
             f"the refinement on the simulated response is not used: the response gap would be {100 * after:.3f} % "
             f"where it is {100 * before:.3f} %"
@@ -100,12 +100,12 @@ def _in_other_forms(problem: CampaignProblem) -> list[CampaignProblem]:
 
 def _fitted(problem: CampaignProblem, effects: Sequence[FittedEffect], place: int) -> Repaired:
     """Return the repaired model with another form of one of its effects, all numbers fitted to the rows."""
-    work, policy = problem.work, keeping(problem.policy)
+    work = problem.work
     model = problem.repaired.model
     adding = [e for e in effects if not e.shifts]
     others = [e for e in adding if e is not effects[place]]
-    new = refine_effect(GapRegression.build(work.rows, model, others, policy), effects[place])
-    later = refit(work.rows, model, [new if e is effects[place] else e for e in adding], policy)
+    new = refine_effect(GapRegression.build(work.rows, model, others, work.policy), effects[place])
+    later = refit(work.rows, model, [new if e is effects[place] else e for e in adding], drops=False)
     by_name = {e.name: e for e in (*effects, *later.effects)}
     return replace(later, effects=tuple(by_name[e.name] for e in effects), dropped=problem.repaired.dropped)
 

@@ -19,9 +19,8 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.laws import with_coefficients
+from sindyjoint.response.output_error import DRAWS
 from sindyjoint.response.run import SimulatedRun, pooled_nrmse
-
-DRAWS = 3  # of numbers and noise, by which the response is simulated again
 
 
 def response_error(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:

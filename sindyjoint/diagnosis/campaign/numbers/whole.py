@@ -23,11 +23,8 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import Drift, Enters, Nuisance, TestNuisances
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.response.laws import with_coefficients
-
-# Step of the differences by a nonlinear parameter, relative to it.
-STEP = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +106,7 @@ def _slope_by(run: GapRun, effect: FittedEffect, k: int) -> Array:
     At the edge of its range the law may not exist on one side: the difference is then taken on the other.
     """
     step = np.zeros(effect.values.size)
-    step[k] = STEP * effect.values[k]
+    step[k] = COARSE_DIFFERENCE * effect.values[k]
     sides = {}
     for sign in (-1, 0, 1):
         moment = effect.variant.along(run.motion, effect.values + sign * step) @ effect.coefficients

@@ -14,6 +14,7 @@ from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.numeric import Array, convolve
+from sindyjoint.soundness.policy import POLICY as SOUNDNESS
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import WIDEST, smoothing_kernels
 
@@ -122,8 +123,6 @@ def kernel_noise_factor(
 STRETCHES = 20
 FOLDS = 5
 GOLDEN = 0.6180339887
-# Middle of the motion, in amplitudes, from which the largest angle says little of how far the joint moves.
-SHIFTED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,4 +261,4 @@ def reference_scales(runs: Sequence[GapRun]) -> Reference:
     angle = np.concatenate([run.angle for run in runs])
     rate = max(float(np.abs(run.rate).max()) for run in runs)
     largest, swing = float(np.abs(angle).max()), float(np.ptp(angle)) / 2
-    return Reference(largest, rate, swing=swing if largest > (1 + SHIFTED) * swing else None)
+    return Reference(largest, rate, swing=swing if largest > (1 + SOUNDNESS.far_offset) * swing else None)
