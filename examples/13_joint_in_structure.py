@@ -26,7 +26,7 @@ for term, true in zip(law.discovery.model.terms, truth.parameters, strict=True):
     print(
         f"{term.symbol:4} {term.coefficient:12.5g} ± {1.96 * term.standard_error:<8.2g} {term.unit:12} truth {true:.5g}"
     )
-print(f"what is left of the sensors: {found.misfit:.2f} times their noise")
+print(f"residual of the sensors: {found.misfit:.2f} times their noise")
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "results")
 folder.mkdir(parents=True, exist_ok=True)

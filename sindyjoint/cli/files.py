@@ -60,9 +60,9 @@ def init(
 
     On a terminal it asks what the files do not tell. At the end the data are checked, and runs.svg shows all runs.
 
-    First: sindyjoint simulate --out virtual
+    First: sindyjoint simulate --out own
 
-    Example: sindyjoint init virtual --force
+    Example: sindyjoint init own --force
     """
     from sindyjoint.described import to_plain
     from sindyjoint.files.drafting.init import init as run

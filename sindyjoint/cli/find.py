@@ -48,23 +48,23 @@ def discover_structure(
     options: Mapping[str, Any],
 ) -> bool:
     """Find the laws of the joints inside a structure, and write those of each kind into a folder of its own."""
+    from sindyjoint.judgement.joint_laws import place_of_kind
+
     chosen = {name: value for name, value in options.items() if name not in OF_CHANNELS}
     find = call("workflows.discover:discover_rig", rig, progress=progress.say, **chosen)
     result = answer(find, out, output, progress, seed, subject=rig)
     if out is not None:
-        from sindyjoint.reporting.results.structure_joints import place_of_law
-
         for law in result.laws:
             if law.discovery is not None:
-                write(law.discovery, out / place_of_law(law), progress, seed, force=output.force)
+                write(law.discovery, out / place_of_kind(law.kind), progress, seed, force=output.force)
     return result.found and result.trust.data.colour != "poor"
 
 
 def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:
     """Return the model of a file for every joint, or those by kind in a folder that ``discover RIG --out`` wrote."""
     from sindyjoint.equation.model_file import read_model
+    from sindyjoint.judgement.joint_laws import place_of_kind
     from sindyjoint.mechanics.rig_test_file import load_rig_test
-    from sindyjoint.reporting.results.structure_joints import place_of_kind
 
     kinds = dict.fromkeys(load_rig_test(rig).kinds)
     folders = {kind: given / place_of_kind(kind) for kind in kinds}

@@ -172,7 +172,7 @@ def judge(steps: Sequence[Step], residual: Residual, gaps: Gaps, policy: Diagnos
                 UNDECIDED,
                 f"{size}, which is the most that the noise can be: runs that repeat would show it",
             )
-        return "nothing_missing", "the residual is no more than noise and the model's own uncertainty"
+        return "nothing_missing", "the residual is no more than noise and the model's uncertainty"
     if (beyond or excess) and not gaps.helped(policy):
         return "unknown", f"the effects found hardly help on data left out of the fit; {size} remains"
     if beyond or excess:

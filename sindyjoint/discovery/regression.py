@@ -292,6 +292,8 @@ class TermRegression:
     def check_parameters(self) -> None:
         """Refuse a method, a selection or a number that there is not."""
         self.rules().check()
+        for term in set(self.forced) & set(self.forbidden):
+            raise InputError(f"term {term!r} is forced and forbidden; expected one of them")
         for term, value in (self.fixed or {}).items():
             if not np.isfinite(value):
                 raise InputError(f"fixed: {term!r} is {value!r}; expected a finite coefficient")

@@ -98,10 +98,10 @@ def find_catalogue(name_or_path: str | Path, folder: Path | None = None) -> Path
         names = shipped_names()
         if text not in names:
             close = get_close_matches(text, names, n=1)
-            hint = f"did you mean {close[0]!r}? " if close else ""
+            hint = f"did you mean {close[0]!r}? Expected" if close else "expected"
             raise UnknownNameError(
-                f"library {text!r} is unknown; {hint}Known: {', '.join(names)}; another file is given "
-                "as a path ending in .toml"
+                f"library {text!r} is unknown; {hint} one of {', '.join(names)}, or the path of "
+                "another, which ends in .toml"
             )
         return library_folder() / f"{text}.toml"
     path = Path(text) if folder is None else folder / text

@@ -145,7 +145,9 @@ class Discovery(Shown):
     def trust(self) -> Trust:
         """Whether to trust the model, and what to do next."""
         if self.stopped is not None:
-            lights: tuple[Light, ...] = (judge_soundness(self.soundness, self.campaign.simulated),)
+            lights: tuple[Light, ...] = (
+                judge_soundness(self.soundness, self.campaign.simulated, self.model.joint.motion),
+            )
         else:
             seen = {run.name: run.use == "identify" for run in self.campaign.runs}
             lights = assess(self.model, self.campaign, self.soundness, seen, states=self.states)

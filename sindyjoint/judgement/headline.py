@@ -19,6 +19,12 @@ EXPORT = (
     "use the model in other programs; sindyjoint export --help lists them",
 )
 
+# What runs recovered inside a structure say: their laws are compared by none of the verbs.
+RECOVERED = (
+    "angle and moment were recovered from the structure's sensors; where these show no constant, the angle at which "
+    "the joint rests is the law's, and a preload is not determined"
+)
+
 
 @dataclass(frozen=True)
 class Excitations:
@@ -30,18 +36,26 @@ class Excitations:
         Of periodic runs, Hz.
     levels : tuple of str
     runs : int
+    recovered : bool
+        Whether the runs were recovered from the sensors of a structure.
     """
 
     frequencies: tuple[float, ...]
     levels: tuple[str, ...]
     runs: int
+    recovered: bool = False
 
     @classmethod
     def of(cls, campaign: Campaign) -> Excitations:
         """Return what the runs of a campaign that are fitted to excite."""
         runs = campaign.identification_runs
         frequencies = tuple(run.frequency for run in runs if run.frequency is not None)
-        return cls(frequencies, tuple(run.level for run in runs if run.level is not None), len(runs))
+        return cls(
+            frequencies,
+            tuple(run.level for run in runs if run.level is not None),
+            len(runs),
+            RECOVERED in campaign.notes,
+        )
 
 
 def is_of_the_paper(joint: str) -> bool:
@@ -61,13 +75,17 @@ def _next_steps(lights: Sequence[Light], tested: Excitations, found: bool) -> tu
     if "data" in weak:
         steps.append(SEE_FAULTS)
     if not found:
-        steps.append(("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model"))
+        steps.append(
+            ("record runs that move the joint more", "find its law")
+            if tested.recovered
+            else ("sindyjoint compare CAMPAIGN", "see whether another method or library finds a model")
+        )
         return tuple(steps)
     if any(light.inertia is not None for light in lights):
         steps.append(("sindyjoint check CAMPAIGN", "find runs in other units, delays and wrong rates"))
     if "explained" in weak:
         steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks"))
-    if "predicts" in weak and tested.runs > 1:
+    if "predicts" in weak and tested.runs > 1 and not tested.recovered:
         steps.append(("sindyjoint compare CAMPAIGN", "see which terms hold at every frequency and method"))
     if "determined" in weak or ("predicts" in weak and tested.runs == 1):
         steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))

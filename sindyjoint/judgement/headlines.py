@@ -19,7 +19,7 @@ from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_s
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import list_some, percent, quantities, spelled
-from sindyjoint.trust import ORDER, Colour, Light, Trust
+from sindyjoint.trust import ANSWERS, ORDER, Colour, Light, Trust
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.result import Diagnosis
@@ -51,21 +51,29 @@ def judge_check(check: Check) -> Trust:
     left_out = all(f.masked for f in soundness.findings if f.severity == "biases")
     accepted = "; accepted" if stops and not soundness.stopping else ""
     lights = (
-        Light("faults", "poor" if soundness.stopping else "fair", f"{_named(stops)}{accepted}")
+        Light("faults", "poor" if soundness.stopping else "fair", f"{_named(stops, check.motion)}{accepted}")
         if stops
         else Light("faults", "good", "nothing found that stands against a model"),
-        Light("bias", "fair", f"{_named(biases)}{'; the samples are left out' if left_out else ''}")
+        Light(
+            "bias",
+            "fair",
+            f"{_named(biases, check.motion)}{'; the samples are left out' if left_out else ''}",
+        )
         if biases
         else Light("bias", "good", "nothing found that shifts a coefficient"),
         judge_coverage([f for f, _ in runs], [level for _, level in runs]),
     )
-    steps: list[Step] = [
-        (first.remedy, f"settle what stands against {first.run or 'all runs'}")
-        for first in soundness.stopping[:1]
-    ]
     accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))
-    discover = f"sindyjoint discover {subject}{accept or ' --out results'}"
-    steps.append((discover, "go on all the same" if accept else DISCOVER[1]))
+    steps: list[Step] = [
+        *(
+            (one.remedy, f"settle what stands against {one.run or 'all runs'}")
+            for one in soundness.stopping[:1]
+        ),
+        (
+            f"sindyjoint discover {subject}{accept or ' --out results'}",
+            "go on all the same" if accept else DISCOVER[1],
+        ),
+    ]
     if lights[-1].colour != "good":
         steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
     return Trust(lights, tuple(steps[:MOST_STEPS]))
@@ -88,7 +96,9 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
     if result.kind == "campaign" or any(run.drive != "pulse" for run in result.runs):
         from sindyjoint.response.verification import seen_words
 
-        words = seen_words({run.name: run.seen for run in result.runs})
+        # In a structure there is an entry for each sensor of a run.
+        cut = ", " if result.kind == "rig" else "\n"
+        words = seen_words({run.name.rsplit(cut, 1)[0]: run.seen for run in result.runs})
         own.append(
             Light("held out", "fair", "; ".join(words))
             if words
@@ -103,7 +113,7 @@ def judge_verification(result: Verification, simulated: bool, soundness: Soundne
         lights, question = result.trust.lights, tuple(own)
     else:
         names = {"response": "explained", "held out": "predicts", "range": "determined"}
-        data = [] if soundness is None else [judge_soundness(soundness, simulated)]
+        data = [] if soundness is None else [judge_soundness(soundness, simulated, result.model.joint.motion)]
         lights, question = (*data, *(replace(light, name=names[light.name]) for light in own)), ()
     weak = Trust(lights, (), question).weak
     steps = [SEE_FAULTS] if "data" in weak else []
@@ -150,10 +160,14 @@ def judge_diagnosis(result: Diagnosis, simulated: bool) -> Trust:
     if result.trust is not None:
         lights, question = result.trust.lights, tuple(own)
     else:
-        data = [] if result.soundness is None else [judge_soundness(result.soundness, simulated)]
+        data = (
+            []
+            if result.soundness is None
+            else [judge_soundness(result.soundness, simulated, result.model.joint.motion)]
+        )
         worst = max(own[:-1] or own, key=lambda light: ORDER.index(light.colour))
-        explained = Light("explained", worst.colour, f"judged by the gap of the {worst.name}")
-        lights, question = (*data, explained), tuple(own)
+        known = f"{ANSWERS[worst.colour].lower()}: see the gap of the {worst.name}"
+        lights, question = (*data, Light("explained", worst.colour, known)), tuple(own)
     return Trust(lights, tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]), question)
 
 
@@ -206,7 +220,7 @@ def judge_comparison(result: Comparison) -> Trust:
     ids = set(result.model.ids)
     share = dict(zip(result.ids, result.inclusion, strict=True))
     lights = (
-        (judge_soundness(result.soundness, result.simulated),)
+        (judge_soundness(result.soundness, result.simulated, result.motion),)
         if result.trust is None
         else result.trust.lights
     )
@@ -268,5 +282,5 @@ def _faults(soundness: Soundness, severity: str) -> list[str]:
     return [f.id for f in soundness.findings if f.severity == severity]
 
 
-def _named(faults: Sequence[str]) -> str:
-    return list_some([spelled(fault) for fault in dict.fromkeys(faults)], "findings")
+def _named(faults: Sequence[str], motion: str) -> str:
+    return list_some([spelled(fault, motion) for fault in dict.fromkeys(faults)], "findings")

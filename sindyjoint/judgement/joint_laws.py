@@ -19,6 +19,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
 from sindyjoint.judgement.changed import MANY
 from sindyjoint.judgement.discovery import Discovery, fitted_to
+from sindyjoint.judgement.headline import RECOVERED
 from sindyjoint.judgement.term_search import campaign_model
 from sindyjoint.judgement.verdict import (
     few_rows,
@@ -45,10 +46,6 @@ from sindyjoint.text import spelled
 
 # What no sensor of the structure distinguishes from the angle at which the joint rests.
 UNSEEN = "constant_moment"
-RECOVERED = (
-    "angle and moment were recovered from the structure's sensors; where these show no constant, the angle at which "
-    "the joint rests is the law's, and a preload is not determined"
-)
 COLUMNS = ("angle", "rate", "moment")
 # Searches for terms, each at the slow angles that the terms found before ask for.
 SEARCHES = 4
@@ -114,6 +111,11 @@ class JointLaw:
         ):
             return ""
         return _test_alike(self)
+
+
+def place_of_kind(kind: str) -> str:
+    """Return the folder within the results of a kind of joint."""
+    return "".join(c if c.isalnum() else "-" for c in kind).strip("-") or "joint"
 
 
 def find_laws(

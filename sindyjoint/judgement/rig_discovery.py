@@ -15,7 +15,7 @@ from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.headlines import MOST_STEPS
-from sindyjoint.judgement.joint_laws import JointLaw
+from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind
 from sindyjoint.judgement.trust import judge_soundness
 from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.mechanics.rig_test import RigTest
@@ -223,9 +223,9 @@ class RigDiscovery(Shown):
     def trust(self) -> Trust:
         """Whether to trust the laws: of each question the worst answer of a kind of joint."""
         every = [
-            (law.kind, (Light("explained", "poor", law.reason),), ())
+            (law.kind, (Light("explained", "poor", law.reason),), (MOVE_MORE,))
             if law.discovery is None
-            else (law.kind, law.discovery.trust.lights, law.discovery.trust.next_steps)
+            else (law.kind, law.discovery.trust.lights, _steps_of(law.kind, law.discovery.trust))
             for law in self.laws
         ]
         worst: dict[str, Light] = {}
@@ -243,7 +243,7 @@ class RigDiscovery(Shown):
 
     @property
     def misfit(self) -> Maybe:
-        """What is left of the sensors, in their noise; NaN where there are no more sensors than joints."""
+        """Residual of the sensors, in their noise; NaN where there are no more sensors than joints."""
         degrees = sum(recovery.degrees for recovery in self.recoveries)
         return float(np.sqrt(sum(r.misfit for r in self.recoveries) / degrees)) if degrees else float("nan")
 
@@ -271,7 +271,7 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
     if misfit <= LIMITS.contradicts * degrees:
         return ()
     return (
-        f"what is left of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "
+        f"the residual of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "
         "the one described; state how uncertain its stiffness and mass are, so that they are updated",
     )
 
@@ -282,6 +282,15 @@ def unstated_numbers(update: Update) -> str:
     words = [f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing]
     named = list_some(words, "numbers")
     return f"the sensors deny the structure as its file describes it, and agree with another: {named}"
+
+
+MOVE_MORE = ("record runs that move the joints more", "find their laws")
+
+
+def _steps_of(kind: str, trust: Trust) -> tuple[tuple[str, str], ...]:
+    """Return what to do next with a law, of which the model stands in the folder of its kind."""
+    model = f"export RESULTS/{place_of_kind(kind)}"
+    return tuple((do.replace("export RESULTS", model), to) for do, to in trust.next_steps)
 
 
 def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
@@ -346,12 +355,14 @@ def of_data(found: RigDiscovery, checked: Check[RigTest]) -> RigDiscovery:
 
 def _judge_data(found: RigDiscovery, checked: Check[RigTest]) -> Light:
     """Return what the check found, and whether the structure is the one that its file describes."""
-    light = judge_soundness(checked.soundness, found.simulated)
+    light = judge_soundness(checked.soundness, found.simulated, found.test.motion)
     refined = 0.0 if found.refinement is None else found.refinement.after
     left = np.nanmax([found.misfit, refined])
     if left**2 > LIMITS.contradicts:
         return Light(
-            "data", "poor", f"what structure and laws leave of the sensors is {left:.1f} times their noise"
+            "data",
+            "poor",
+            f"the residual of the sensors under structure and laws is {left:.1f} times their noise",
         )
     if found.update is None or checked.usable.uncertain or light.colour == "poor":
         return light

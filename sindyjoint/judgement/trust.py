@@ -103,7 +103,7 @@ def assess(
         With its channels as they are, where some were put right: what does not repeat is the measurement's, and a
         channel that was moved in time is interpolated.
     """
-    data = judge_soundness(soundness, campaign.simulated)
+    data = judge_soundness(soundness, campaign.simulated, campaign.joint.motion)
     if not (model.terms or model.elements):
         return (
             data,
@@ -130,13 +130,13 @@ def assess(
     return data, judge_gap(gap, floor, model.joint.motion), predicts, _determined(model, campaign)
 
 
-def judge_soundness(soundness: Soundness, simulated: bool) -> Light:
+def judge_soundness(soundness: Soundness, simulated: bool, motion: str) -> Light:
     """Return what the check of the data found."""
     faults = [f.id for f in soundness.findings if f.severity != "note"]
     virtual = ", simulated" if simulated else ""
     if soundness.verdict == "sound":
         return Light("data", "good", f"sound{virtual}: nothing found that shifts a coefficient")
-    named = list_some([spelled(fault) for fault in dict.fromkeys(faults)], "findings")
+    named = list_some([spelled(fault, motion) for fault in dict.fromkeys(faults)], "findings")
     colour: Colour = "fair" if soundness.verdict == "doubtful" else "poor"
     return Light("data", colour, f"{soundness.verdict}{virtual}: {named}")
 
@@ -155,7 +155,7 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
         # What a law lacks is in the bound, too.
         return light("fair" if gap.value <= POLICY.large_part else "poor", sentence)
     if colour != "good":
-        sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither"
+        sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither model nor noise"
     return light(colour, sentence)
 
 

@@ -92,7 +92,8 @@ class Step:
     complete : float
         Share of the joints of which a discovery is expected to take every term that matters.
     grid : float
-        Median of the same of the plain grid's first runs; infinite where these do not determine it.
+        Median of the same of those of the plain grid's runs that are made in that time; infinite where they do not
+        determine it.
     """
 
     runs: int

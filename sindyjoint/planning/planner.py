@@ -187,7 +187,7 @@ class Planner:
         def widest(
             planned: tuple[PlannedRun, ...], information: Information | None, count: int
         ) -> tuple[float, float]:
-            if information is None or count > len(planned):
+            if information is None or not 0 < count <= len(planned):
                 return inf, inf
             at = [*made, *(run.frequency for run in planned[:count])]
             part = information.take(range(len(at)))
@@ -200,7 +200,10 @@ class Planner:
         for k in range(1, len(plan[0]) + 1):
             taken = chosen_terms(plan[1].take(range(len(made) + k)), coefficients)[:, list(self.matter)]
             complete = float(taken.all(axis=1).mean())
-            steps.append(Step(k, k * plan[0][0].duration, *widest(*plan, k), complete, widest(*grid, k)[0]))
+            seconds = k * plan[0][0].duration
+            # Of the grid, whose runs may be longer, as many as are made in the same time.
+            alike = sum(seconds >= (1 - 1e-9) * n * run.duration for n, run in enumerate(grid[0], 1))
+            steps.append(Step(k, seconds, *widest(*plan, k), complete, widest(*grid, alike)[0]))
         return tuple(steps)
 
     def _advice(self, curve: Sequence[Step], enough: int, now: Now | None) -> str:

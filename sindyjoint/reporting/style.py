@@ -68,8 +68,10 @@ _RC: dict[str, Any] = {
     "text.hinting": "none",
     "xtick.color": INK,
     "xtick.labelsize": 7,
+    "xtick.minor.pad": 5.0,
     "ytick.color": INK,
     "ytick.labelsize": 7,
+    "ytick.minor.pad": 5.0,
 }
 
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))

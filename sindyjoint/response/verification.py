@@ -228,14 +228,12 @@ class Verification(Shown):
 
 def seen_words(seen: Mapping[str, bool | None]) -> list[str]:
     """Return what to say of runs that fits of the model have seen, or may have."""
-    used = [name for name, known in seen.items() if known]
-    unknown = [name for name, known in seen.items() if known is None]
-    lines = [f"seen by the fit, so that their errors are no prediction: {list_some(used)}"] if used else []
-    if unknown:
-        lines.append(
-            f"the model has no record of all runs that it was fitted to: unknown of {list_some(unknown)}"
-        )
-    return lines
+    lines = (
+        (True, "a fit of the model has used {}: the error there is no prediction"),
+        (None, "the model does not record whether a fit has used {}: the error there may be no prediction"),
+    )
+    groups = ((line, [name for name, known in seen.items() if known is used]) for used, line in lines)
+    return [line.format(list_some(names)) for line, names in groups if names]
 
 
 def band_of(responses: Sequence[Array | None]) -> Band | None:

@@ -311,8 +311,11 @@ def describe(findings: Sequence[Finding], words: Words, motion: Motion) -> list[
     lines = []
     for (kind, channel), group in groups.items():
         first, runs = group[0], list_some([f.run for f in group if f.run is not None])
-        where = (f" of the {words.of(channel)}" if channel else "") + (f" in {runs}" if runs else "")
-        lines.append(f"{spelled(kind, motion)}{where}: {first.extent}; {first.effect}; {first.remedy}")
+        named = spelled(kind, motion)
+        named += f" of the {words.of(channel)}" if channel and words.of(channel) not in named else ""
+        lines.append(
+            f"{named}{f' in {runs}' if runs else ''}: {first.extent}; {first.effect}; {first.remedy}"
+        )
     return lines
 
 

@@ -56,13 +56,18 @@ def force_states(
     return _make_states(run, method, bandwidth, rate_share)
 
 
+def check_bandwidth(bandwidth: float | None) -> None:
+    """Refuse a highest frequency that is none."""
+    if bandwidth is not None and not bandwidth > 0:
+        raise InputError(f"bandwidth is {bandwidth!r} Hz; expected a positive number")
+
+
 # A check of the data, the search and what trusts its result take the same ones.
 @kept
 def _make_states(run: Run, method: Choice, bandwidth: float | None, rate_share: float | None) -> ForceStates:
     if method not in ("auto", "periodic", "broadband"):
         raise InputError(f"method is {method!r}; expected 'auto', 'periodic' or 'broadband'")
-    if bandwidth is not None and not bandwidth > 0:
-        raise InputError(f"bandwidth is {bandwidth!r} Hz; expected a positive number")
+    check_bandwidth(bandwidth)
     if run.quasi_static:
         if method != "auto" or bandwidth is not None:
             raise InputError(

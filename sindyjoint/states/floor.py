@@ -148,8 +148,8 @@ SOURCES = {
     "steady periods": "from periods of one motion inside the runs",
     "mean periods": "from the periods of the excitation",
     "spectrum": "from the end of the spectrum",
-    "coherent": "at most: from the end of a spectrum that still holds signal",
-    "neighbours": "at most: from samples of nearly one state, half a period or more apart",
+    "coherent": "at most, as signal reaches the end of the spectrum",
+    "neighbours": "at most, from samples of nearly one state, half a period or more apart",
 }
 #: What shows an upper bound only: a joint with memory has another moment in the same state, too.
 BOUNDS = {"coherent", "neighbours"}

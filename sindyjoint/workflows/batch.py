@@ -28,6 +28,7 @@ from sindyjoint.numeric import seed_of
 from sindyjoint.parallel import Lost, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
+from sindyjoint.states.build import check_bandwidth
 from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.joints.record import (
     CAMPAIGNS,
@@ -155,10 +156,9 @@ def _check_options(library: Any, options: Mapping[str, Any]) -> None:
     catalogue = as_catalogue(library)
     given = {name: options[name] for name in options if name in TermRegression.parameters()}
     TermRegression(catalogue, **given).check_parameters()
-    for option in ("forced", "forbidden"):
-        for term in given.get(option, ()):
-            if term not in catalogue and term != "inertia":
-                _ = catalogue[term]
+    for term in {*given.get("forced", ()), *given.get("forbidden", ())} - {*catalogue.ids, "inertia"}:
+        _ = catalogue[term]
+    check_bandwidth(options.get("bandwidth"))
     check_accepted(options.get("accept", ()))
 
 

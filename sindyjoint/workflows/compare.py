@@ -121,7 +121,7 @@ def compare(
     names = _checked(tuple(methods or METHODS))
     if replicates < 10 or not margin > 0:
         raise InputError(
-            f"{replicates} replicates and a margin of {margin!r} given; expected at least 10 and a positive one"
+            f"replicates is {replicates} and margin {margin!r}; expected 10 or more, and a positive number"
         )
     if isinstance(model, str | Path):
         read_model(model)  # what cannot be read is refused before anything is worked on

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.errors import InputError
+from sindyjoint import batch
+from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.export import batch_samples
 from sindyjoint.workflows import CampaignRecord, holm, median_spread, population, random_effects, summarised
 
@@ -186,3 +187,18 @@ def test_samples_are_drawn_about_a_trend_at_the_value_that_is_given(joints, tmp_
     assert np.array_equal(heavy, also)
     with pytest.raises(InputError, match="no coefficient has a trend with it; there are trends with load"):
         batch_samples(tmp_path, 10, at={"heat": "3"})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"bandwidth": -1.0}, "bandwidth is -1.0 Hz; expected a positive number"),
+        ({"forced": ["linear_damping"], "forbidden": ["linear_damping"]}, "is forced and forbidden"),
+        ({"forbidden": ["nothing"]}, "has no term 'nothing'"),
+    ],
+)
+def test_what_would_break_every_campaign_is_refused_once(options, message, tmp_path):
+    (tmp_path / "campaign.toml").touch()
+    with pytest.raises(SindyJointError, match=message):
+        batch(tmp_path, tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()

@@ -195,6 +195,17 @@ def test_narrow_view_does_not_scroll_sideways(open_page, screenshots):
     assert box["y"] + box["height"] < 740
 
 
+def test_no_value_breaks_at_its_error_on_a_phone(open_page):
+    page = open_page(viewport={"width": 390, "height": 844})
+    lines = """cells => cells.map(cell => {
+        const range = document.createRange();
+        range.selectNodeContents(cell);
+        return new Set([...range.getClientRects()].map(box => Math.round(box.top))).size;
+    })"""
+    assert set(page.locator("#terms-table td.whole").evaluate_all(lines)) == {1}
+    assert "±\u00a0" in page.locator(".lights").first.inner_text()
+
+
 def test_dark_view(open_page, screenshots):
     page = open_page(color_scheme="dark")
     page.screenshot(path=screenshots / "dark.png", full_page=True)

@@ -140,7 +140,7 @@ def test_what_one_record_cannot_tell_apart_the_advised_one_does():
     assert first.verdict == "ambiguous" and "clamp_stiffness" in first.steps[0].members
     advice = first.advice[0]
     assert set(advice.separates) <= set(first.steps[0].members) and advice.expected_confidence > 0.9
-    assert advice.waveform == "second record of the same pulse at 'lower beam'"
+    assert advice.waveform == "second response to the same pulse at 'lower beam'"
     ideal = hidden.truth.respond(points=("lower beam",)).displacement["lower beam"]
     level = 0.01 * np.std(hidden.rig.measured.displacement)
     noisy = ideal + level * np.random.default_rng(1).standard_normal(ideal.size)

@@ -223,6 +223,11 @@ def test_a_weight_of_zero_is_a_row_that_is_not_there(rows, labelled):
             UnknownNameError,
             "forced names 'nothing', which is not among the candidates",
         ),
+        (
+            {"forced": ["linear_damping"], "forbidden": ["linear_damping"]},
+            InputError,
+            "term 'linear_damping' is forced and forbidden",
+        ),
         ({"signs": {"nothing": 1}}, UnknownNameError, "signs names 'nothing'"),
         ({"signs": {"linear_stiffness": 2}}, InputError, "'linear_stiffness' is 2; expected \\+1 or -1"),
         ({"fixed": {"nothing": 1.0}}, UnknownNameError, "fixed names 'nothing'"),

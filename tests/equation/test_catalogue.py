@@ -262,7 +262,7 @@ def test_an_unknown_library_is_named_with_its_neighbour():
     with pytest.raises(UnknownNameError, match="library 'polinomial' is unknown; did you mean 'polynomial'?"):
         load_catalogue("polinomial")
     with pytest.raises(
-        UnknownNameError, match="library 'zzz' is unknown; Known: damping, extended, friction"
+        UnknownNameError, match="library 'zzz' is unknown; expected one of damping, extended, friction"
     ):
         load_catalogue("zzz")
 

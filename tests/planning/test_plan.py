@@ -54,7 +54,8 @@ def found():
 def test_a_plan_fills_the_time_and_beats_the_grid(found):
     assert found.seconds == pytest.approx(40.0) and len(found.runs) == 8
     assert sum(run.duration for run in found.grid_runs) == pytest.approx(40.0)
-    assert found.curve[-1].widest < 0.95 * found.curve[-1].grid
+    # The grid's runs are fewer and longer: it is compared at the same time.
+    assert found.curve[-1].widest < 0.95 * found.curve[-1].grid < np.inf
     assert [step.widest for step in found.curve] == sorted((s.widest for s in found.curve), reverse=True)
     assert len({run.frequency for run in found.runs}) == 3 and not found.undetermined
     # A joint that is only like another was tested nowhere.

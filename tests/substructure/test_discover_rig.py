@@ -53,6 +53,12 @@ def test_the_law_of_an_elastic_joint_has_no_friction(found):
     assert found.misfit == pytest.approx(1.0, abs=0.2) and found.found
 
 
+def test_what_a_structure_advises_next_are_commands_that_take_a_structure(found):
+    steps = [do for do, _ in (*found.trust.next_steps, *found.laws[0].discovery.trust.next_steps)]
+    assert found.trust.next_steps and not any("compare" in do for do in steps)
+    assert not any("export RESULTS " in do for do, _ in found.trust.next_steps)
+
+
 def test_a_wrong_stiffness_of_the_structure_is_found_without_being_told(runs, found):
     """Described 5 % too stiff."""
     from .two_masses import structure

@@ -124,7 +124,7 @@ def test_choices_stand_by_group_and_best_first(result, tmp_path):
 def test_wrong_options_are_refused(campaign):
     with pytest.raises(UnknownNameError, match="method is 'magic'; expected one of stlsq"):
         compare(campaign, methods=["magic"])
-    with pytest.raises(InputError, match="expected at least 10 and a positive one"):
+    with pytest.raises(InputError, match="expected 10 or more, and a positive number"):
         compare(campaign, margin=-1)
 
 

@@ -117,12 +117,13 @@ def test_a_run_that_a_fit_has_seen_is_not_held_out_whatever_it_is_marked(four, s
         "run3": False,
     }
     assert any(
-        "seen by the fit, so that their errors are no prediction: renamed" in w for w in record["warnings"]
+        "a fit of the model has used renamed: the error there is no prediction" in w
+        for w in record["warnings"]
     )
     shown = sindyjoint("verify", tmp_path / "model", tmp_path / "second", "--draws", 0).stdout
     text = " ".join(shown.split())
     assert (
-        "held out seen by the fit, so that their errors are no prediction: renamed" in text
+        "held out a fit of the model has used renamed: the error there is no prediction" in text
         and "not seen" in text
     )
 
@@ -152,9 +153,7 @@ def test_a_model_without_a_record_says_so(four, tmp_path):
     (tmp_path / "model.json").write_text(json.dumps(record))
     result = verify(tmp_path, four, draws=0)
     assert {run.seen for run in result.runs} == {None} and len(result.runs) == 4
-    assert any(
-        "the model has no record of all runs that it was fitted to" in line for line in result.warnings
-    )
+    assert any("the model does not record whether a fit has used" in line for line in result.warnings)
 
 
 # ---- what belongs to the rig

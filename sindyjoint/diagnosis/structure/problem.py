@@ -305,7 +305,8 @@ def warnings_of(
         )
     if not others:
         lines.append(
-            f"one pulse only: the gaps are those of a fit to the first {records[0].held_from:.3g} s, told on the rest"
+            f"one pulse only: the model is fitted to its first {records[0].held_from:.3g} s, the gaps are those of "
+            "what follows"
         )
     for record, noise in zip(problem.records, problem.noise, strict=True):
         if noise.length > 3:

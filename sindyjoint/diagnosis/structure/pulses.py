@@ -253,7 +253,9 @@ def _promised(
     if residual is None:
         return []
     columns = new.derivatives(rival.x, residual, duration, range(base.base_size, rival.x.size), rival.change)
-    pulse = "second record of the same pulse" if force == 1 else f"pulse {force:g} times as strong, measured"
+    pulse = (
+        "second response to the same pulse" if force == 1 else f"pulse {force:g} times as strong, measured"
+    )
     found = []
     for i, point in enumerate(points):
         rows = slice(i * truth[i].size, (i + 1) * truth[i].size)

@@ -16,7 +16,7 @@ from rich.markup import escape
 from sindyjoint.policy import SHARED as POLICY
 from sindyjoint.reporting.equation import superscripted
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Curve, Kind, Scale, by_name, plot, scaled
-from sindyjoint.reporting.page import Blocks, Page, markup, section
+from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
@@ -40,9 +40,6 @@ NAMED, NAME = 24, 24
 KELVIN = 273.15
 NORMAL95 = 1.96
 STATUS = {"found": "found", "none": "no model", "broken": "broken"}
-COMPARED = "Coefficients are compared on the terms that more than half of the models have"
-NOTHING_COMMON = "No term is in more than half of the models: nothing can be compared."
-NONE_DIFFERS = "None: all have the same terms, and no coefficient leaves the distribution of the others."
 DIAMONDS = " Diamonds: joints that stand out."
 
 
@@ -267,12 +264,12 @@ def _trust(result: Batch) -> Trust:
     """Return whether the joints can be compared and are alike, and what to do next."""
     lost = [record for record in result.records if record.status != "found"]
     apart = list(dict.fromkeys(difference.id for difference in result.differences))
-    common = list_some([spelled(term) for term in result.common], "terms")
+    common = ", ".join(map(spelled, result.common))
     lights = (
         Light("models", "fair" if result.found else "poor", f"none in {list_some([r.id for r in lost])}")
         if lost
         else Light("models", "good", "one in every campaign"),
-        Light("compared", "good", f"on {common}")
+        Light("compared", "good", f"on the terms of more than half of the models: {common}")
         if common
         else Light("compared", "fair", "on nothing: no term is in more than half of the models"),
         Light("alike", "fair", f"{list_some(apart)} differ from the others: see which joints differ")
@@ -280,7 +277,7 @@ def _trust(result: Batch) -> Trust:
         else Light("alike", "good", "no coefficient leaves the distribution of the others")
         if result.found >= POLICY.scatter
         else Light(
-            "alike", "fair", f"{result.found} of the {POLICY.scatter} joints among which outliers show"
+            "alike", "fair", f"{result.found} joints; an outlier shows among {POLICY.scatter} or more"
         ),
     )
     where = {record.id: shlex.quote(record.manifest) for record in result.records}
@@ -312,8 +309,6 @@ def _page(result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page
         ("Stand out", str(len({d.id for d in result.differences})), "see the list below"),
         ("Trends", str(sum(t.significant for t in trends)), f"of {len(trends)} looked for, at 5 % over all"),
     ]
-    common = ", ".join(map(spelled, result.common))
-    compared = f"{COMPARED}: {common}." if common else NOTHING_COMMON
     differ = [markup("<strong>{}</strong>: {}.").format(d.id, d.text) for d in result.differences]
     marked = any(s.outliers for s in result.population.scatters)
     title = (
@@ -329,10 +324,15 @@ def _page(result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page
         "Batch of campaigns",
         headline(result),
         "",
-        (show.paragraph(compared, "reason"), show.facts(facts), show.warnings(result.notes)),
+        (show.facts(facts), show.warnings(result.notes)),
         (),
         (
-            section("differ", "Which joints differ", "Differences", show.items(differ or [NONE_DIFFERS])),
+            section(
+                "differ",
+                "Which joints differ",
+                "Differences",
+                show.items(differ or [sentence(_trust(result).lights[-1].sentence)]),
+            ),
             section("joints", "All joints", "Joints", show.pictures("joints"), joints),
             section("scatter", "How the joints scatter", "Scatter", show.tables(scatter_table(result))),
             section("trends", "Trends", "Trends", *courses),

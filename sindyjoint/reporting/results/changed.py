@@ -97,7 +97,7 @@ def _trust(result: Change) -> Trust:
             f"a change of more than {beyond} is not ruled out for {list_some(unsure, 'terms')}",
         )
         if unsure
-        else Light("resolved", "good", f"every coefficient tells a change of {beyond} from none"),
+        else Light("resolved", "good", f"a change of {beyond} of any coefficient would be seen"),
     )
     further = ("record longer, or at more levels", f"rule out changes of more than {beyond}")
     lacking = ("sindyjoint diagnose CAMPAIGN", "see what the later test shows that the earlier model lacks")
@@ -119,7 +119,7 @@ def _page(result: Change, data: Change, show: Blocks, folder: Path | None) -> Pa
         "",
         (
             show.verdict(sentence(result.sentence), badge, word),
-            show.paragraph(f"{which}Margin {100 * result.margin:.3g} %.", "reason"),
+            show.paragraph(which.strip(), "reason"),
         ),
         (),
         (section("coefficients", "Coefficients", "Coefficients", *blocks),),

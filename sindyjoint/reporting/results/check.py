@@ -254,17 +254,15 @@ def _page(result: Any, data: CheckData, show: Blocks, folder: Path | None) -> Pa
     why = sentence(check.reason)
     if why and result is not check:
         why += f" So there is no {type(result).__name__.lower()}."
-    what = "structure" if check.words.structure else "joint"
     named, names = [f.run for f in found if f.run is not None], [run.run for run in data.runs]
     worst = names.index(named[0]) if named and named[0] in names else 0
     figure, panel = divmod(worst, RUNS_PER_FIGURE)
-    # Small here, below at the size at which a finding is seen.
-    hero = show.hero(list(kinds_of_check(data))[figure], panel, again=True)
     return Page(
         f"{check.name}: are its data sound?",
-        f"Are the data of this {what} sound?",
+        f"Are the data of this {'structure' if check.words.structure else 'joint'} sound?",
         check.name,
-        hero,
+        # Small here, below at the size at which a finding is seen.
+        show.hero(list(kinds_of_check(data))[figure], panel, again=True),
         (show.verdict(HEADLINES[stands], BADGES[verdict], verdict),),
         (show.paragraph(why, "reason"), show.facts(facts), show.warnings(check.warnings)),
         (

@@ -179,15 +179,15 @@ def _trust(tested: bool, bands: bool, farthest: str, *, model: bool = True) -> T
         Light("range", "good", "within the amplitudes that were tested")
         if tested
         else Light("range", "fair", "dotted parts lie beyond the amplitudes that were tested"),
-        Light("intervals", "good", "the errors of the coefficients are carried through")
+        Light("intervals", "good", "the 95 % bands follow from the standard errors of the coefficients")
         if bands
         else Light("intervals", "fair", "the model holds no standard errors: the curves have no bands"),
     )
     record = (f"record runs of up to {farthest}", "have what is dotted tested as well")
     at_hand = ("sindyjoint export MODEL --to python --out joint", EXPORT[1])
     own = (
-        "find the law of a joint of your own by sindyjoint discover",
-        "draw these curves with it (--model)",
+        "sindyjoint discover --out results",
+        "find the law of a joint, here of a virtual test, and draw these curves with it: --model results",
     )
     return Trust(lights, (*[record] * (not tested), at_hand if model else own))
 
@@ -273,7 +273,7 @@ def _structure_page(
 ) -> Page:
     """Return how far the first mode changes, responses and modes."""
     levels, modes = map(show.tables, _structure_tables(result))
-    how = f"The force acts at {result.at}; up to {result.harmonics} harmonics, and joints stick exactly."
+    how = f"The force acts at {result.at}; up to {result.harmonics} harmonics; sticking is exact."
     about = (
         "response and modes over amplitude",
         "A structure over frequency and amplitude",

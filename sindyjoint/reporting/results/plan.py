@@ -56,18 +56,18 @@ def draw_runs(data: Plan, ax: Axes) -> Axes:
 
 
 def _spans(numbers: Sequence[int]) -> str:
-    """Return numbers in words: 1, 4–9."""
+    """Return numbers in words, a span on each line: 1, 4–9."""
     parts = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-    return ", ".join(f"{part[0]}" if part.size == 1 else f"{part[0]}–{part[-1]}" for part in parts)
+    return ",\n".join(f"{part[0]}" if part.size == 1 else f"{part[0]}–{part[-1]}" for part in parts)
 
 
 def draw_curve(data: Plan, ax: Axes) -> Axes:
-    """Draw what is made small over the time of the runs, of the plan and of the grid's first runs."""
+    """Draw what is made small over the time of the runs, of the plan and of the grid."""
     curves: list[Curve] = []
     for name, color, marker, label in (
         ("widest", PALETTE[0], "o", "plan"),
         ("highest", PALETTE[5], "^", "plan, 95 of 100 tests lie below"),
-        ("grid", MUTED, "x", "grid, run by run"),
+        ("grid", MUTED, "x", "grid in the same time"),
     ):
         steps = [(s.seconds, 100 * getattr(s, name)) for s in data.curve if np.isfinite(getattr(s, name))]
         if steps:

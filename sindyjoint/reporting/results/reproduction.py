@@ -288,7 +288,11 @@ def _page(result: Reproduction, data: ReproductionFigures, show: Blocks, folder:
     both = f"{percent(richer.amplitude_rms_error)}, {milliseconds(richer.mean_period_difference)}"
     facts = [
         ("Furthest parameter", f"{furthest:.2f}", "of the paper's standard deviation"),
-        ("Amplitude", percent(plain.amplitude_rms_error), f"the paper prints {PULSE.amplitude_rms_error:g}"),
+        (
+            "Amplitude",
+            percent(plain.amplitude_rms_error),
+            f"the paper prints {percent(PULSE.amplitude_rms_error)}",
+        ),
         ("Period", milliseconds(plain.mean_period_difference), f"the paper prints {period}"),
         ("With friction that gives way", both, "amplitude, period: what the model lacks shows"),
     ]

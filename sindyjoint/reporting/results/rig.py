@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, cycled, fixed, plot, scaled
-from sindyjoint.reporting.page import Blocks, Page, section
+from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import MUTED, PALETTE, amount, plain, shortened
 from sindyjoint.reporting.tables import Console, TextTable, csv_columns, tabulate
@@ -165,8 +165,7 @@ def _page(result: RigMotion, data: RigFigures, show: Blocks, folder: Path | None
     """Return where the energy goes, what each joint did, frequencies and motion."""
     first, (modes, joints) = max(result.heat, key=lambda name: result.heat[name]), _tables(result)
     share = 100 * (result.heat[first] / (sum(result.heat.values()) or 1.0))
-    reason = f"The joints slip for the last time {result.last_slips.max(initial=0.0):.2f} s after the pulse."
-    reason += f" {result.rig.description}." if result.rig.description else ""
+    last = f"The joints slip for the last time {result.last_slips.max(initial=0.0):.2f} s after the pulse."
     return Page(
         f"{data.name} in motion",
         "A structure with joints after its pulse",
@@ -174,7 +173,7 @@ def _page(result: RigMotion, data: RigFigures, show: Blocks, folder: Path | None
         show.hero("deflection"),
         (
             show.verdict(f"Most of the energy, {share:.0f} %, is dissipated in: {first}."),
-            show.paragraph(reason, "reason"),
+            show.paragraph(f"{last} {sentence(result.rig.description)}".rstrip(), "reason"),
         ),
         (),
         (

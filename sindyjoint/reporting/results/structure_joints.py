@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.judgement.joint_laws import JointLaw
+from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind
 from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.equation import model_table
@@ -80,7 +80,7 @@ def _loop(loop: RecoveredLoop, ax: Axes) -> Axes:
     curves: list[Curve] = [(1e3 * loop.angle, loop.moment, recovered), (1e3 * loop.angle, loop.law, found)]
     title = f"{loop.joint}, {loop.run}"
     shown = curves[: 1 + bool(loop.law.size)]
-    return plot(ax, "Angle (mrad)", "Moment (N m)", shown, title, legend="upper left")
+    return plot(ax, "Angle (mrad)", "Moment (N·m)", shown, title, legend="upper left")
 
 
 KINDS = by_name(
@@ -153,7 +153,7 @@ def _page(result: RigDiscovery, data: StructureFigures, show: Blocks, folder: Pa
     said = markup("<b>{}</b>: {}"), markup(' (<a href="{}/report.html">its page</a>)')
     laws = []
     for law in result.laws:
-        there = "" if law.discovery is None else said[1].format(place_of_law(law))
+        there = "" if law.discovery is None else said[1].format(place_of_kind(law.kind))
         laws.append(show.verdict(said[0].format(law.kind, law_words(law)) + there))
         if law.discovery and law.found:
             laws.append(show.equation(markup(mathml(law.discovery.model))))
@@ -167,14 +167,12 @@ def _page(result: RigDiscovery, data: StructureFigures, show: Blocks, folder: Pa
         f"{data.rig}: the law of its joints",
         "Joints inside a structure",
         data.rig,
-        "",
+        show.hero("recovered"),
         laws,
-        (),
+        (show.warnings(_warnings(result)),),
         (
-            section(
-                "laws", "Laws", "Laws", terms, show.paragraph(_refined(result)), show.pictures("recovered")
-            ),
-            section("recovery", "Recovery", "Recovery", *recovered, show.warnings(result.warnings)),
+            section("laws", "Laws", "Laws", terms, show.pictures("recovered")),
+            section("recovery", "Recovery", "Recovery", *recovered),
         ),
     )
 
@@ -200,8 +198,6 @@ def _print(result: RigDiscovery, console: Console) -> None:
             console.print(f"\n[bold]{escape(table.title)}[/]")
             print_table(table.headed(), console)
     console.print(f"\n{_misfit(result)}")
-    if _refined(result):
-        console.print(_refined(result))
 
 
 def _details(result: RigDiscovery) -> Iterator[str]:
@@ -211,18 +207,8 @@ def _details(result: RigDiscovery) -> Iterator[str]:
         repeats = f"{spectra.edges.size - 1} blocks" if spectra.repeats else "the whole record"
         yield (
             f"{recovery.run.name}: {spectra.frequency:.6g} Hz, {spectra.angular.size} harmonics, {repeats}, "
-            f"left of the sensors {np.sqrt(recovery.misfit / max(recovery.degrees, 1)):.2f} of their noise"
+            f"residual of the sensors {np.sqrt(recovery.misfit / max(recovery.degrees, 1)):.2f} times their noise"
         )
-
-
-def place_of_law(law: JointLaw) -> str:
-    """Return the folder within the results in which the discovery of a kind of joint stands."""
-    return place_of_kind(law.kind)
-
-
-def place_of_kind(kind: str) -> str:
-    """Return the folder within the results of a kind of joint."""
-    return "".join(c if c.isalnum() else "-" for c in kind).strip("-") or "joint"
 
 
 def law_words(law: JointLaw) -> str:
@@ -269,17 +255,17 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
             yield RecoveredLoop(name, run, state.angle[rows], state.moment[rows], shown)
 
 
-def _refined(result: RigDiscovery) -> str:
-    notes = () if result.refinement is None else result.refinement.notes
-    return "".join(map(sentence, notes))
-
-
 def _misfit(result: RigDiscovery) -> str:
     if not np.isfinite(result.misfit):
         return (
             "There are as many sensors as joints: nothing shows whether the structure is the one described."
         )
-    return f"What is left of the sensors is {result.misfit:.2f} times their noise."
+    return f"The residual of the sensors is {result.misfit:.2f} times their noise."
+
+
+def _warnings(result: RigDiscovery) -> tuple[str, ...]:
+    """Return what to be aware of, and how the laws were refined."""
+    return (*result.warnings, *(() if result.refinement is None else result.refinement.notes))
 
 
 STRUCTURE_JOINTS = View(
@@ -292,8 +278,9 @@ STRUCTURE_JOINTS = View(
     judged_by=lambda result: FINDING,
     drawn_from=gather,
     tables=_tables,
+    headline=lambda result: result.trust,
     page=_page,
     print=_print,
+    warnings=_warnings,
     details=_details,
-    headline=lambda result: result.trust,
 )

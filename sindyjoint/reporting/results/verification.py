@@ -299,11 +299,11 @@ def _page(
     said = f"The model {'gives the measured' if passed else 'misses the'} response."
     badge = "confirmed" if passed else "refuted"
     facts = [
+        (f"{load} error", result.moment_nrmse, percent, "relative RMS"),
         ("Amplitude", result.amplitude_rms_error, percent, "RMS difference, of the first amplitude"),
         ("Period", result.mean_period_difference, milliseconds, "mean difference"),
     ]
-    known = [(f"{load} error", percent(result.moment_nrmse), "relative RMS")]
-    known += [(name, shown(value), of) for name, value, shown, of in facts if value is not None]
+    known = [(name, shown(value), of) for name, value, shown, of in facts if value is not None]
     runs, *others = tables(result)
     failures = [f"{run.name}: {run.failure}." for run in result.runs if run.failure]
     seen = "virtual test" if virtual else "measured"

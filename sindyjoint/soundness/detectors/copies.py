@@ -123,7 +123,8 @@ def _between(one: Record, other: Record, found: dict[str, list[Block]], words: W
             other.name,
             name,
             "stops",
-            f"{100 * share:.3g} % of the {words.of(name)} are those of run {one.name!r}, the other channels are not",
+            f"{100 * share:.3g} % of the samples of its {words.of(name)} are those of run {one.name!r}, those of the "
+            "other channels are not",
             "two runs are mixed: the load of one is fitted to the motion of another, and no coefficient can be trusted",
             "put in the columns that were meant, or leave the run out",
         )

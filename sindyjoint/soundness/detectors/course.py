@@ -37,13 +37,10 @@ class Step:
     contrast: float
     beside: int
 
-    def ratio(self, series: Array) -> float:
-        """Return the mean of another series after the step over that before."""
-        before, after = (
-            series[max(0, self.period - self.beside) : self.period],
-            series[self.period + 1 : self.period + 1 + self.beside],
-        )
-        return float(after.mean() / max(float(before.mean()), 1e-12))
+    def sides(self, series: Array) -> tuple[float, float]:
+        """Return the means of another series before and after the step."""
+        left, right = slice(max(0, self.period - self.beside), self.period), slice(self.period + 1, None)
+        return float(series[left].mean()), float(series[right][: self.beside].mean())
 
 
 def step_of(series: Array, least: float = POLICY.tolerated) -> Step | None:
@@ -173,16 +170,22 @@ def _find_phase_steps(record: Record, lines: Lines, first: int, words: Words) ->
     least = max(POLICY.tolerated, 2 * np.pi / per)  # no less than a sample
     clock = record.driven_by
 
-    def step(line: NDArray[np.complex128]) -> Step | None:
-        return step_of(np.unwrap(np.angle(line)), least)
-
-    steps = {n: step(line * np.conj(lines[clock])) for n, line in lines.items() if n != clock}
+    apart = {n: np.unwrap(np.angle(z * np.conj(lines[clock]))) for n, z in lines.items() if n != clock}
+    steps = {name: step_of(series, least) for name, series in apart.items()}
     slipped: dict[str | None, Step] = {name: found for name, found in steps.items() if found is not None}
     if not slipped:
-        found = step(lines[clock])
+        found = step_of(np.unwrap(np.angle(lines[clock])), least)
         slipped = {} if found is None else {None: found}
     elif len(slipped) > max(1, len(steps) / 2):
         slipped = {clock: max(slipped.values(), key=lambda found: found.contrast)}
+    else:
+        # While one channel slips the others go on; where a start-up dies away all of them turn.
+        slipped = {
+            name: found
+            for name, found in slipped.items()
+            if np.median([np.ptp(found.sides(z)) for m, z in apart.items() if m != name] or [0.0])
+            < POLICY.large_part * abs(found.size)
+        }
     return [_phase_finding(record, name, found, first, words) for name, found in slipped.items()]
 
 
@@ -222,7 +225,8 @@ def _find_level_steps(record: Record, lines: Lines, first: int, words: Words) ->
     if not steps:
         return
     name = max(steps, key=lambda n: steps[n].contrast)
-    changed = {n: steps[name].ratio(h) for n, h in height.items()}
+    sides = ((n, steps[name].sides(h)) for n, h in height.items())
+    changed = {n: after / max(before, 1e-12) for n, (before, after) in sides}
     others = max(abs(c - 1) for n, c in changed.items() if n != name)
     alone = others < POLICY.large_part * abs(changed[name] - 1)
     if alone and _beat(record):

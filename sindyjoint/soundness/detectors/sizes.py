@@ -70,7 +70,7 @@ def find_unequal_units(campaign: Campaign, words: Words) -> Iterator[Finding]:
                 "biases",
                 f"column {column!r} is declared in {stated!r} here and in {usual!r} in {count} of {len(declared)} "
                 f"runs, and no file states which: {ratio:.4g} between them",
-                "the coefficients are those of two scales",
+                "the coefficients are a mean of two scales",
                 f"declare one unit for the {words.of(channel)} of all runs",
             )
 
@@ -115,7 +115,7 @@ def find_offsets(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "biases" if all(r.frequency for r, _ in some) else "note",
             f"the middle of the {angle} is at {usual:.3g} {unit}, {100 * abs(usual) / typical:.3g} % of its amplitude "
             "from zero",
-            "k1, k2 and k3 belong to a series about a point beside the middle: even terms appear",
+            "k1, k2 and k3 are counted from a point beside the middle of the motion, and even terms appear",
             f"give the {angle} channel an offset that makes the unloaded position zero",
         )
     for i, (record, channel) in enumerate(some if len(some) >= POLICY.fewest else ()):

@@ -148,7 +148,7 @@ def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator
     if best.id == "channel_delay" or best.left > min(np.sqrt(POLICY.explains) * before, POLICY.departs):
         return
     slowest = float(runs.frequency.min())
-    gain = f"the law leaves {100 * before:.2g} % of the {words.of('moment')} as it is and {100 * best.left:.2g} % so"
+    gain = f"one law leaves {100 * before:.2g} % of the {words.of('moment')}, {100 * best.left:.2g} % with that undone"
     if best.id == "ac_coupling":
         lead = float(np.arctan(best.parameter / slowest))
         extent = (

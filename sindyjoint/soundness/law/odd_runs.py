@@ -55,7 +55,7 @@ def find_other_scales(runs: Motions, inertia: float | None, words: Words) -> tup
     left, group, channel, factor = min(tried, key=lambda one: one[0])
     if left > min(POLICY.departs, np.sqrt(POLICY.explains) * before):
         return [], runs
-    fits = f"one law then leaves {100 * left:.2g} % of the {words.of('moment')}, {100 * before:.2g} % without"
+    fits = f"one law leaves {100 * before:.2g} % of the {words.of('moment')}, {100 * left:.2g} % with that undone"
     if group.sum() > 1:
         fits = f"so are {group.sum()} of {group.size} runs; {fits}"
     mistake = min(
@@ -71,8 +71,9 @@ def find_other_scales(runs: Motions, inertia: float | None, words: Words) -> tup
         if factor < 0
         else (
             "gain_differs",
-            f"its {words.of(channel)} is {factor:.4g} times that of the other runs, as {mistake} are: {fits}",
-            "k1, k3, c1 and M_F are those of two scales",
+            f"its {words.of(channel)} is {factor:.4g} times that of the other runs, as where {mistake} are mistaken: "
+            f"{fits}",
+            "k1, k3, c1 and M_F are a mean of two scales",
             f"give the {words.of(channel)} of these runs the unit of the others, or the others theirs",
         )
     )  # fmt: skip
@@ -233,7 +234,7 @@ def _describe(index: int, held: Held, words: Words) -> Finding:
     )
     # Of the RMS: a single number is to account for a single run.
     explained = POLICY.explains * min(departure, 1.0)
-    said = f"(they agree within {100 * held.common:.2g} %, it departs by {100 * departure:.3g} %)"
+    said = f"(it departs by {100 * departure:.3g} %, they do by {100 * held.common:.2g} %)"
     if left > explained:
         time, after = _best_delay(run, held)
         late = after <= explained
@@ -243,7 +244,7 @@ def _describe(index: int, held: Held, words: Words) -> Finding:
             run.names[0],
             "moment" if late else None,
             "biases",
-            f"its {words.of('moment')} is not that of the law of the other runs {said}{lags if late else ''}",
+            f"its {words.of('moment')} is not what the law of the other runs gives {said}{lags if late else ''}",
             "the coefficients (k1, k3, c1, M_F) are a mean of two joints or two set-ups",
             "look at what was changed before that run; leave it out, or diagnose it apart",
         )
@@ -255,7 +256,7 @@ def _describe(index: int, held: Held, words: Words) -> Finding:
         run.names[0],
         name,
         "biases" if max(gain, 1 / gain) < POLICY.clearly else "stops",
-        f"its {words.of(name)} is {gain:.4g} times what the law of the other runs has for it {said}",
+        f"its {words.of(name)} is {gain:.4g} times what the law of the other runs gives {said}",
         DRAWN,
         "compare gain and unit of that run with the others'; correct it or leave it out",
     )

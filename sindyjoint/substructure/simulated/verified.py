@@ -175,8 +175,8 @@ def verify_runs(
         if measured.repeats and share.max() > LIMITS.large_part:
             worst = test.sensors[int(np.argmax(share))].name
             warnings.append(
-                f"{run.name}: compared up to {measured.highest:.3g} Hz; {100 * share.max():.0f} % of what {worst} "
-                "shows lies above"
+                f"{run.name}: compared up to {measured.highest:.3g} Hz; {100 * share.max():.0f} % of the signal "
+                f"of sensor {worst!r} lies above"
             )
         motion, failure = attempted(measured.simulate, structure)
         moved = zip(structure.hinges, standing, motion.angle, motion.rate, strict=True) if motion else ()
