@@ -161,7 +161,7 @@ def test_every_kind_has_a_caption():
 def test_a_sliding_joint_is_reported_in_forces():
     turned, compared = verification(), replace(comparison(), motion="translation")
     joint = replace(turned.model.joint, motion="translation", inertia=None)
-    slid = replace(turned, model=replace(turned.model, joint=joint))
+    slid = replace(turned, model=replace(turned.model, joint=joint), moment_nrmse=0.02)
     for result in (slid, compared):
         words = " ".join(str(table.columns + table.rows) for table in view_of(result).tables(result)).lower()
         assert "force" in words and "moment" not in words
