@@ -115,7 +115,7 @@ class Regions:
 
     def weigh(self, axis: str, span: Span, share: float, samples: float, words: str) -> None:
         """Keep a region by its shares of gap and samples, if it is informative enough: share·ln(share / samples)."""
-        if share > self._policy.large_part and share > self._policy.clearly * samples:
+        if share > self._policy.large_part and share > self._policy.significant_excess * samples:
             telling = share * float(np.log(share / max(samples, 1e-3)))
             self.found.append((telling, Place(axis, span, share, words)))
 

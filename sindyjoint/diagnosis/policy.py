@@ -46,7 +46,10 @@ class DiagnosisPolicy(EvidencePolicy):
     unexplained: float = calibrated(
         0.15, "share of the mean square gap beyond noise above which the rest is unknown"
     )
-    significant_excess: float = calibrated(1.25, "mean square, in units of noise, up to which all is noise")
+    significant_excess: float = calibrated(
+        1.25,
+        "mean square, in units of noise or of the whole gap's, up to which all is noise, or a region like others",
+    )
 
     # Budget and localisation; drift of channels and change of the joint.
     phase_share: float = convention(0.65, "least share of a gap to lie in periods, or in amplitudes")
