@@ -248,13 +248,7 @@ class Finding:
     ] = None
     states: Annotated[States, typer.Option(help="How rates are made of angles.")] = STATES
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None
-    align: Annotated[
-        bool,
-        typer.Option(
-            "--align",
-            help="Remove the time delay between the channels, also where the law leaves more than noise.",
-        ),
-    ] = ALIGN
+    align: AlignOption = ALIGN
 
     def arguments(self) -> dict[str, Any]:
         """Return what :func:`sindyjoint.discover` takes."""

@@ -13,8 +13,9 @@ class VerdictPolicy(SharedPolicy):
 
     predicts: float = limit(
         1.1,
-        "held-out error over residual up to which a model predicts as well as it fits",
-        source="chosen by judgement",
+        "ratio of two RMS errors up to which they are one: gap over noise floor, held-out error over residual",
+        source="500 campaigns (results/calibration.json): periodic runs, multisines and sweeps leave at most 1.06 "
+        "floors under the true law; laws that lack an effect of 3 to 12 % (seeds 7001 to 7004) leave 1.02 to 6.8",
     )
 
 

@@ -162,9 +162,9 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
 def colour_of_misfit(relative: float, floor: float) -> Colour:
     """Return the colour of a misfit beside its measured noise floor, both relative RMS.
 
-    Good is what noise and the processing leave, and no more: the limit from which a diagnosis calls something missing.
+    Good is what noise and the processing leave, and no more.
     """
-    if relative <= DIAGNOSIS.clearly * math.hypot(floor, DIAGNOSIS.processing_error):
+    if relative <= POLICY.predicts * math.hypot(floor, DIAGNOSIS.processing_error):
         return "good"
     return "fair" if beyond_noise(relative, floor) <= POLICY.large_part else "poor"
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,12 +18,15 @@ from sindyjoint.diagnosis.campaign.start import first_model
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Gap, Step
-from sindyjoint.discovery.delay import find_delay, shifted
+from sindyjoint.discovery.delay import ChannelDelay, columns_of, competing_delay, find_delay, shifted
 from sindyjoint.equation.candidates import rate_free
 from sindyjoint.equation.catalogue import default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.states import regression_rows
+
+if TYPE_CHECKING:
+    from sindyjoint.discovery.regression import TermRegression
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
@@ -63,10 +66,8 @@ def with_delay(problem: Problem) -> Aligned | None:
     """Return the problem with the delay between its channels removed; None if there is no delay."""
     effect = next((e for e in problem.candidates if e.enters == "time shift"), None)
     work = problem.work
-    lag = (
-        None if effect is None else find_delay(work.states, work.campaign.joint.inertia, work.campaign.inputs)
-    )
-    if effect is None or lag is None or not lag.stands_out or lag.at_limit:
+    lag = None if effect is None else _delay(problem)
+    if effect is None or lag is None:
         return None
     delay = FittedEffect(effect, effect.variants[0], np.empty(0), np.array([lag.time]), 0.0)
     aligned = work.again(work.model, (), tuple(shifted(s, lag.time) for s in work.states))
@@ -75,9 +76,37 @@ def with_delay(problem: Problem) -> Aligned | None:
     return Aligned(later, delay, _belief(lag.time / lag.standard_error))
 
 
+def _delay(problem: Problem) -> ChannelDelay | None:
+    """Return the delay that stands out under any joint's law, or else under the terms that discovery finds."""
+    work = problem.work
+    inertia = work.campaign.joint.inertia
+    lag = find_delay(work.states, inertia, work.campaign.inputs)
+    if lag is None or not lag.stands_out:
+        found = _regressed(problem)
+        terms = [] if found is None else [term for term in found.terms_ if term.id in found.model_]
+        lag = competing_delay(work.states, columns_of(terms), inertia) if terms else None
+    return lag if lag is not None and lag.stands_out and not lag.at_limit else None
+
+
 def _belief(ratio: float) -> float:
     """Return the probability that a number of so many standard errors is not zero."""
     return float(1 / (1 + np.exp(-0.5 * min(ratio**2, 1e3))))
+
+
+def _regressed(problem: Problem) -> TermRegression | None:
+    """Return the regression of what discovery would offer on the states of a problem; None where it cannot be made."""
+    from sindyjoint.discovery.regression import TermRegression
+
+    work, campaign = problem.work, problem.work.campaign
+    largest = max(float(np.abs(s.angle).max()) for s in work.states)
+    catalogue = default_candidates(largest, campaign.joint.motion)
+    catalogue = rate_free(catalogue) if campaign.quasi_static else catalogue
+    regressor = TermRegression(catalogue, motion=campaign.joint.motion)
+    rows = regression_rows(work.states, campaign.joint.inertia, with_inputs=False)
+    try:
+        return regressor.fit(**rows.fit_arguments())
+    except (InputError, np.linalg.LinAlgError):
+        return None
 
 
 def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
@@ -85,19 +114,10 @@ def discovered(problem: Problem) -> tuple[Problem, tuple[Step, ...]] | None:
 
     None where discovery finds none, or those of the model.
     """
-    from sindyjoint.discovery.regression import TermRegression
-
     work = problem.work
     campaign, policy = work.campaign, problem.policy
-    largest = max(float(np.abs(s.angle).max()) for s in work.states)
-    catalogue = default_candidates(largest, campaign.joint.motion)
-    catalogue = rate_free(catalogue) if campaign.quasi_static else catalogue
-    regressor = TermRegression(catalogue, motion=campaign.joint.motion)
-    try:
-        regressor.fit(
-            **regression_rows(work.states, campaign.joint.inertia, with_inputs=False).fit_arguments()
-        )
-    except (InputError, np.linalg.LinAlgError):
+    regressor = _regressed(problem)
+    if regressor is None:
         return None
     known = set(work.model.ids)
     if not regressor.model_.terms or set(regressor.model_.ids) <= known:
