@@ -149,7 +149,7 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
     if not math.isfinite(floor.relative):
         colour: Colour = "fair" if gap.value <= POLICY.large_part else "poor"
         return light(colour, f"{size}; {floor.words}")
-    colour = colour_of_misfit(gap.value, floor.relative)
+    colour = colour_of_misfit(gap.value, floor.relative, POLICY.predicts)
     sentence = f"{size}, noise floor {percent(floor.relative)} {floor.words}"
     if floor.bound and colour == "good":
         # What a law lacks is in the bound, too.
@@ -159,12 +159,12 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
     return light(colour, sentence)
 
 
-def colour_of_misfit(relative: float, floor: float) -> Colour:
+def colour_of_misfit(relative: float, floor: float, within: float = POLICY.clearly) -> Colour:
     """Return the colour of a misfit beside its measured noise floor, both relative RMS.
 
-    Good is what noise and the processing leave, and no more.
+    Good is what noise and the processing leave, and no more; of a response up to half as much again.
     """
-    if relative <= POLICY.predicts * math.hypot(floor, DIAGNOSIS.processing_error):
+    if relative <= within * math.hypot(floor, DIAGNOSIS.processing_error):
         return "good"
     return "fair" if beyond_noise(relative, floor) <= POLICY.large_part else "poor"
 
