@@ -15,7 +15,7 @@ from sindyjoint.mechanics import virtual_campaign
 HEAVY = (
     "pysindy", "sklearn", "scipy.linalg", "scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate",
     "scipy.special", "pandas", "matplotlib", "sympy", "numba", "pint", "pydantic", "plotly", "dask", "joblib", "jinja2",
-    "pyarrow", "h5py", "rich",
+    "pyarrow", "h5py", "rich", "sindyjoint.mechanics.transient", "sindyjoint.substructure.recovery",
 )  # fmt: skip
 # The table of pydantic's fields, that of a terminal, and linear algebra are in every answer.
 ANSWER = {"scipy.linalg", "pydantic", "rich"}
@@ -23,15 +23,17 @@ ANSWER = {"scipy.linalg", "pydantic", "rich"}
 MODEL = ANSWER | {"sympy", "scipy.special", "numba"}
 PEAKS = {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"}
 PAGE = {"matplotlib", "jinja2"}
+# A diagnosis has the records of joint and structure in one.
+STRUCTURE = {"sindyjoint.substructure.recovery"}
 #: What each verb may load on a campaign of CSV files.
 MAY_LOAD = {
     "check CAMPAIGN": ANSWER,
     "discover CAMPAIGN": MODEL,
     "verify MODEL CAMPAIGN": MODEL | PEAKS,
-    "diagnose CAMPAIGN": MODEL | {"scipy.optimize"},
-    "plan --campaign CAMPAIGN --time 20s": MODEL,
+    "diagnose CAMPAIGN": MODEL | {"scipy.optimize"} | STRUCTURE,
+    "plan --campaign CAMPAIGN --time 20s": MODEL | STRUCTURE,
     # The selectors are those of pysindy; the splits and paths of some are scikit-learn's, and bring what it imports.
-    "compare CAMPAIGN": set(HEAVY) - {"matplotlib", "plotly", "h5py", "jinja2"},
+    "compare CAMPAIGN": {n for n in HEAVY if "." not in n or n in PEAKS | MODEL} - PAGE - {"plotly", "h5py"},
     "libraries list": {"pydantic", "rich"},
     "libraries show paper": MODEL - {"numba"} | {"pint"},
     "schema": {"pydantic", "scipy.linalg"},
