@@ -3,6 +3,7 @@
     python -m benchmarks.bench_speed                     # imports, verbs, the estimator
     python -m benchmarks.bench_speed --only verbs
     python -m benchmarks.bench_speed --profile discover  # what the time of one verb goes to
+    python -m benchmarks.bench_speed --only growth       # how the time grows; writes results/growth.json
 
 The campaign is the virtual test of the paper's joint: twelve runs of 10 s as CSV files. Verbs are counted beyond a
 process that imports numpy and scipy.linalg. Processor time is user and system time of the process and its children.
@@ -11,6 +12,7 @@ process that imports numpy and scipy.linalg. Processor time is user and system t
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import subprocess
 import sys
@@ -19,6 +21,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
+
+import numpy as np
 
 COUNT = 5
 BASE = ("-c", "import numpy, scipy.linalg")
@@ -54,6 +58,47 @@ THEIRS = (
     'pysindy.SINDy(pysindy.STLSQ(threshold=0.02, alpha=0.0), feature_library=TermLibrary("extended"))'
     ".fit(X, 1e-3, x_dot=y[:, None])"
 )
+
+#: Work of a size, by what grows; the campaign is made before, and a small one of its kind is worked on first.
+GROWTH = """
+import sys, tempfile, time
+import numpy as np
+import sindyjoint
+from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.mechanics import virtual_campaign
+kind, size = sys.argv[1], int(sys.argv[2])
+plan = dict(levels=[0.35, 0.5, 0.63, 0.92], frequencies=[3.0], duration=3.0, rng=0)
+small, library = virtual_campaign(**plan), "extended"
+if kind == "runs":
+    plan["frequencies"] = np.linspace(3, 6, size // 4)
+elif kind == "samples a run":
+    plan["duration"] = size / 1000
+elif kind == "candidate terms":
+    powers = [(i, n - i) for n in range(1, 12) for i in range(n, -1, -1)][:size]
+    library = tempfile.mkdtemp() + "/powers.toml"
+    with open(library, "w") as file:
+        file.write('name = "powers"\\ndescription = "products of powers"\\n')
+        for i, j in powers:
+            file.write(
+                f'[[term]]\\nid = "p{i}_{j}"\\nsymbol = "a{i}_{j}"\\nformula = "theta**{i}*omega**{j}"\\n'
+                f'unit = "N*m*s**{j}/rad**{i + j}"\\nmeaning = "a power"\\nfamily = "powers"\\nname = "power"\\n'
+            )
+campaign = virtual_campaign(**plan)
+def work(data):
+    if kind == "effects":
+        return sindyjoint.diagnose(data, effects=load_effects()[:size], advise=False)
+    return sindyjoint.discover(data, library)
+work(small)
+start = time.process_time()
+work(campaign)
+print(time.process_time() - start)
+"""
+SIZES = {
+    "runs": (4, 12, 40, 120, 400),
+    "samples a run": (10_000, 100_000, 1_000_000),
+    "candidate terms": (5, 10, 20, 40, 60),
+    "effects": (7, 14, 28),
+}
 
 
 class Spent(NamedTuple):
@@ -137,6 +182,32 @@ def estimator(rows: int) -> None:
     )
 
 
+def growth(kinds: Sequence[str]) -> None:
+    """Print by which power of a size the time of its work grows, over all sizes and the last two; keep them of all."""
+    found = []
+    for kind in kinds:
+        seconds = []
+        for size in SIZES[kind]:
+            command = [sys.executable, "-c", GROWTH, kind, str(size)]
+            done = subprocess.run(command, check=True, capture_output=True, text=True)
+            seconds.append(float(done.stdout.split()[-1]))
+            line(f"{size} {kind}", seconds[-1], "", "s")
+        slopes = np.diff(np.log(seconds)) / np.diff(np.log(SIZES[kind]))
+        power = float(np.polyfit(np.log(SIZES[kind]), np.log(seconds), 1)[0])
+        line(f"{kind}: power", power, "≤ 1.1", f"{slopes[-1]:.2f} between the last two")
+        found.append(
+            {
+                "kind": kind,
+                "sizes": SIZES[kind],
+                "seconds": seconds,
+                "power": power,
+                "last": float(slopes[-1]),
+            }
+        )
+    if len(kinds) == len(SIZES):
+        (Path(__file__).parent / "results" / "growth.json").write_text(json.dumps(found, indent=1) + "\n")
+
+
 def profile(name: str, folder: Path) -> None:
     """Print where the time of a verb goes."""
     files = make_campaign(folder)
@@ -154,10 +225,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", nargs="+", choices=["imports", "verbs", "estimator"])
+    parser.add_argument("--only", nargs="+", choices=["imports", "verbs", "estimator", "growth"])
     parser.add_argument("--verbs", nargs="+", choices=[*VERBS], default=[*VERBS])
     parser.add_argument("--rows", type=int, default=2_000_000, help="of the estimator's fit [2e6]")
     parser.add_argument("--profile", choices=[*VERBS], help="print where the time of one verb goes")
+    parser.add_argument("--growth", nargs="+", choices=[*SIZES], default=[*SIZES])
     given = parser.parse_args(arguments)
     wanted = given.only or ["imports", "verbs", "estimator"]
     with tempfile.TemporaryDirectory() as folder:
@@ -170,6 +242,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             verbs(Path(folder), given.verbs)
         if "estimator" in wanted:
             estimator(given.rows)
+        if "growth" in wanted:
+            growth(given.growth)
 
 
 if __name__ == "__main__":
