@@ -58,16 +58,17 @@ def seed_of(rng: RNG) -> int:
 def kept(function: Callable[..., Made]) -> Callable[..., Made]:
     """Keep what a function makes of its first argument as long as that is there, by the other ones.
 
-    Neither what it makes nor the others may hold the first, or be what it was made of. All are given by position.
+    Neither what it makes nor the others may hold the first, or be what it was made of.
     """
     known: WeakKeyDictionary[Any, dict[tuple[Any, ...], Made]] = WeakKeyDictionary()
 
     @wraps(function)
-    def once(of: Any, *others: Any) -> Made:
+    def once(of: Any, *others: Any, **named: Any) -> Made:
         made = known.setdefault(of, {})
-        if others not in made:
-            made[others] = function(of, *others)
-        return made[others]
+        key = (*others, *named.items())
+        if key not in made:
+            made[key] = function(of, *others, **named)
+        return made[key]
 
     return once
 

@@ -34,6 +34,8 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     return "moment" if restoring > POLICY.nearly * rms(states.transfer_moment(law.inertia)) else "windows"
 
 
+# Every simulation of a run asks.
+@kept
 def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0) -> bool:
     """Return whether a run's motion was its drive: a sinusoid of the angle alone, but not of the moment; or a path.
 
@@ -43,12 +45,6 @@ def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0
     that does not repeat was the drive where a joint of that ``inertia`` shows no answer to what the moment holds beyond
     the band of the angle.
     """
-    return _find_prescribed(states, spurious, inertia)
-
-
-# Every simulation of a run asks.
-@kept
-def _find_prescribed(states: ForceStates, spurious: bool, inertia: float) -> bool:
     if states.method == "path":
         return True
     if states.method == "broadband" and not states.repeated:

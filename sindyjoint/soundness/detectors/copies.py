@@ -173,9 +173,12 @@ def _find_scaled(records: Sequence[Record], words: Words) -> Iterator[Finding]:
 
 def _gain_of_copy(one: Array, other: Array) -> float | None:
     """Return the factor by which a channel is another one, noise included; None where it is not, or is the same."""
-    if one.size != other.size or np.array_equal(one[:LOOKED_AT], other[:LOOKED_AT]):
+    if one.size != other.size:
         return None
     one, other = one[:LOOKED_AT], other[:LOOKED_AT]
-    gain = float(one @ other) / float(one @ one)
-    proportional = np.abs(other - gain * one).max() <= PROPORTIONAL * np.abs(other).max()
-    return gain if proportional else None
+    both, squares = float(one @ other), float(one @ one) * float(other @ other)
+    # Nearly all that is no copy leaves more of its squares than a copy can.
+    if squares - both**2 > one.size * PROPORTIONAL**2 * squares or np.array_equal(one, other):
+        return None
+    gain = both / float(one @ one)
+    return gain if np.abs(other - gain * one).max() <= PROPORTIONAL * np.abs(other).max() else None

@@ -239,19 +239,24 @@ def rows_of(runs: Motions, scale: Scale, inertia: float | None) -> Rows:
     return Rows(np.stack(built, axis=2) * weight[:, :, None], load * weight)
 
 
-def solve(products: Array) -> tuple[Array, float]:
+def solve(products: Array) -> tuple[Array, Any]:
     """Return coefficients and residual mean square, over the runs, of the law of some runs' products."""
-    pooled = products.sum(axis=0)
-    gram, right, square = pooled[:-1, :-1], pooled[:-1, -1], pooled[-1, -1]
+    return solved(products.sum(axis=0), len(products))
+
+
+def solved(pooled: Array, runs: int) -> tuple[Array, Any]:
+    """Return the same of the products of some runs together, shape (..., p + 1, p + 1): (..., p) and (...)."""
+    gram, right, square = pooled[..., :-1, :-1], pooled[..., :-1, -1:], pooled[..., -1, -1]
     law = inverted(gram) @ right
-    return law, float(max(square - 2 * right @ law + law @ gram @ law, 0.0)) / len(products)
+    left = square - ((2 * right - gram @ law) * law).sum(axis=(-2, -1))
+    return law[..., 0], np.maximum(left, 0.0) / runs
 
 
 def inverted(gram: Array) -> Array:
-    """Return the inverse of products of columns, scaled to unit norm and with a ridge."""
-    norms = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scale = np.outer(norms, norms)
-    return np.asarray(np.linalg.inv(gram / scale + ROUNDING * np.eye(norms.size)) / scale)
+    """Return the inverses of products of columns, shape (..., p, p), scaled to unit norm and with a ridge."""
+    norms = np.sqrt(np.maximum(np.diagonal(gram, axis1=-2, axis2=-1), 1e-300))
+    scale = norms[..., :, None] * norms[..., None, :]
+    return np.asarray(np.linalg.inv(gram / scale + ROUNDING * np.eye(norms.shape[-1])) / scale)
 
 
 def misfit(runs: Motions, inertia: float | None, scale: Scale | None = None) -> float:

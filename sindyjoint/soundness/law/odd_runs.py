@@ -21,6 +21,7 @@ from sindyjoint.soundness.law.motions import (
     rows_of,
     scale_of,
     solve,
+    solved,
 )
 from sindyjoint.soundness.policy import POLICY
 
@@ -135,12 +136,13 @@ def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
     everything = float(np.sqrt(solve(products)[1]))
     if everything < POLICY.departs / np.sqrt(count):
         return None
-    fits = []
-    for index in combinations(range(count), size):
-        law, rest = solve(np.delete(products, index, axis=0))
-        fits.append((rest, index, min(rows.left_by(law, i) for i in index)))
-    rest, index, departure = min(fits)
-    common = float(np.sqrt(rest))
+    every, pooled = np.array(list(combinations(range(count), size))), products.sum(axis=0)
+    rests = [
+        solved(pooled - products[each].sum(axis=1), count - size)[1] for each in np.array_split(every, count)
+    ]
+    index = tuple(every[np.argmin(np.concatenate(rests))].tolist())
+    law, rest = solve(np.delete(products, index, axis=0))
+    departure, common = min(rows.left_by(law, i) for i in index), float(np.sqrt(rest))
     alike = rest < min(POLICY.explains * everything**2, POLICY.tolerated**2)
     apart = departure > max(POLICY.departs, POLICY.fewest * common)
     return (index, common) if alike and apart else None
