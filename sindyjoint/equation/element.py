@@ -269,27 +269,39 @@ class JointElement:
     def columns_along(self, angle: ArrayLike, rate: ArrayLike, step: float, rest: float = 0.0) -> Array:
         """Return its columns without their coefficients along such a motion, shape (n, n_columns)."""
         theta, omega = (np.asarray(x, dtype=np.float64) for x in (angle, rate))
+        return self.columns_of([(theta, omega, step, rest)])[0]
+
+    def columns_of(self, motions: Sequence[tuple[Array, Array, float, float]]) -> list[Array]:
+        """Return the same along several motions, each an angle, a rate, a step, a rest: they are integrated at once."""
         form, values = self.form, self.values
-        states = states_along(form, values, theta, omega, step, rest=rest)
+        states = states_along(form, values, motions)
+        theta, omega = (np.concatenate([motion[k] for motion in motions]) for k in (0, 1))
         columns = compile_terms([c.expression for c in form.columns], form.arguments)
-        return np.asarray(columns(theta, omega, *states, *map(float, values)))
+        found = np.asarray(columns(theta, omega, *states, *map(float, values)))
+        return np.split(found, np.cumsum([motion[0].size for motion in motions])[:-1])
 
 
 def states_along(
-    form: Form, values: Array, angle: Array, rate: Array, step: float, passes: int = 1, rest: float = 0.0
+    form: Form, values: Array, motions: Sequence[tuple[Array, Array, float, float]], passes: int = 1
 ) -> Array:
-    """Return the internal states of a form along a motion, in the last of so many passes, shape (n_states, n)."""
+    """Return the internal states of a form along motions, one after the other, in the last of so many passes.
+
+    Shape (n_states, samples of all).
+    """
     from sindyjoint.equation.internal_states import integrate_runs
 
+    angles, rates, steps, rests = zip(*motions, strict=True)
     if not form.states:
-        return np.empty((0, angle.size))
-    parameters = np.array(values, dtype=np.float64)
+        return np.empty((0, sum(each.size for each in angles)))
+    parameters, count = np.array(values, dtype=np.float64), len(motions)
     # Four parts of a step: a reversal within one is then placed well enough.
-    timing = np.array([step]), np.array([passes]), np.array([4]), angle[:1] - rest
+    first = np.array([angle[0] for angle in angles]) - rests
+    timing = np.array(steps), np.full(count, passes), np.full(count, 4), first
     integrate: Any = integrate_runs
     states: Array = integrate(
-        angle, rate, np.array([angle.size]), timing, parameters, form.limits(parameters), form.state_program
-    )
+        np.concatenate(angles), np.concatenate(rates), np.cumsum([each.size for each in angles]), timing,
+        parameters, form.limits(parameters), form.state_program,
+    )  # fmt: skip
     return states
 
 

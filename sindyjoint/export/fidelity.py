@@ -225,12 +225,9 @@ class Cycles:
 
     def states(self, element: JointElement) -> Array:
         """Return internal states of an element over the cycles once they repeat, shape (n_states, levels, phases)."""
-        form = element.form
-        levels = [
-            states_along(form, element.values, angle, rate, self.step, ROUNDS)
-            for angle, rate in zip(self.angle, self.rate, strict=True)
-        ]
-        return np.stack(levels, axis=1)
+        levels = [(angle, rate, self.step, 0.0) for angle, rate in zip(self.angle, self.rate, strict=True)]
+        states = states_along(element.form, element.values, levels, ROUNDS)
+        return states.reshape(-1, *self.angle.shape)
 
     def element(self, element: JointElement) -> Array:
         """Return the moment of an element over the cycles once they repeat."""

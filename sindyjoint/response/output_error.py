@@ -9,6 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SimulationError
@@ -41,6 +42,8 @@ STEP, ROUGH_STEP = 2e-4, 1e-2
 WITHOUT_EFFECT = 1e-4
 # Simulations from which the effect of noise, of the moment or of a drive, is estimated.
 DRAWS = 4
+# Shapes of elements of which the columns are kept: those that a Jacobian asks for.
+KEPT = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,14 +302,29 @@ class OutputError:
 
     def _predict_moment(self, record: Record, x: Array) -> Array:
         """Moment at the sensor of a prescribed motion; sliders stop at their limits exactly, between steps too."""
-        s = record.states
         assert record.columns is not None
         total = record.columns @ x[: record.columns.shape[1]]
-        total = total + self._inertia(record, x[None])[0] * s.acceleration
-        rest = rest_of(s)
+        total = total + self._inertia(record, x[None])[0] * record.states.acceleration
         for element in self.model.with_numbers(x[self.number_indices]).elements:
-            total = total + element.along(*record.followed, 1 / record.run.sample_rate, rest)
+            total = total + self._columns(element)[record.run.name] @ element.coefficients
         return total if record.added is None else total + record.added
+
+    def _columns(self, element: JointElement) -> dict[str, Array]:
+        """Return the columns of an element in every run of a prescribed motion: they rest on its shape alone."""
+        key, known = (element.id, *element.values), self._known
+        if key not in known:
+            if len(known) == KEPT:
+                del known[next(iter(known))]
+            followed = {each.run.name: each for each in self.runs if each.drive == "motion"}
+            motions = [
+                (*each.followed, 1 / each.run.sample_rate, rest_of(each.states)) for each in followed.values()
+            ]
+            known[key] = dict(zip(followed, element.columns_of(motions), strict=True))
+        return known[key]
+
+    @cached_property
+    def _known(self) -> dict[tuple[str | float, ...], dict[str, Array]]:
+        return {}
 
     @cached_property
     def number_indices(self) -> NDArray[np.intp]:
