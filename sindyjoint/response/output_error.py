@@ -310,16 +310,14 @@ class OutputError:
         return total if record.added is None else total + record.added
 
     def _columns(self, element: JointElement) -> dict[str, Array]:
-        """Return the columns of an element in every run of a prescribed motion: they rest on its shape alone."""
+        """Return the columns of an element along the motion of every run: they rest on its shape alone."""
         key, known = (element.id, *element.values), self._known
         if key not in known:
             if len(known) == KEPT:
                 del known[next(iter(known))]
-            followed = {each.run.name: each for each in self.runs if each.drive == "motion"}
-            motions = [
-                (*each.followed, 1 / each.run.sample_rate, rest_of(each.states)) for each in followed.values()
-            ]
-            known[key] = dict(zip(followed, element.columns_of(motions), strict=True))
+            motions = [(*each.followed, 1 / each.run.sample_rate, rest_of(each.states)) for each in self.runs]
+            names = (each.run.name for each in self.runs)
+            known[key] = dict(zip(names, element.columns_of(motions), strict=True))
         return known[key]
 
     @cached_property
