@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from sindyjoint.discovery.accumulate import TILE, TOLERANCE, FactorSum, Tiles
+from sindyjoint.discovery.accumulate import TOLERANCE, FactorSum, Tiles
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.equation import Reference, compile_terms, load_catalogue, term_columns
 from sindyjoint.errors import InputError
+from sindyjoint.numeric import BLOCK
 
 
 def conditioned(seed, condition, n=20_000, p=20):
@@ -19,7 +20,7 @@ def conditioned(seed, condition, n=20_000, p=20):
     return columns, columns @ rng.normal(size=p) + 1e-3 * rng.normal(size=n)
 
 
-def summed(columns, target, size=TILE):
+def summed(columns, target, size=BLOCK):
     total = FactorSum(columns.shape[1])
     block = np.column_stack([columns, target]).T
     for start in range(0, target.size, size):
@@ -89,6 +90,6 @@ def test_a_term_without_a_finite_value_is_refused(row):
     angle, rate = np.random.default_rng(0).normal(size=(2, 12_000))
     rate[row] = np.nan
     with pytest.raises(
-        InputError, match=rf"rows from {row // TILE * TILE} .*column 4 .* at row {row % TILE};"
+        InputError, match=rf"rows from {row // BLOCK * BLOCK} .*column 4 .* at row {row % BLOCK};"
     ):
         tiles.add_to(total, (angle, rate), np.ones(12_000))
