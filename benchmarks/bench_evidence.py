@@ -210,7 +210,7 @@ def timing(given) -> None:
     from sindyjoint.discovery.crossvalidation import cross_validate
     from sindyjoint.discovery.methods import METHODS, column_path
     from sindyjoint.discovery.selection import choose_by_evidence, path_of
-    from sindyjoint.discovery.uncertainty import bootstrap, inclusion
+    from sindyjoint.discovery.uncertainty import inclusion
     from sindyjoint.mechanics.virtual import virtual_campaign
     from sindyjoint.states import campaign_states, regression_rows
     from sindyjoint.workflows.compare import compare
@@ -228,9 +228,6 @@ def timing(given) -> None:
     evidence = found.regressor.evidence_
     cross_validate(evidence)
     clock.lap("leaving one frequency out, four folds")
-    columns = [evidence.ids.index(term) for term in found.model.ids]
-    bootstrap(evidence, columns, replicates=500, random_state=0)
-    clock.lap("500 bootstrap replicates of the coefficients")
     inclusion(evidence, 500, random_state=0)
     clock.lap("500 replicates of the whole selection, exact best subsets")
     for method in METHODS:

@@ -179,12 +179,12 @@ def disk(n: int, folder: str) -> dict[str, Any]:
 
 
 def statistics(n: int, folder: str) -> dict[str, Any]:
-    """Cost of leave-one-frequency-out and of 500 bootstrap replicates on top of the single pass."""
+    """Cost of leave-one-frequency-out and of the selection in 500 resampled campaigns on top of the single pass."""
     from sindyjoint.discovery.crossvalidation import cross_validate
     from sindyjoint.discovery.evidence import Evidence, RunEvidence
     from sindyjoint.discovery.factors import merge
     from sindyjoint.discovery.large.tables import RowTask, run_rows
-    from sindyjoint.discovery.uncertainty import bootstrap
+    from sindyjoint.discovery.uncertainty import inclusion
 
     path = Path(folder) / f"rows-{n}.npy"
     function = terms()
@@ -208,7 +208,6 @@ def statistics(n: int, folder: str) -> dict[str, Any]:
         return Evidence(tuple(f"t{i}{j}" for i, j in POWERS), tuple(runs))
 
     evidence, single = timed(one_pass)
-    columns = [POWERS.index(power) for power in TRUTH]
 
     def refits() -> list[np.ndarray]:
         return [
@@ -218,7 +217,7 @@ def statistics(n: int, folder: str) -> dict[str, Any]:
     _, left_out = timed(refits, 3)
     cross_validate(evidence)
     folds, anew = timed(lambda: cross_validate(evidence), 3)
-    _, drawn = timed(lambda: bootstrap(evidence, columns, 500, 0), 3)
+    _, drawn = timed(lambda: inclusion(evidence, 500, random_state=0), 3)
     return {"single pass": single, "leave one frequency out": left_out, "bootstrap of 500": drawn, "peak": peak(),
             "discovery anew in each fold": anew, "folds agree": folds.unanimous}  # fmt: skip
 
