@@ -144,7 +144,7 @@ class SharedPolicy:
         "completes the states of a run; and of two ranges of the angle up to which they are one level",
         source="twice 5 % noise, and √2",
     )
-    nearly: float = limit(
+    minor_share: float = limit(
         0.1, "share up to which a part does not count, or two things are nearly the same", source="judgement"
     )
     margin: float = limit(
@@ -157,14 +157,14 @@ class SharedPolicy:
         "range; change along a run (amplitudes, rad) that counts",
         source="convention: moves a coefficient by a twentieth",
     )
-    little: float = limit(
+    small_share: float = limit(
         0.01,
         "share, of the moment, of a run or of a frequency, that is as good as nothing beside sensors and noise",
     )
-    trifle: float = limit(
+    trivial_share: float = limit(
         0.005, "share within which gaps are alike, a channel does not drift, and a law that is given is known"
     )
-    hardly: float = limit(
+    granted_share: float = limit(
         0.003,
         "share that is taken for granted: scatter from period to period, motion that has settled, error of a model in "
         "a structure, of a harmonic of which the law tells more",

@@ -66,7 +66,7 @@ class ChannelDelay:
 
     def unresolved(self, sample_rate: float) -> bool:
         """Whether, left in channels of a sampling rate (Hz), it leaves open which terms are there."""
-        return self.significant and abs(self.time) * sample_rate > POLICY.nearly
+        return self.significant and abs(self.time) * sample_rate > POLICY.minor_share
 
     @property
     def significant(self) -> bool:

@@ -56,7 +56,7 @@ def find_lags(
         finer = np.geomspace(low, high, 9)
         again = [_left(states, law, inertia, lags | {each.name: float(time)}) for time in finer]
         removed = 1 - min(again) / without if without > 0 else 0.0
-        if removed > POLICY.nearly:
+        if removed > POLICY.minor_share:
             found.append(InputLag(each.name, float(f"{finer[int(np.argmin(again))]:.3g}"), removed))
     return tuple(found)
 

@@ -177,7 +177,7 @@ def range_warnings(
     ):
         size = np.abs(np.asarray(signal, dtype=np.float64))
         share = float(np.mean(size > (1 + POLICY.tolerated) * tested)) if tested > 0 else 0.0
-        if share > POLICY.trifle:
+        if share > POLICY.trivial_share:
             found.append(
                 f"{name} up to {size.max():.3g} {si} where {tested:.3g} was tested ({percent(share)} of the time)"
             )

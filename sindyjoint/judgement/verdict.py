@@ -196,18 +196,18 @@ def _reach_verdict(
     if extra:
         reason = f"the data need {_spell_terms(extra)}, which the paper's law lacks"
         return "refuted", reason + (f", and do not show {_spell_terms(missing)}" if missing else "")
-    hidden = [term for term in missing if _find_largest_share(regressor, model, term) > POLICY.little]
+    hidden = [term for term in missing if _find_largest_share(regressor, model, term) > POLICY.small_share]
     absent = [term for term in missing if term not in hidden]
     if absent and _is_needed(regressor, absent):
         return (
             "undecided",
             f"{_spell_terms(absent)} stands out of the noise beside the other four terms, yet carries too little to be "
-            f"chosen: less than {100 * POLICY.little:.0f} % of the {word}; higher levels would tell",
+            f"chosen: less than {100 * POLICY.small_share:.0f} % of the {word}; higher levels would tell",
         )
     if absent:
         return (
             "refuted",
-            f"{_spell_terms(absent)} would carry less than {100 * POLICY.little:.0f} % of the {word}",
+            f"{_spell_terms(absent)} would carry less than {100 * POLICY.small_share:.0f} % of the {word}",
         )
     if hidden:
         return "undecided", f"{_spell_terms(hidden)} was not found, and these runs could not have shown it"
@@ -359,7 +359,7 @@ def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:
         Largest share of the moment that a standard error of a term that is not in the law is.
     """
     unknown = POLICY.likely * hidden if verdict.verdict == "confirmed" else share
-    if unknown <= POLICY.little or verdict.verdict == "undecided":
+    if unknown <= POLICY.small_share or verdict.verdict == "undecided":
         return verdict
     what = (
         f"the sensors leave room for {100 * unknown:.1f} % of the moment beside the law"
@@ -367,7 +367,7 @@ def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:
         else f"the sensors show the angle of the joint only within {100 * unknown:.1f} % of itself"
     )
     reason = (
-        f"{what}, and terms are judged down to {100 * POLICY.little:.0f} % of the moment: sensors of "
+        f"{what}, and terms are judged down to {100 * POLICY.small_share:.0f} % of the moment: sensors of "
         f"displacement, longer runs or sines would tell; without that: {verdict.verdict}, {verdict.reason}"
     )
     return replace(verdict, verdict="undecided", reason=reason)

@@ -72,7 +72,7 @@ def motion(
     while periods <= MOST_PERIODS:
         moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=1e-6)
         last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
-        if np.linalg.norm(last - before) <= POLICY.hardly * np.linalg.norm(last):
+        if np.linalg.norm(last - before) <= POLICY.granted_share * np.linalg.norm(last):
             return moved
         periods *= 2
     raise SimulationError(

@@ -105,7 +105,7 @@ def predicts_worse(
     if not campaign.validation_runs:
         return ""
     (first, floor), (last, _) = (_gap_and_floor(model, campaign, test, window) for model in (before, after))
-    if np.isnan(first) or last <= (1 + POLICY.nearly) * np.hypot(first, np.nan_to_num(floor)):
+    if np.isnan(first) or last <= (1 + POLICY.minor_share) * np.hypot(first, np.nan_to_num(floor)):
         return ""
     missed = f"by {100 * last:.3g} %" if np.isfinite(last) else "altogether"
     return f"the runs kept out would be missed {missed}, where they are by {100 * first:.3g} % without it"

@@ -31,7 +31,9 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
     restoring = (high - low) / 2
-    return "moment" if restoring > POLICY.nearly * rms(states.transfer_moment(law.inertia)) else "windows"
+    return (
+        "moment" if restoring > POLICY.minor_share * rms(states.transfer_moment(law.inertia)) else "windows"
+    )
 
 
 # Every simulation of a run asks.

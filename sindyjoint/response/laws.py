@@ -367,7 +367,7 @@ def law_in_run(model: JointModel, states: ForceStates) -> Law | LawInRun:
     rate = np.where(states.rate == 0, 1e-300, states.rate)
     along = model.without_elements().moment(states.angle, rate, inputs=states.inputs)
     added = along - held.without_elements().moment(states.angle, rate)
-    return LawInRun.of(law, added, moves) if np.std(added) > POLICY.little * np.std(along) else law
+    return LawInRun.of(law, added, moves) if np.std(added) > POLICY.small_share * np.std(along) else law
 
 
 def held_laws(model: JointModel, states: Sequence[ForceStates]) -> list[Law]:

@@ -168,7 +168,7 @@ def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Ar
         if cost > (1 + POLICY.large_part) * least or apart < SAME_END:
             continue
         end, cost = _fit(problem, trial, MOST_EVALUATIONS)
-        if cost < (1 - POLICY.little) * least:
+        if cost < (1 - POLICY.small_share) * least:
             best, least = end, cost
     return best
 

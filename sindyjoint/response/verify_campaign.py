@@ -187,8 +187,8 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
     """
     if simulated.drive not in ("moment", "free run"):
         return False
-    driven = np.abs(simulated.moment) > POLICY.nearly * simulated.moment_scale
-    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.nearly
+    driven = np.abs(simulated.moment) > POLICY.minor_share * simulated.moment_scale
+    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.minor_share
 
 
 def cycle_energy(simulated: SimulatedRun) -> Array | None:

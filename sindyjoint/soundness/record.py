@@ -207,7 +207,7 @@ class Record:
             return None
         line = np.abs(cut_periods(angle.values, per).line)
         late = line[line.size // 3 :]
-        steady = late.size > 1 and np.ptp(late) <= POLICY.nearly * np.median(late)
+        steady = late.size > 1 and np.ptp(late) <= POLICY.minor_share * np.median(late)
         carried = np.median(late) / np.sqrt(2) >= (1 - POLICY.large_part) * angle.std
         return self.main if steady and carried else None
 
@@ -240,7 +240,7 @@ class Record:
         if sum(b - a for a, b in spans) > POLICY.large_part * self.n_samples:
             return False
         fastest = max(main_frequency(c.values, self.sample_rate, between_bins=True) for c in self.alive)
-        longest = POLICY.nearly * self.sample_rate / max(fastest, 1e-9)
+        longest = POLICY.minor_share * self.sample_rate / max(fastest, 1e-9)
         return self.declared is not None or max(b - a for a, b in spans) <= longest
 
     def bridged(self, findings: Iterable[Finding]) -> Record:

@@ -212,7 +212,7 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         else "the gaps are those of its parts, left out in turn; record a second run to check the model"
     )
     frequencies = [s.frequency for s in states if s.frequency is not None]
-    alike = len(frequencies) == len(states) and max(frequencies) < (1 + POLICY.little) * min(frequencies)
+    alike = len(frequencies) == len(states) and max(frequencies) < (1 + POLICY.small_share) * min(frequencies)
     ranges = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
     one_level = len(periodic) == len(states) and max(ranges) < (1 + POLICY.alike) * min(ranges)

@@ -68,7 +68,7 @@ def broadband_states(
     middle = slice(edge, run.n_samples - edge)
     angle, rate, acceleration = _smooth_motion(run, kernels, repeated)
     if dwells(rate):
-        share, guard_periods = POLICY.nearly, POLICY.periodic_guard
+        share, guard_periods = POLICY.minor_share, POLICY.periodic_guard
     else:
         share, guard_periods = POLICY.passing_rate_share, POLICY.passing_guard
     guard = min(

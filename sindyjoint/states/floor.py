@@ -54,7 +54,7 @@ def repetition(run: Run) -> int | None:
     if not alike or _departs(angle, lag) or _departs(moment, lag):
         return None
     wasted = run.n_samples % lag
-    return lag if wasted <= POLICY.nearly * run.n_samples else None
+    return lag if wasted <= POLICY.minor_share * run.n_samples else None
 
 
 def _departs(signal: Array, lag: int) -> bool:
@@ -67,7 +67,7 @@ def _departs(signal: Array, lag: int) -> bool:
     first, second, third = late[: -2 * lag], late[lag:-lag], late[2 * lag :]
     one = float(np.sqrt(np.mean((second - first) ** 2 + (third - second) ** 2) / 2))
     two = float(np.sqrt(np.mean((third - first) ** 2)))
-    return two > max(POLICY.clearly * one, POLICY.little * float(np.std(signal)))
+    return two > max(POLICY.clearly * one, POLICY.small_share * float(np.std(signal)))
 
 
 def mean_period(run: Run, period: int) -> tuple[Run, int]:

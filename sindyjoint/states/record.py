@@ -231,7 +231,7 @@ def group_labels(states: Sequence[ForceStates]) -> list[str]:
         if state.frequency is None:
             labels.append(state.run)
             continue
-        same = [f for f in known if abs(state.frequency - f) <= POLICY.little * f]
+        same = [f for f in known if abs(state.frequency - f) <= POLICY.small_share * f]
         if not same:
             known.append(state.frequency)
         labels.append(f"{same[0] if same else state.frequency:.4g} Hz")

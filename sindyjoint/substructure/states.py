@@ -84,9 +84,9 @@ def slow_orders(recovery: Recovery, joint: int) -> Orders:
         # The errors of all harmonics from one up, against the angle about and above where its rate is largest.
         main = int(np.argmax(size * recovery.spectra.angular))
         above = np.sqrt(np.cumsum(error[::-1] ** 2)[::-1])
-        slow = above > LIMITS.little * np.sqrt(np.sum(size[main // 2 :] ** 2))
+        slow = above > LIMITS.small_share * np.sqrt(np.sum(size[main // 2 :] ** 2))
         return slow & (np.arange(size.size) < main // 2)
-    slow = error > LIMITS.hardly * size[main]
+    slow = error > LIMITS.granted_share * size[main]
     slow[main:] = False
     return slow
 
@@ -205,7 +205,7 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
     )
     highest = float(angular[kept][-1] / (2 * np.pi)) if kept.any() else 0.0
     share, periods = (
-        (STATES.nearly, STATES.periodic_guard)
+        (STATES.minor_share, STATES.periodic_guard)
         if dwells(rate)
         else (STATES.passing_rate_share, STATES.passing_guard)
     )

@@ -268,7 +268,7 @@ def run_weights(states: Sequence[ForceStates]) -> Array:
             for s in states
         ]
     )
-    weight = 1 / (noise + (LIMITS.little * largest) ** 2)
+    weight = 1 / (noise + (LIMITS.small_share * largest) ** 2)
     rows = np.array([np.count_nonzero(s.moving) for s in states])
     return np.asarray(weight * rows.sum() / (weight @ rows))
 

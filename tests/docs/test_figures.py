@@ -22,21 +22,21 @@ STATED = {
     "check.md": {
         "25.4 times": "an inch in millimetres",
         "2 %": "soundness.usual_uncertainty",
-        "1 %": "substructure.little",
+        "1 %": "substructure.small_share",
         "30 %": "substructure.unknown",
     },
     "curves.md": {"0.1 %": "the end of an iteration"},
     "inputs.md": {"5 %": "judgement.level", "1 %": "discovery.strict_level"},
     "joints_in_structures.md": {
         "1.5 times": "response.clearly",
-        "1 %": "substructure.little",
+        "1 %": "substructure.small_share",
         "30 %": "substructure.unknown",
     },
     "method.md": {
         "5 %": "states.tolerated",
         "0.2 %": "discovery.accuracy",
         "10 %": "discovery.margin",
-        "1 %": "states.little",
+        "1 %": "states.small_share",
     },
     "plan.md": {
         "20 %": "planning.large_part",

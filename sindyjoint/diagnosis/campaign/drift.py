@@ -58,7 +58,7 @@ def find_drift(
         fits = {run.name: mean_slope(getattr(run, signal), run.sample_rate, s) for run, s in periodic}
         ratio = float(np.median([abs(f[0]) / f[1] for f in fits.values()]))
         moved = float(np.median([abs(f[0]) * f[2] for f in fits.values()]))
-        if ratio > policy.stands_out and moved > policy.trifle:
+        if ratio > policy.stands_out and moved > policy.trivial_share:
             found[name] = ChannelDrift(name, {k: f[3] for k, f in fits.items()}, ratio)
     # A moment and an angle that move together are the joint's own creep.
     return next(iter(found.values())) if len(found) == 1 else None

@@ -41,7 +41,7 @@ def other_starts(
     """
     say("discovering the terms")
     found = discovered(straight)
-    if found and found[0].gap.moment <= (1 + straight.policy.nearly) * last.gap.moment:
+    if found and found[0].gap.moment <= (1 + straight.policy.minor_share) * last.gap.moment:
         yield *found, "the terms that discovery finds"
 
 

@@ -231,7 +231,7 @@ class Search:
                 continue
             fewer = self.chosen([m for m in found.members if m is not each])
             ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
-            if ratio > (1 - POLICY.nearly) ** 2:
+            if ratio > (1 - POLICY.minor_share) ** 2:
                 return self.without_idle(fewer)
         return found
 
@@ -268,5 +268,5 @@ class Search:
 
     def alike(self, found: Chosen, other: Chosen) -> bool:
         """Return whether a set loses less to another than chance makes, and predicts as well."""
-        worse = other.score.chi_square.sum() * (1 - POLICY.nearly) ** 2 > found.score.chi_square.sum()
+        worse = other.score.chi_square.sum() * (1 - POLICY.minor_share) ** 2 > found.score.chi_square.sum()
         return not self.wins(found, other) and not (worse and self.remains(other))

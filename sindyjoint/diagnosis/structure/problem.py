@@ -299,7 +299,7 @@ def warnings_of(
     if virtual:
         lines.append("the response is simulated (a virtual pulse test of the rig), not measured")
     if drawn:
-        share = 100 * problem.policy.trifle
+        share = 100 * problem.policy.trivial_share
         lines.append(
             f"no model was given: the terms of the rig's own joint were taken as known to {share:.3g} %"
         )

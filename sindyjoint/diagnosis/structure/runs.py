@@ -105,7 +105,7 @@ class RunsProblem(OutputError):
     ) -> RunsProblem:
         """Return the problem without runs, the structure's numbers updated by those whose joints stick."""
         prior = update_structure(test, (), held_spectra(test)) if test.update_runs else None
-        return cls(test, kinds_of(test, models, policy.hardly), (), prior=prior, policy=policy)
+        return cls(test, kinds_of(test, models, policy.granted_share), (), prior=prior, policy=policy)
 
     @property
     def duration(self) -> float:

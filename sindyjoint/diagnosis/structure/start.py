@@ -165,7 +165,7 @@ def model_in_place(
     assert isinstance(law, PaperLaw)
     angle, rate = (float(np.abs(x).max(initial=0.0)) for x in (motion.angle, motion.rate))
     places = frozenset(h.name for h in hinges(rig) if h.law == law)
-    return model_of_law(law, angle, rate, policy.trifle), places, True
+    return model_of_law(law, angle, rate, policy.trivial_share), places, True
 
 
 def pulse_problem(
@@ -178,7 +178,7 @@ def pulse_problem(
     """Return the problem, its candidates, the period of the main oscillation, s, and where the model was not tested."""
     records, noise = _measured(rig, policy)
     law = model_law(model)
-    kind = JointKind.of(model.joint.name, (), model, policy.hardly)
+    kind = JointKind.of(model.joint.name, (), model, policy.granted_share)
     problem = PulseProblem(
         rig, places, kind, records, noise, pulse_uncertainty=rig.pulse_uncertainty, policy=policy
     )

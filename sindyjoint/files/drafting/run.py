@@ -201,7 +201,7 @@ def name_levels(names: Sequence[str], peaks: Sequence[float], unit: str) -> list
     >>> name_levels(["3Hz-low", "4Hz_0.5in", "c", "d"], [0.001, 0.002, 0.0031, 0.003], "rad")
     ['low', '0.5 in', '3 mrad', '3 mrad']
     """
-    if unit in ("rad", "m") and max(peaks) < SHARED.nearly:
+    if unit in ("rad", "m") and max(peaks) < SHARED.minor_share:
         peaks, unit = [1e3 * peak for peak in peaks], f"m{unit}"
     labels, lowest = [""] * len(names), 0.0
     for i in sorted(range(len(names)), key=lambda i: peaks[i]):

@@ -97,7 +97,7 @@ def _within(record: Record, found: dict[str, list[Block]], words: Words) -> Iter
 def _between(one: Record, other: Record, found: dict[str, list[Block]], words: Words) -> Iterator[Finding]:
     """Yield what a run has of another one: everything, or some of its channels."""
     shares = {name: sum(length for *_, length in blocks) / one.n_samples for name, blocks in found.items()}
-    copied = [name for name, share in shares.items() if share >= POLICY.nearly]
+    copied = [name for name, share in shares.items() if share >= POLICY.minor_share]
     if not copied:
         return
     a, b, length = max(found[copied[0]], key=lambda block: block[2])

@@ -60,7 +60,7 @@ def step_of(series: Array, least: float = POLICY.tolerated) -> Step | None:
     windows = np.lib.stride_tricks.sliding_window_view(series, side)
     left, right = windows[: n - 2 * side], windows[side + 1 :]
     size = right.mean(axis=1) - left.mean(axis=1)
-    scatter = np.ptp(left, axis=1) + np.ptp(right, axis=1) + POLICY.hardly
+    scatter = np.ptp(left, axis=1) + np.ptp(right, axis=1) + POLICY.granted_share
     # Some of few periods agree by chance: no less than what two ranges of as many are by their usual differences.
     contrast = np.abs(size) / np.maximum(scatter, side * np.median(np.abs(np.diff(series))))
     at = int(np.argmax(contrast))

@@ -146,7 +146,7 @@ def find_disagreement(record: Record, words: Words) -> Iterator[Finding]:
     gain, gain_error, delay, delay_error = found
     phase = 2 * np.pi * (record.frequency or record.main) * abs(delay)
     apart = abs(gain - 1) > max(POLICY.gain, POLICY.outstanding * gain_error)
-    late = phase > POLICY.little and abs(delay) > POLICY.outstanding * delay_error
+    late = phase > POLICY.small_share and abs(delay) > POLICY.outstanding * delay_error
     if not (apart or late):
         return
     factor = f"the acceleration is {gain:.4g} ± {gain_error:.2g} times that of the {words.of('angle')}"
@@ -180,7 +180,7 @@ def find_coverage(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "one run only", "no coefficient can be checked on a run that was left out",
             "make runs at several levels and frequencies",
         ))  # fmt: skip
-    elif steady and max(known) < (1 + POLICY.little) * min(known):
+    elif steady and max(known) < (1 + POLICY.small_share) * min(known):
         said.append((
             f"one frequency only, {known[0]:g} Hz", "c1 and the inertia cannot be told from M_F and k1",
             "make runs at three frequencies or more",
@@ -216,7 +216,7 @@ def find_lines(record: Record, words: Words) -> Iterator[Finding]:
         return
     both = {c.name: main_line(c.values, rate, declared) for c in (load, clock)}
     elsewhere = {name: f for name, (f, share) in both.items() if share < POLICY.unknown}
-    if len(elsewhere) == 2 and abs(elsewhere["moment"] / elsewhere["angle"] - 1) < POLICY.nearly:
+    if len(elsewhere) == 2 and abs(elsewhere["moment"] / elsewhere["angle"] - 1) < POLICY.minor_share:
         said = "every coefficient, and c1 and the inertia by the ratio"
         yield _frequency_finding(record, "both channels", elsewhere["angle"], said)
     elif elsewhere:
@@ -239,7 +239,7 @@ def _raised(name: Channel, other: Channel, record: Record, at: float) -> bool:
     """Return whether a tone is in both channels: damping and inertia raise the high ones of the moment."""
     multiple = at / (record.declared or at)
     shown = main_line(other.values, record.sample_rate, record.declared or at, at)[1]
-    return abs(multiple - round(multiple)) < POLICY.little and shown >= POLICY.unknown
+    return abs(multiple - round(multiple)) < POLICY.small_share and shown >= POLICY.unknown
 
 
 def _frequency_finding(record: Record, what: str, at: float, said: str) -> Finding:
@@ -290,7 +290,7 @@ def find_mains(record: Record, words: Words) -> Iterator[Finding]:
         for mains in MAINS if channel.name != "rate" else ():
             amplitude = mains_line(channel.values, record, mains)
             share = amplitude / np.sqrt(2) / channel.std
-            if share < POLICY.little:
+            if share < POLICY.small_share:
                 continue
             yield words.finding(
                 "mains_hum",

@@ -33,7 +33,7 @@ def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             )
             yield words.finding("frozen_channel", record.name, channel.name, "stops", extent, remedy)
         drive = record.channel(DRIVE)
-        if drive is not None and drive.noise > (1 - POLICY.nearly) * drive.std:
+        if drive is not None and drive.noise > (1 - POLICY.minor_share) * drive.std:
             extent = (
                 f"the drive is noise: {drive.std:.3g} {words.unit(DRIVE)} RMS, of which {drive.noise:.3g} from sample "
                 "to sample"
@@ -67,7 +67,7 @@ def find_saturation(record: Record, words: Words) -> Iterator[Finding]:
             "saturation",
             record.name,
             channel.name,
-            "biases" if masked or share <= POLICY.little else "stops",
+            "biases" if masked or share <= POLICY.small_share else "stops",
             f"{100 * share:.2g} % of the samples of the {name} at its {' and '.join(found)} value ({limits})",
             "those samples are left out; repeat the run with a larger range of the amplifier"
             if masked
@@ -122,10 +122,10 @@ def find_held(record: Record, words: Words) -> Iterator[Finding]:
         masked = record.short(spans) if words.structure else share <= POLICY.large_part
         done = "filled in" if words.structure else "left out"
         yield words.finding(
-            "frozen_segment" if longest > POLICY.little * record.n_samples else "dropouts",
+            "frozen_segment" if longest > POLICY.small_share * record.n_samples else "dropouts",
             record.name,
             channel.name,
-            "biases" if masked or (words.structure and share <= POLICY.little) else "stops",
+            "biases" if masked or (words.structure and share <= POLICY.small_share) else "stops",
             f"the {words.of(channel.name)} stays at {'zero' if zero else 'one value'} {len(spans)} time(s), for up to "
             f"{longest} samples ({1e3 * longest / record.sample_rate:.3g} ms), {100 * share:.2g} % of the run",
             f"those samples are {done}; look at cables and buffers"
@@ -154,7 +154,9 @@ def held_spans(channel: Channel, moves: bool = False) -> Spans:
     # What is at a limit of the channel is saturation.
     low, high = channel.levels[0][[0, -1]] + AT_LIMIT * channel.range * np.array([1, -1])
     spans = [(a, b + 1) for a, b in spans_of(equal) if x[a] == 0.0 or low < x[a] < high]
-    if not channel.quantised or (moves and channel.step < POLICY.nearly * POLICY.little * channel.std):
+    if not channel.quantised or (
+        moves and channel.step < POLICY.minor_share * POLICY.small_share * channel.std
+    ):
         least = _least_length(equal)
         return tuple(s for s in spans if s[1] - s[0] >= least)
     step = np.abs(np.diff(x, prepend=x[0], append=x[-1]))
@@ -184,7 +186,7 @@ def _others_move(record: Record, channel: Channel, span: tuple[int, int]) -> boo
 
 def _rests(record: Record, channel: Channel, spans: Spans) -> bool:
     """Return whether a channel at zero is right: a drive about a blow, the acceleration of a joint that sticks."""
-    sticks = all(np.ptp(record.clock[a:b]) <= POLICY.little * np.ptp(record.clock) for a, b in spans)
+    sticks = all(np.ptp(record.clock[a:b]) <= POLICY.small_share * np.ptp(record.clock) for a, b in spans)
     return channel.name == DRIVE or (record.run is not None and channel.jumps and sticks)
 
 
@@ -222,9 +224,9 @@ def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
     for channel in record.alive:
         share = channel.step / channel.std if channel.std else 0.0
         many = channel.levels[0].size > channel.values.size / 4
-        if not channel.quantised or share < POLICY.little or many:
+        if not channel.quantised or share < POLICY.small_share or many:
             continue
-        coarse = share > POLICY.nearly
+        coarse = share > POLICY.minor_share
         yield Finding(
             "coarse_quantisation",
             record.name,
@@ -273,7 +275,7 @@ def spike_samples(channel: Channel) -> Mask:
     usual = POLICY.outstanding * max(float(np.quantile(away, USUAL)), channel.step)
     marked: Mask = away > max(usual, (2.0 if channel.jumps else POLICY.unknown) * channel.amplitude)
     # What happens all the time (impacts, stick-slip) belongs to the joint.
-    return marked if np.mean(marked) <= POLICY.little else np.zeros_like(marked)
+    return marked if np.mean(marked) <= POLICY.small_share else np.zeros_like(marked)
 
 
 def find_spikes(records: Sequence[Record], words: Words) -> Iterator[Finding]:

@@ -142,7 +142,7 @@ def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator
     if len(runs) < 2 or runs.frequency is None:
         return
     before = misfit(runs, inertia)
-    if before < POLICY.nearly * POLICY.departs:
+    if before < POLICY.minor_share * POLICY.departs:
         return
     best = min(_undone(runs, inertia), key=lambda each: each.left)
     if best.id == "channel_delay" or best.left > min(np.sqrt(POLICY.explains) * before, POLICY.departs):
@@ -221,8 +221,10 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     floor = moment_floor(states, campaign.joint.inertia or 0.0).moment
     moved = size * usual * rms(np.concatenate([s.moment[s.moving] for s in states]))
     more = delay.residual_rms**2 - floor**2  # unknown where the floor is
-    unexplained = more > (POLICY.nearly * moved) ** 2 and delay.residual_rms > (1 + POLICY.nearly) * floor
-    if size * usual < POLICY.little or unexplained:
+    unexplained = (
+        more > (POLICY.minor_share * moved) ** 2 and delay.residual_rms > (1 + POLICY.minor_share) * floor
+    )
+    if size * usual < POLICY.small_share or unexplained:
         return
     yield Finding(
         "channel_delay",

@@ -233,7 +233,7 @@ def rows_of(runs: Motions, scale: Scale, inertia: float | None) -> Rows:
         built += [column * (values - low) / (high - low) for column in plain if high > low]
     if inertia is None:
         built.append(runs.acceleration * scale.angle / scale.rate**2)
-    moving = np.abs(runs.rate) > POLICY.nearly * np.abs(runs.rate).max(axis=1, keepdims=True)
+    moving = np.abs(runs.rate) > POLICY.minor_share * np.abs(runs.rate).max(axis=1, keepdims=True)
     weight = moving / np.where(runs.size == 0, 1.0, runs.size)[:, None]
     load = runs.moment - (inertia or 0.0) * runs.acceleration
     return Rows(np.stack(built, axis=2) * weight[:, :, None], load * weight)

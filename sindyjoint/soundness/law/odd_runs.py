@@ -211,7 +211,7 @@ class Held:
         """Return whether all other runs of its frequency depart from the law of other frequencies as well."""
         if self.runs.frequency is None:
             return False
-        same = np.abs(np.log(self.runs.frequency / self.runs.frequency[run])) < np.log1p(POLICY.little)
+        same = np.abs(np.log(self.runs.frequency / self.runs.frequency[run])) < np.log1p(POLICY.small_share)
         kin = [i for i in np.flatnonzero(same).tolist() if i != run]
         rest = tuple(i for i in self.alike if not same[i])
         if not kin or len(rest) < 2:
@@ -268,7 +268,7 @@ def _best_delay(run: Motions, held: Held) -> tuple[float, float]:
     """Return by how much the moment of a steady run lags, s, by the law, and the RMS that remains without the lag."""
     if run.frequency is None:
         return 0.0, np.inf
-    longest = POLICY.nearly / float(run.frequency[0])
+    longest = POLICY.minor_share / float(run.frequency[0])
     turn = 2j * np.pi * run.lines
     return least(
         lambda t: held.left_of(run.filtered("moment", np.exp(turn * t))), longest * np.linspace(-1, 1, 21)
@@ -301,7 +301,7 @@ def find_drifts(runs: Motions, alike: Motions, inertia: float | None, words: Wor
         slope = drift_of(_means(part, residual)[known], POLICY.tolerated, place=known)
         total = (slope or 0.0) * PARTS
         # Of a law that leaves much the mean moves as well, as drive and motion change along a sweep.
-        if slope is None or np.var(residual) - total**2 / 12 > POLICY.nearly**2:
+        if slope is None or np.var(residual) - total**2 / 12 > POLICY.minor_share**2:
             continue
         moves = {}
         for channel, signal in (("moment", runs.moment[index]), ("angle", runs.angle[index])):

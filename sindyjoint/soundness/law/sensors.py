@@ -194,7 +194,7 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
     rivals = [each.ratio for each in known if not set(each.channels) & set(best.channels)]
     if best.ratio <= POLICY.explains and min(rivals, default=np.inf) >= POLICY.clearly * best.ratio:
         alike = [e for e in known if (e.channels, e.kind) == (best.channels, best.kind)]
-        simplest = [e for e in alike if e.run is None and e.ratio <= (1 + POLICY.nearly) * best.ratio]
+        simplest = [e for e in alike if e.run is None and e.ratio <= (1 + POLICY.minor_share) * best.ratio]
         plain = [e for e in simplest if e.fit.fault is None or e.fit.fault.delay == 0.0]
         return min(plain or simplest or [best], key=lambda each: each.ratio)
     if spare < 2:
@@ -239,7 +239,9 @@ def _describe(
         for old, new in zip(unknowns_of(before), unknowns_of(found.equations), strict=True)
     )
     shift, said = max(angle, moment), [words.of(names[channel]) for channel in found.channels]
-    severity: Severity = "stops" if shift > POLICY.unknown else "biases" if shift > POLICY.little else "note"
+    severity: Severity = (
+        "stops" if shift > POLICY.unknown else "biases" if shift > POLICY.small_share else "note"
+    )
     better = f"agree {found.ratio**-0.5:.3g} times better"
     if found.kind == "swapped":
         extent = f"{said[0]} and {said[1]} are in each other's place: the channels then {better}"
@@ -279,7 +281,7 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
         size = "" if off < POLICY.gain else f", times {abs(fault.gain):.4g}"
         extent = f"the {said} has the other sign than the others predict{size}: {agree}"
         return ("reversed_sign", "stops", extent, "turn its sign in the file, or leave it out")
-    if off >= max(POLICY.gain, sure * errors[0]) and (off >= late or late < POLICY.little):
+    if off >= max(POLICY.gain, sure * errors[0]) and (off >= late or late < POLICY.small_share):
         units = [f" (as {u})" for factor, u in UNITS.items() if abs(fault.gain / factor - 1) < POLICY.gain]
         extent = f"the {said} is {fault.gain:.4g} times what the others predict{''.join(units[:1])}: {agree}"
         remedy = "compare its calibration, gain and unit; correct or leave it out"
@@ -289,7 +291,7 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
             )
             return ("gain_differs", "note" if severity == "note" else "biases", extent, remedy)
         return ("gain_differs", "stops" if off > POLICY.unknown else severity, extent, remedy)
-    if late < max(POLICY.little, sure * errors[1] * turn):
+    if late < max(POLICY.small_share, sure * errors[1] * turn):
         return None
     extent = (
         f"the {said} comes {1e3 * abs(fault.delay):.3g} ms {'later' if fault.delay > 0 else 'earlier'} than the others "

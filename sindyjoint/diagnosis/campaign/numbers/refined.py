@@ -71,7 +71,7 @@ def refined_problem(
     alike = [(form, each) for form, each in done if each.misfit <= least + FORM_LEAD]
     best, refinement = min(alike, key=lambda pair: (_rank(pair[0]), pair[1].misfit))
     before, after = (simulated_gap(model, campaign, test) for model in (problem.whole, refinement.model))
-    if not after <= (1 + problem.policy.trifle) * before:
+    if not after <= (1 + problem.policy.trivial_share) * before:
         note = (
             f"the refinement on the simulated response is not used: the response gap would be {100 * after:.3f} % "
             f"where it is {100 * before:.3f} %"
