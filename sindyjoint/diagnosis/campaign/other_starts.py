@@ -23,7 +23,9 @@ from sindyjoint.equation.candidates import rate_free
 from sindyjoint.equation.catalogue import default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
+from sindyjoint.policy import SHARED
 from sindyjoint.states import regression_rows
+from sindyjoint.states.floor import moment_floor
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.regression import TermRegression
@@ -77,7 +79,10 @@ def with_delay(problem: Problem) -> Aligned | None:
 
 
 def _delay(problem: Problem) -> ChannelDelay | None:
-    """Return the delay that stands out under any joint's law, or else under the terms that discovery finds."""
+    """Return the delay that stands out under any joint's law, or else under the terms that discovery finds.
+
+    What these lack looks like a delay: with it they must leave little beside the noise.
+    """
     work = problem.work
     inertia = work.campaign.joint.inertia
     lag = find_delay(work.states, inertia, work.campaign.inputs)
@@ -85,6 +90,11 @@ def _delay(problem: Problem) -> ChannelDelay | None:
         found = _regressed(problem)
         terms = [] if found is None else [term for term in found.terms_ if term.id in found.model_]
         lag = competing_delay(work.states, columns_of(terms), inertia) if terms else None
+        if (
+            lag is None
+            or not lag.residual_rms <= SHARED.clearly * moment_floor(work.states, inertia or 0.0).moment
+        ):
+            return None
     return lag if lag is not None and lag.stands_out and not lag.at_limit else None
 
 
