@@ -25,6 +25,7 @@ from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
 from sindyjoint.judgement.versions import versions
 from sindyjoint.record import Campaign
+from sindyjoint.response.compared import corrected
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.output_error_runs import Nuisance as Kind
 from sindyjoint.response.refinement import Refinement, refine
@@ -149,10 +150,18 @@ class Discovery(Shown):
                 judge_soundness(self.soundness, self.campaign.simulated, self.model.joint.motion),
             )
         else:
-            seen = {run.name: run.use == "identify" for run in self.campaign.runs}
-            lights = assess(self.model, self.campaign, self.soundness, seen, states=self.states)
+            seen: dict[str, bool | None] = {run.name: run.use == "identify" for run in self.campaign.runs}
+            lights = self._assessed(seen)
         lights = lights if self.data is None else (self.data, *lights[1:])
         return of_discovery(lights, Excitations.of(self.campaign), self.found)
+
+    def _assessed(self, seen: dict[str, bool | None]) -> tuple[Light, ...]:
+        """Return the lights of model and campaign; channels that were moved in time as a verification moves them."""
+        if not self.lag or self.model.test is None:
+            return assess(self.model, self.campaign, self.soundness, seen, states=self.states)
+        test = self.model.test
+        put_right = corrected(test, self.campaign)
+        return assess(self.model, put_right, self.soundness, seen, test, as_measured=self.campaign)
 
     @property
     def over_inputs(self) -> tuple[OverInput, ...]:
