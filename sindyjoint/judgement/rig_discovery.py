@@ -281,7 +281,10 @@ def unstated_numbers(update: Update) -> str:
     standing = [n for n in update.numbers if abs(n.change) > LIMITS.significant * n.standard_error]
     words = [f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing]
     named = list_some(words, "numbers")
-    return f"the sensors deny the structure as its file describes it, and agree with another: {named}"
+    return (
+        f"the sensors deny the structure as its file describes it, and agree with another: {named}; the laws are those "
+        "in that one; measure these numbers, or state how uncertain they are"
+    )
 
 
 MOVE_MORE = ("record runs that move the joints more", "find their laws")
@@ -366,4 +369,6 @@ def _judge_data(found: RigDiscovery, checked: Check[RigTest]) -> Light:
         )
     if found.update is None or checked.usable.uncertain or light.colour == "poor":
         return light
-    return Light("data", "fair", unstated_numbers(found.update))
+    return Light(
+        "data", "fair", "the sensors deny the structure as its file describes it, and agree with another"
+    )

@@ -381,12 +381,7 @@ def laws_of_rig(
     seen = joints_seen(test, recoveries)
     words = [each.words for each in seen if each.words]
     differ = [law.alike for law in laws if "differ" in law.alike]
-    said = misfit_warnings(recoveries)
-    if unstated and update is not None:
-        others = unstated_numbers(update)
-        said = (
-            f"{others}; the laws are those in that one; measure these numbers, or state how uncertain they are",
-        )
+    said = (unstated_numbers(update),) if unstated and update is not None else misfit_warnings(recoveries)
     warnings = (*said, *held_warnings(test, held), *words, *differ)
     found = RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
     passing = not any(each.spectra.repeats for each in recoveries)
