@@ -241,13 +241,16 @@ def delay_to_remove(campaign: Campaign) -> ChannelDelay | None:
 def without_delay(campaign: Campaign, delay: ChannelDelay) -> Campaign:
     """Return a campaign with a delay between its channels removed, which its notes then state."""
     runs = tuple(aligned_run(run, delay.time) for run in campaign.runs)
-    words = quantities(campaign.joint.motion)
-    moment, angle = words.moment.lower(), words.angle.lower()
-    note = (
-        f"the {moment} {'lags' if delay.time > 0 else 'leads'} the {angle} by {1e3 * abs(delay.time):.3f} ± "
-        f"{1e3 * delay.standard_error:.3f} ms; the channels were aligned"
+    return replace(
+        campaign, runs=runs, notes=(*campaign.notes, said_of_removed(delay, campaign.joint.motion))
     )
-    return replace(campaign, runs=runs, notes=(*campaign.notes, note))
+
+
+def said_of_removed(delay: ChannelDelay, motion: str) -> str:
+    """Return what to say of a delay that was removed, for rotation or translation."""
+    words, side = quantities(motion), "lags" if delay.time > 0 else "leads"
+    size = f"{1e3 * abs(delay.time):.3f} ± {1e3 * delay.standard_error:.3f} ms"
+    return f"the {words.moment.lower()} {side} the {words.angle.lower()} by {size}; the channels were aligned"
 
 
 def estimate_delay(

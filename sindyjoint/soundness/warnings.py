@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from sindyjoint.discovery.delay import ChannelDelay
+from sindyjoint.discovery.delay import ChannelDelay, said_of_removed
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.record import Campaign
@@ -105,7 +105,7 @@ def _word_delay(delay: ChannelDelay, model: JointModel, aligned: bool) -> str:
             f"{1e3 * abs(delay.time):.0f} ms"
         )
     if aligned:
-        return f"the {load} {direction} the {path} by {size}; the channels were aligned"
+        return said_of_removed(delay, model.joint.motion)
     effect = ""
     if "linear_stiffness" in model:
         bias = -delay.time * model["linear_stiffness"].coefficient
