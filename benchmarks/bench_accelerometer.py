@@ -17,12 +17,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.bench_inputs import COEFFICIENTS  # noqa: E402
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in, seeds_of  # noqa: E402
 
 CASES = {
-    "angle": {},
-    "accelerometer": {"accelerometer": "instead"},
-    "both": {"accelerometer": "beside", "angle_drift": 0.2},
+    "angle": ("angle measured", {}),
+    "accelerometer": ("accelerometer instead", {"accelerometer": "instead"}),
+    "both": ("both, the angle drifting by 20 %", {"accelerometer": "beside", "angle_drift": 0.2}),
 }
 
 
@@ -39,7 +39,12 @@ def one(seed: int, case: str) -> dict:
     )
     found = discover(
         virtual_campaign(
-            joint, frequencies=[3, 4.5, 6], levels=[0.85, 0.5], duration=4.0, random_state=rng, **CASES[case]
+            joint,
+            frequencies=[3, 4.5, 6],
+            levels=[0.85, 0.5],
+            duration=4.0,
+            random_state=rng,
+            **CASES[case][1],
         )
     )
     record: dict = {"seed": seed, "case": case, "verdict": found.verdict.verdict}
@@ -62,15 +67,25 @@ def run(arguments) -> None:
                 append(arguments.out, one(seed, case))
 
 
-def show(arguments) -> None:
-    """Print the figures."""
+def show(arguments) -> list[dict]:
+    """Print the figures and return them."""
     records = records_in(arguments.paths)
-    for case in CASES:
+    rows = []
+    for case, (title, _) in CASES.items():
         of_case = [r for r in records if r["case"] == case]
         if not of_case:
             continue
         found = sum(r["verdict"] == "confirmed" for r in of_case)
         print(f"{case}, {len(of_case)} joints: the paper's five terms confirmed in {found}")
+        row = dict(
+            motion=title,
+            seeds=seeds_of(of_case),
+            confirmed=found,
+            joints=len(of_case),
+            errors=[],
+            held=0,
+            of=0,
+        )
         for name in COEFFICIENTS:
             known = [r[name] for r in of_case if name in r]
             errors = np.array([each["error"] for each in known])
@@ -79,10 +94,14 @@ def show(arguments) -> None:
                 f"{100 * errors.mean():+.2f}, largest {100 * np.abs(errors).max():.2f}), within its interval "
                 f"{np.mean([each['holds'] for each in known]):.0%}"
             )
+            row["errors"].append(f"{100 * np.sqrt(np.mean(errors**2)):.2f}")
+            row["held"] += sum(each["holds"] for each in known)
+            row["of"] += len(known)
+        rows.append(row)
         faults = [name for r in of_case for name in r["findings"]]
         print(f"  findings: {', '.join(sorted(set(faults))) or 'none'} ({len(faults)})")
+    return rows
 
 
 if __name__ == "__main__":
-    asked = commands(__doc__, run, show)
-    asked.do(asked)
+    main(__doc__, run, show)

@@ -23,7 +23,7 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
 
 SAME = {"stop": "dead_zone"}
 # Most often not told apart from others.
@@ -115,18 +115,15 @@ def run(args: argparse.Namespace) -> None:
             print(f"{line}{[s['members'] for s in after]}  {told}  {record['seconds']:.0f}s", flush=True)
 
 
-def show(args: argparse.Namespace) -> None:
+def show(args: argparse.Namespace) -> list[dict]:
     records = records_in(args.paths)
     count = Counter(judge(r) for r in records)
     print(dict(count))
     ambiguous = sum(n for k, n in count.items() if k != "not ambiguous")
-    if ambiguous:
-        better = count["resolved"] + count["narrower"]
-        print(f"resolved {count['resolved']}/{ambiguous}, resolved or narrower {better}/{ambiguous}")
-        made = ambiguous - count["no run advised"] - count["truth not in the class"]
-        print(
-            f"of those with a run advised: resolved {count['resolved']}/{made}, or narrower {better}/{made}"
-        )
+    made = ambiguous - count["no run advised"] - count["truth not in the class"]
+    better = count["resolved"] + count["narrower"]
+    print(f"resolved {count['resolved']}/{ambiguous}, resolved or narrower {better}/{ambiguous}")
+    print(f"of those with a run advised: resolved {count['resolved']}/{made}, or narrower {better}/{made}")
     said = np.array([r["runs"][-1]["said"] for r in records if r["after"]])
     got = np.array([r["runs"][-1].get("probability", 0.0) for r in records if r["after"]])
     for low, high in ((0, 0.6), (0.6, 0.8), (0.8, 0.95), (0.95, 1.01)):
@@ -137,10 +134,21 @@ def show(args: argparse.Namespace) -> None:
             )
     for name in sorted({r["name"] for r in records}):
         print(f"  {name:30s}", dict(Counter(judge(r) for r in records if r["name"] == name)))
+    return [
+        dict(
+            campaigns="ambiguous, the hidden effect in the class",
+            count=ambiguous - count["truth not in the class"],
+            of=ambiguous,
+        ),
+        dict(
+            campaigns="of these with a run advised",
+            count=made,
+            of=ambiguous - count["truth not in the class"],
+        ),
+        dict(campaigns="resolved by the advised runs", count=count["resolved"], of=made),
+        dict(campaigns="resolved or narrower", count=better, of=made),
+    ]
 
 
 if __name__ == "__main__":
-    arguments = commands(
-        __doc__, run, show, size=dict(type=float, default=0.06), noise=dict(type=float, default=0.01)
-    )
-    arguments.do(arguments)
+    main(__doc__, run, show, size=dict(type=float, default=0.06), noise=dict(type=float, default=0.01))

@@ -27,7 +27,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np  # noqa: E402
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
 from sindyjoint import plan  # noqa: E402
 from sindyjoint.diagnosis.campaign.designs import PLANNED  # noqa: E402
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem  # noqa: E402
@@ -163,24 +163,29 @@ def run(args: argparse.Namespace) -> None:
             )
 
 
-def show(args: argparse.Namespace) -> None:
-    """Print the shares."""
+def show(args: argparse.Namespace) -> list[dict]:
+    """Print the shares and return them."""
     records = records_in(args.paths)
     print(dict(Counter(r["answer"] for r in records)))
     asked = [r for r in records if r["answer"] in ("told apart", "together", "wrong", "no run")]
     none = [r for r in asked if r["answer"] != "told apart" and not r["separated by"]]
     able = [r for r in asked if r not in none]
     print(f"left ambiguous: {len(asked)}; of these no run separates {len(none)}")
+    rows = [
+        dict(campaigns="left in one class with the rival", count=len(asked), of=len(records)),
+        dict(campaigns="of these separable by a run", count=len(able), of=len(asked)),
+    ]
     sure = [r for r in able if r["said"] and r["said"][-1] >= 0.9]
-    for title, some in (("that a run can separate", able), ("and that the plan said to (0.9)", sure)):
+    for title, some in (("by planned runs", able), ("where the plan expects 0.9 or more", sure)):
         told = sum(r["answer"] == "told apart" for r in some)
         print(f"{title}: told apart {told} of {len(some)}, {told / max(len(some), 1):.0%}")
+        rows.append(dict(campaigns=f"{title}: told apart", count=told, of=len(some)))
     for name in sorted({r["pair"] for r in asked}):
         mine = [r for r in able if r["pair"] == name]
         told = sum(r["answer"] == "told apart" for r in mine)
         print(f"  {name}: {told} of {len(mine)}; none separates {sum(r['pair'] == name for r in none)}")
+    return rows
 
 
 if __name__ == "__main__":
-    arguments = commands(__doc__, run, show)
-    arguments.do(arguments)
+    main(__doc__, run, show)

@@ -11,7 +11,6 @@ was left out of the fit, over the floor beside them. 1 is right. ``run`` appends
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import time
@@ -26,7 +25,7 @@ import numpy as np  # noqa: E402
 root = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(root), str(root / "tests" / "recovery")]
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
 
 KINDS = ("periodic", "multisine", "sweep", "free", "quasi-static")
 
@@ -128,7 +127,7 @@ def run(given) -> None:
                 append(given.out, one(kind, seed))
 
 
-def show(given) -> None:
+def show(given) -> list[dict]:
     records = records_in(given.paths)
     rows = []
     for kind in KINDS:
@@ -152,10 +151,8 @@ def show(given) -> None:
                 f"({row['low']:.2f} to {row['high']:.2f}), left out {row['left_out']:.3f}; "
                 f"coefficients inside {100 * row['inside']:.1f} % of {len(inside)}"
             )
-    if given.json:
-        given.json.write_text(json.dumps(rows, indent=1) + "\n")
+    return rows
 
 
 if __name__ == "__main__":
-    given = commands(__doc__, run, show)
-    given.do(given)
+    main(__doc__, run, show)

@@ -19,7 +19,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.bench_inputs import COEFFICIENTS  # noqa: E402
-from benchmarks.resumed import commands, records_in, run_seeds  # noqa: E402
+from benchmarks.resumed import main, records_in, run_seeds  # noqa: E402
 
 
 def one(seed: int) -> dict:
@@ -52,15 +52,19 @@ def one(seed: int) -> dict:
     return {**record, "told": told, "found": moved in told}
 
 
-def show(arguments) -> None:
-    """Print the figures."""
+def show(arguments) -> list[dict]:
+    """Print the figures and return them."""
     records = records_in(arguments.paths)
     false, found = (sum(bool(r[key]) for r in records) for key in ("false", "found"))
     print(
         f"pairs {len(records)}: false alarms {false / len(records):.1%}, changes found {found / len(records):.1%}"
     )
+    of = len(records)
+    return [
+        dict(question="changes found", count=found, of=of),
+        dict(question="equal pairs without an alarm", count=of - false, of=of),
+    ]
 
 
 if __name__ == "__main__":
-    asked = commands(__doc__, partial(run_seeds, one), show)
-    asked.do(asked)
+    main(__doc__, partial(run_seeds, one), show)

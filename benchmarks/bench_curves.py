@@ -5,16 +5,17 @@ balance over that by simulation, at frequencies over the band, and the processor
 little friction and damping, whose response folds: the frequencies at which a sine stepped up and down jumps, over those
 of the folds; and the pulse rig with a Jenkins element in its joint.
 
-    python -m benchmarks.bench_curves [pulse-rig|four-panel-wing|folds|jenkins ...]
+    python -m benchmarks.bench_curves [pulse-rig|four-panel-wing|folds|jenkins ...] [--json FILE]
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 
 import numpy as np
 
+from benchmarks.resumed import with_rows, write_rows
 from sindyjoint import curves
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, PaperLaw, SumLaw
@@ -78,14 +79,20 @@ def on_branch(level: ForcedResponse, frequency: float) -> float:
     return float(np.exp(CubicSpline(level.frequency[order], np.log(level.amplitude[order]))(frequency)))
 
 
-def levels_of(name: str) -> None:
-    """Print a line per level of a rig."""
+def row(structure: str, level: str, ratios: list[float], *seconds: float) -> dict:
+    """Return the row of a curve: the largest difference from the simulation, and the times of either, s."""
+    told = [f"{each:.1f}" for each in seconds] or ["–"]
+    return dict(structure=structure, level=level, apart=max(abs(ratio - 1) for ratio in ratios), seconds=told)
+
+
+def levels_of(name: str) -> list[dict]:
+    """Print a line per level of a rig, and return them as rows."""
     rig = load_rig(name)
     began = time.process_time()
     made = curves(rig, modes=1)
     print(f"{name}: mode 1 and three levels in {time.process_time() - began:.1f} s", flush=True)
     structure = rig.structure()
-    balance = Balance.of(structure, rig.at)
+    balance, rows = Balance.of(structure, rig.at), []
     for level in made.levels:
         began = time.process_time()
         curve = frequency_response(balance, level.force, (made.levels[0].frequency[0], made.locked[0] * 1.15))
@@ -98,17 +105,19 @@ def levels_of(name: str) -> None:
             for one in chosen
         ]
         spent = time.process_time() - began
-        apart = max(abs(ratio - 1) for ratio in ratios)
+        rows.append(row(name, f"{level.force:.2g} N", ratios, balanced, spent))
         print(
             f"  {level.force:g} N: balance over simulation {' '.join(f'{one:.4f}' for one in ratios)} (last: peak); "
-            f"largest difference {100 * apart:.2f} %; {balanced:.1f} s for the curve, {spent:.1f} s for six "
+            f"largest difference {rows[-1]['apart']:.2%}; {balanced:.1f} s for the curve, {spent:.1f} s for six "
             "points simulated",
             flush=True,
         )
+    return rows
 
 
-def folds() -> None:
-    """Print the frequencies at which a stepped sine jumps over those of the folds."""
+def folds() -> list[dict]:
+    """Print the frequencies of the folds over those at which a stepped sine jumps, and return them as rows."""
+    rows = []
     rig = with_laws(load_rig("pulse-rig"), lambda hinge: FOLDING)
     curve = frequency_response(Balance.of(rig.structure(), rig.at), FORCE, (3.6, 4.3))
     print(
@@ -127,10 +136,12 @@ def folds() -> None:
             f"{steps[jump]:.4f} and {steps[jump + 1]:.4f} Hz; fold over jump {fold / at:.4f}",
             flush=True,
         )
+        rows.append(row("pulse rig that folds", f"jump {name}", [fold / at]))
+    return rows
 
 
-def jenkins() -> None:
-    """Print amplitudes of the pulse rig with a Jenkins element beside the law of its joint, over those simulated."""
+def jenkins() -> list[dict]:
+    """Print amplitudes of the pulse rig with a Jenkins element beside the joint's law over those simulated; as rows."""
     from sympy import Abs, Heaviside, Symbol
 
     z, omega = Symbol("z", real=True), Symbol("omega", real=True)
@@ -139,6 +150,7 @@ def jenkins() -> None:
     rig = with_laws(load_rig("pulse-rig"), lambda hinge: SumLaw(hinge.law, slider))
     balance = Balance.of(rig.structure(), rig.at)
     sticking = float(rig.structure().frequencies(1, locked=True)[0])
+    rows = []
     for force in (0.8, 1.2):
         curve = frequency_response(balance, force, (0.7 * sticking, 1.15 * sticking))
         ratios = [
@@ -150,10 +162,18 @@ def jenkins() -> None:
             " ".join(f"{one:.4f}" for one in ratios),
             flush=True,
         )
+        rows.append(row("pulse rig with a Jenkins element", f"{force:g} N", ratios))
+    return rows
 
 
 DOERS = {"folds": folds, "jenkins": jenkins}
 
 if __name__ == "__main__":
-    for asked in sys.argv[1:] or ("pulse-rig", "four-panel-wing", *DOERS):
-        DOERS[asked]() if asked in DOERS else levels_of(asked)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    everything = ("pulse-rig", "four-panel-wing", *DOERS)
+    parser.add_argument("asked", nargs="*", choices=everything)
+    given = with_rows(parser).parse_args()
+    made = [DOERS[asked]() if asked in DOERS else levels_of(asked) for asked in given.asked or everything]
+    write_rows(given.json, [row for rows in made for row in rows])

@@ -10,7 +10,6 @@ per campaign and resumes.
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from dataclasses import replace
@@ -22,7 +21,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 root = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(root)]
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
 
 SIZES, NOISES, SAMPLES = (0.03, 0.06, 0.12), (0.01, 0.003, 0.03), (0.5, 1.0, 1.5, 2.0)
 NOTHING = "nothing"
@@ -71,7 +70,7 @@ def run(given) -> None:
                     append(given.out, one(effect, seed, place, late))
 
 
-def show(given) -> None:
+def show(given) -> list[dict]:
     records = [record for record in records_in(given.paths) if "refused" not in record]
     kinds = {
         NOTHING: lambda name: name == NOTHING,
@@ -93,10 +92,8 @@ def show(given) -> None:
             f"{title:20} false {row['false']} of {row['sound']}; said {row['said']}, removed {row['removed']} of "
             f"{row['late']}, {row['within']} within three errors"
         )
-    if given.json:
-        given.json.write_text(json.dumps(rows, indent=1) + "\n")
+    return rows
 
 
 if __name__ == "__main__":
-    given = commands(__doc__, run, show)
-    given.do(given)
+    main(__doc__, run, show)

@@ -24,7 +24,7 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in, seeds_of  # noqa: E402
 from tests.diagnosis.hidden_effects import OUTSIDE  # noqa: E402
 
 # What the referee hides, under the name that the catalogue has for it.
@@ -47,6 +47,19 @@ TESTS = {
     "high": dict(frequencies=(9.0, 13.0, 17.0), duration=5.0),
     "multisine": None,
     "sweep": None,
+}
+SURE = 0.8
+# What the guide's page calls the tests.
+CALLED = {
+    "usual": "8 s at 1 kHz",
+    "slow": "4 s at 500 Hz",
+    "fast": "5 s at 5 kHz",
+    "rig": "through a beam with inertia",
+    "few": "two frequencies only",
+    "low": "0.7 to 1.6 Hz, 12 s",
+    "high": "9 to 17 Hz, 5 s",
+    "multisine": "multisines of twelve lines, 1 to 8 Hz, 10 s",
+    "sweep": "sweeps, 1 to 8 Hz and back, 10 s",
 }
 
 
@@ -186,21 +199,56 @@ def _curve(p: np.ndarray, t: np.ndarray, bins: int) -> tuple[float, list[tuple[f
     return sum(abs(a - b) * n for a, b, n in curve) / max(p.size, 1), curve
 
 
-def show(args: argparse.Namespace) -> None:
-    records = records_in(args.paths)
-    for size, noise in sorted({(r["size"], r["noise"]) for r in records}):
-        some = [r for r in records if (r["size"], r["noise"]) == (size, noise)]
-        print(f"\n== size {size:.0%}, noise {noise:.1%}: {len(some)} campaigns")
+def kind_of(record: dict) -> str:
+    """Return in which row of the guide's page a campaign counts."""
+    name = record["name"]
+    return (
+        "outside" if name in OUTSIDE else "two" if "+" in name else "nothing" if name == "nothing" else "one"
+    )
+
+
+def is_right(record: dict) -> bool:
+    """Return whether an answer counts as right: of what no catalogue has, whether it names nothing surely."""
+    if "error" in record or record["name"] not in OUTSIDE:
+        return "error" not in record and judge(record) in ("right", "class")
+    sure = any(step["probability"] > SURE for step in record["steps"])
+    return record["verdict"] in ("unknown", "undecided", "partly_named") and not sure
+
+
+def row(kind: str, records: list[dict]) -> dict:
+    """Return the row of campaigns of one kind, test, size and noise on the guide's page."""
+    first, made = records[0], [r for r in records if "error" not in r]
+    wrong = [r for r in records if not is_right(r)]
+    terms = [abs(v) <= 3 for r in made if is_right(r) for v in r["terms"].values()]
+    response = [r["final"][1] <= 1.2 * r["floor"][1] for r in made if r["floor"][1]]
+    return dict(
+        kind=kind, test=CALLED[first["test"]], size=first["size"], noise=first["noise"], seeds=seeds_of(records),
+        right=len(records) - len(wrong), of=len(records),
+        wrong=[f"{r['name'].replace('_', ' ')} {r['seed']}" for r in wrong],
+        second=sum(len(r["steps"]) > 1 for r in made),
+        sure=sum(r["steps"][0]["probability"] > SURE for r in wrong if r.get("steps")),
+        response=float(np.mean(response)) if response else None, terms=float(np.mean(terms)) if terms else None,
+    )  # fmt: skip
+
+
+def show(args: argparse.Namespace) -> list[dict]:
+    records, rows = records_in(args.paths), []
+    for test, size, noise in sorted({(r["test"], r["size"], r["noise"]) for r in records}):
+        some = [r for r in records if (r["test"], r["size"], r["noise"]) == (test, size, noise)]
+        print(f"\n== {CALLED[test]}, size {size:.0%}, noise {noise:.1%}: {len(some)} campaigns")
         show_names(some)
-        single = [r for r in some if "error" not in r and r["name"] != "nothing" and "+" not in r["name"]]
-        single = [r for r in single if r["name"] not in OUTSIDE]
-        if single:
+        kinds = defaultdict(list)
+        for r in some:
+            kinds[kind_of(r)].append(r)
+        rows += [row(kind, each) for kind, each in kinds.items()]
+        if single := [r for r in kinds["one"] if "error" not in r]:
             show_effects(single)
     for title, function in (("all candidates", calibration), ("the first name", top_calibration)):
         error, curve = function([r for r in records if r["name"] not in OUTSIDE])
         print(f"\nexpected calibration error, {title}: {error:.3f}")
         for stated, true, count in curve:
             print(f"  said {stated:.2f}  true {true:.2f}  ({count})")
+    return rows
 
 
 def show_names(records: list[dict]) -> None:
@@ -216,7 +264,7 @@ def show_effects(records: list[dict]) -> None:
     """Print the figures of campaigns with one effect: names, gaps, time, and what was taken for what."""
     good = sum(judge(r) in ("right", "class") for r in records)
     wrong = [r for r in records if judge(r) in ("wrong", "wide")]
-    sure = sum(r["steps"][0]["probability"] > 0.8 for r in wrong)
+    sure = sum(r["steps"][0]["probability"] > SURE for r in wrong)
     print(
         f"  right or in the class: {good}/{len(records)} = {good / len(records):.1%}; wrong at > 0.8: {sure}"
     )
@@ -237,7 +285,7 @@ def show_effects(records: list[dict]) -> None:
 
 
 if __name__ == "__main__":
-    arguments = commands(
+    main(
         __doc__,
         run,
         show,
@@ -247,4 +295,3 @@ if __name__ == "__main__":
         jobs=dict(type=int, default=1),
         no_advice=dict(action="store_true", help="leave out the search for further runs"),
     )
-    arguments.do(arguments)

@@ -23,7 +23,7 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
 
 
 def one(name: str, seed: int, noise: float, duration: float) -> dict:
@@ -115,5 +115,4 @@ def show(args: argparse.Namespace) -> None:
 
 
 if __name__ == "__main__":
-    arguments = commands(__doc__, run, show, noise=dict(type=float), duration=dict(type=float, default=6.0))
-    arguments.do(arguments)
+    main(__doc__, run, show, noise=dict(type=float), duration=dict(type=float, default=6.0))

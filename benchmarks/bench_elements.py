@@ -12,7 +12,6 @@ and resumes. A number counts where the form that was hidden is found.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 import time
@@ -29,7 +28,7 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
 from sindyjoint.record import Campaign  # noqa: E402
 
 # What the numbers of the catalogue's elements are, from the parameters of the referee's law.
@@ -128,7 +127,7 @@ def run(args: argparse.Namespace) -> None:
         append(args.out, record)
 
 
-def show(args: argparse.Namespace) -> None:
+def show(args: argparse.Namespace) -> list[dict]:
     records = records_in(args.paths)
     counts: dict[tuple[str, ...], Counter] = defaultdict(Counter)
     held: dict[tuple[str, ...], list[tuple[bool, float, float]]] = defaultdict(list)
@@ -149,9 +148,8 @@ def show(args: argparse.Namespace) -> None:
     for drive in ("moment", "displacement"):
         print(_line(f"all, {drive}", [row for key, rows in held.items() if key[1] == drive for row in rows]))
     print(_line("all", [row for rows in held.values() for row in rows]))
-    if args.json:
-        rows = [_counted(name, {key: held[key] for key in held if key[0] == name}) for name in TRUTH]
-        args.json.write_text(json.dumps([*rows, _counted("all", held)], indent=1) + "\n")
+    rows = [_counted(name, {key: held[key] for key in held if key[0] == name}) for name in TRUTH]
+    return [*rows, _counted("all", held)]
 
 
 def _counted(name: str, held: dict[tuple[str, ...], list[tuple[bool, float, float]]]) -> dict:
@@ -176,7 +174,7 @@ def _line(name: str, rows: list[tuple[bool, float, float]]) -> str:
 
 
 if __name__ == "__main__":
-    arguments = commands(
+    main(
         __doc__,
         run,
         show,
@@ -186,4 +184,3 @@ if __name__ == "__main__":
         all=dict(action="store_true", help="all effects of the catalogue as candidates"),
         jobs=dict(type=int, default=1),
     )
-    arguments.do(arguments)

@@ -1,6 +1,6 @@
 """Exported joints run by the programs that they are written for, beside the simulation of the package.
 
-    python benchmarks/bench_exports.py
+    python benchmarks/bench_exports.py --json exports.json
     python benchmarks/bench_exports.py --only mujoco opensees
 
 For the paper's five terms, and for each kind of element with them: the largest difference of the angle as a share of
@@ -26,15 +26,19 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "export")]
 
 from resimulated import RUNNERS, difference, drive, missing, mujoco_model  # noqa: E402
 
+from benchmarks.resumed import with_rows, write_rows  # noqa: E402
 from tests.export.made import ELEMENTS, PAPER, model_of  # noqa: E402
 
 FRICTION = PAPER["coulomb_friction"]
+ABSENT = dict.fromkeys(RUNNERS, "–")
+FITTED = 5e-3  # error of a pair of tables from which it counts as fitted
 
 
-def table(targets: list[str]) -> None:
-    """Print the differences of each target."""
+def table(targets: list[str]) -> list[dict]:
+    """Print the differences of each target, and return those of each model."""
     cases = {"five terms": model_of()}
     cases |= {name: model_of(elements=[element]) for name, element in ELEMENTS.items()}
+    rows = [dict(model=name.replace("_", " ")) | ABSENT for name in cases]
     print(
         f"{'target':<10}{'model':<22}{'slipping':>10}{'always':>10}{'table':>10}{'processor':>11}  represented as"
     )
@@ -42,12 +46,20 @@ def table(targets: list[str]) -> None:
         if reason := missing(target):
             print(f"{target:<10}left out: {reason}")
             continue
-        for name, model in cases.items():
-            print(f"{target:<10}{name:<22}{one(target, name, model)}", flush=True)
+        for row, (name, model) in zip(rows, cases.items(), strict=True):
+            words, always, fitted = one(target, name, model)
+            row |= {target: share(always) + (f" (fitted: {share(fitted)})" if fitted > FITTED else "")}
+            print(f"{target:<10}{name:<22}{words}", flush=True)
+    return rows
 
 
-def one(target: str, name: str, model: object) -> str:
-    """Return the rest of a line."""
+def share(value: float) -> str:
+    """Return a share in per cent, two digits."""
+    return f"{100 * value:.2g} %" if value > 1e-6 else "< 1e-4 %"
+
+
+def one(target: str, name: str, model: object) -> tuple[str, float, float]:
+    """Return the rest of a line, the largest difference, and the error that the fidelity table states."""
     from sindyjoint.export import export_model
 
     rows = {row.term: row for row in export_model(model, target).fidelity}
@@ -57,16 +69,17 @@ def one(target: str, name: str, model: object) -> str:
         slipping, always = difference(target, model, drive(), Path(folder))
     spent = time.process_time() - spent
     shares = "".join(f"{f'{100 * share:.2g} %':>10}" for share in (slipping, always, row.error))
-    return f"{shares}{spent:>9.1f} s  {row.representation}"
+    return f"{shares}{spent:>9.1f} s  {row.representation}", always, row.error
 
 
-def creep() -> None:
-    """Print how fast a joint of MuJoCo without stiffness moves under less than its friction."""
+def creep() -> list[dict]:
+    """Print how fast a joint of MuJoCo without stiffness moves under less than its friction; return it as rows."""
     if missing("mujoco"):
-        return
+        return []
     import mujoco
 
     compiled = mujoco_model(model_of({"coulomb_friction": FRICTION, "linear_damping": 1e-3}))
+    rows = []
     for step in (compiled.opt.timestep, 1e-4):
         # As the file writes it: the time constant of the constraint is two steps.
         compiled.opt.timestep = step
@@ -80,6 +93,9 @@ def creep() -> None:
             f"{data.qvel[0]:.3g} rad/s, "
             f"{data.qvel[0] / model_of().fitted.rate:.1e} of the largest tested rate"
         )
+        words = f"creep under 0.9 of the friction, step {1e3 * step:g} ms"
+        rows.append(dict(model=words) | ABSENT | dict(mujoco=f"{data.qvel[0]:.2g} rad/s"))
+    return rows
 
 
 def main() -> None:
@@ -88,10 +104,11 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", nargs="+", choices=list(RUNNERS), default=list(RUNNERS))
-    given = parser.parse_args()
-    table(given.only)
+    given = with_rows(parser).parse_args()
+    rows = table(given.only)
     if "mujoco" in given.only:
-        creep()
+        rows += creep()
+    write_rows(given.json, rows)
 
 
 if __name__ == "__main__":

@@ -27,13 +27,19 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in, seeds_of  # noqa: E402
 from tests.diagnosis.foreign_judgement import KINDS, SURE, ZEROS, judge  # noqa: E402
 from tests.diagnosis.foreign_laws import SAME  # noqa: E402
 
 BASE = {
     "linear_stiffness", "quadratic_stiffness", "cubic_stiffness", "linear_damping", "coulomb_friction",
 }  # fmt: skip
+# What the guide's page calls each kind of joint, and what is right to answer.
+CALLED = {
+    "foreign": ("outside the catalogue", "*unknown*, *partly named*, *undecided*"),
+    "catalogue": ("effects of the catalogue", "*named* or *ambiguous*, rightly"),
+    "nothing": ("nothing hidden", "*nothing missing*, or a zero of a sensor"),
+}
 
 
 def one(kind: str, name: str, seed: int) -> dict:
@@ -92,10 +98,23 @@ def false_names(r: dict) -> list[str]:
     return [s["effect"] for s in sure if not set(s["members"]) & (hidden | ZEROS)]
 
 
-def show(args: argparse.Namespace) -> None:
+def row(kind: str, records: list[dict]) -> dict:
+    """Return the row of a kind on the guide's page."""
+    counted = [(r, judge(r)) for r in records if judge(r) != "mimicked"]
+    wrong = [f"{r['name'].replace('_', ' ')} {r['seed']}: {what}" for r, what in counted if what != "right"]
+    joints, answer = CALLED[kind.removesuffix("-mujoco")]
+    return dict(
+        joints=joints, seeds=seeds_of(records), answer=answer, right=len(counted) - len(wrong), of=len(counted),
+        wrong=wrong, seconds=max(r["cpu"] for r in records if "cpu" in r),
+    )  # fmt: skip
+
+
+def show(args: argparse.Namespace) -> list[dict]:
     records = [r for r in records_in(args.paths) if "unmade" not in r]
+    rows = []
     for kind in dict.fromkeys(r["kind"] for r in records):
         some = [r for r in records if r["kind"] == kind]
+        rows.append(row(kind, some))
         table = defaultdict(Counter)
         for r in some:
             table[r["name"]][judge(r)] += 1
@@ -113,8 +132,8 @@ def show(args: argparse.Namespace) -> None:
         for r in some:
             if judge(r) not in ("right", "mimicked"):
                 print("   ", line_of(r))
+    return rows
 
 
 if __name__ == "__main__":
-    arguments = commands(__doc__, run, show, kind=dict(choices=sorted(KINDS), default="foreign"))
-    arguments.do(arguments)
+    main(__doc__, run, show, kind=dict(choices=sorted(KINDS), default="foreign"))

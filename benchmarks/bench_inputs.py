@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from benchmarks.resumed import commands, records_in, run_seeds  # noqa: E402
+from benchmarks.resumed import main, records_in, run_seeds  # noqa: E402
 
 COEFFICIENTS = {
     "k1": "linear_stiffness", "k2": "quadratic_stiffness", "k3": "cubic_stiffness", "c1": "linear_damping",
@@ -98,8 +98,8 @@ def one(seed: int) -> dict:
     }  # fmt: skip
 
 
-def show(arguments) -> None:
-    """Print the figures."""
+def show(arguments) -> list[dict]:
+    """Print the figures and return them."""
     records = records_in(arguments.paths)
     clear = [(term, r) for r in records for term, size in r["moves"].items() if size > 3]
     found = sum(term in r["found"] for term, r in clear)
@@ -114,8 +114,14 @@ def show(arguments) -> None:
     print(f"campaigns with a false dependence            {false} = {false / max(len(records), 1):.1%}")
     print(f"intervals that hold, all coefficients        {np.mean(inside):.1%} of {len(inside)}")
     print(f"intervals that hold, the dependences         {np.mean(own):.1%} of {len(own)}")
+    counts = {
+        "dependences of more than three intervals, found": (found, len(clear)),
+        "campaigns without a dependence that is not there": (len(records) - false, len(records)),
+        "95 % intervals that hold, exact terms": (sum(inside), len(inside)),
+        "those of the dependences": (sum(own), len(own)),
+    }
+    return [dict(question=name, count=count, of=of) for name, (count, of) in counts.items()]
 
 
 if __name__ == "__main__":
-    asked = commands(__doc__, partial(run_seeds, one), show)
-    asked.do(asked)
+    main(__doc__, partial(run_seeds, one), show)

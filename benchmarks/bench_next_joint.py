@@ -15,6 +15,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.resumed import with_rows, write_rows  # noqa: E402
+
 
 def holds(seed: int, coefficients: int = 5, further: int = 20) -> list[bool]:
     """Return of each coefficient of a random batch, and of some further joints, whether its interval holds."""
@@ -42,8 +44,11 @@ if __name__ == "__main__":
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--batches", type=int, default=200)
-    count = parser.parse_args().batches
+    given = with_rows(parser).parse_args()
+    count = given.batches
     every = [value for seed in range(count) for value in holds(seed)]
     print(
         f"{count} batches (seeds 0 to {count - 1}): {np.mean(every):.2%} of {len(every)} unseen coefficients are held"
     )
+    question = f"95 % intervals of the next joint that hold, {count} batches"
+    write_rows(given.json, [dict(tried=question, count=sum(every), of=len(every))])

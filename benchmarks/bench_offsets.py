@@ -34,7 +34,7 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.result import Diagnosis
@@ -174,7 +174,7 @@ def run(args: argparse.Namespace) -> None:
         append(args.out, one(*task))
 
 
-def show(args: argparse.Namespace) -> None:
+def show(args: argparse.Namespace) -> list[dict]:
     records = [r for r in records_in(args.paths) if "error" not in r or print(_case(r), r["error"])]
     plain = {(r["name"], r["seed"]): r for r in records if r["share"] == 0}
     kept = ("names", "verdict", "gap", "follows", "once")
@@ -196,13 +196,17 @@ def show(args: argparse.Namespace) -> None:
     print(
         f"\n{'hidden':22s} cases  names  verdict  gap  coefficients  one zero error at most  worst |z|, median"
     )
+    figures = []
     for name, rows in [*counts.items(), ("all", [row for each in counts.values() for row in each])]:
         same = [sum(row[what] for row in rows) for what in kept]
+        unchanged = sum(all(row[what] for what in kept) for row in rows)
+        figures.append(dict(hidden=name.replace("_", " "), unchanged=unchanged, cases=len(rows)))
         worst = [abs(row["worst"][1]) for row in rows]
         print(f"{name:22s} {len(rows):5d}  {same[0]:5d}  {same[1]:7d}  {same[2]:3d}  {same[3]:12d}  {same[4]:22d}"
               f"  {max(worst, default=0):9.2f}  {np.median(worst) if worst else 0:.2f}")  # fmt: skip
     print(f"processor time of a diagnosis: {np.median([r['cpu'] for r in records]):.1f} s in the median, "
           f"{max(r['cpu'] for r in records):.1f} s at most")  # fmt: skip
+    return figures
 
 
 def _case(record: dict) -> str:
@@ -210,7 +214,7 @@ def _case(record: dict) -> str:
 
 
 if __name__ == "__main__":
-    arguments = commands(
+    main(
         __doc__,
         run,
         show,
@@ -218,4 +222,3 @@ if __name__ == "__main__":
         duration=dict(type=float, default=4.0, help="of a run, s"),
         discover=dict(action="store_true", help="discover in the place of diagnose"),
     )
-    arguments.do(arguments)

@@ -3,8 +3,8 @@
 How many of the obtained half-widths lie in their predicted 90 % bands, how much narrower the widest relative interval
 is than that of the 3 × 3 grid of the same duration, and whether any limit is broken.
 
-    python -m benchmarks.bench_plan [moment|angle] [JOINTS] [FIRST SEED] [--until ENOUGH] [--alone]
-    python -m benchmarks.bench_plan --table
+    python -m benchmarks.bench_plan [moment|angle] [JOINTS] [FIRST SEED] [--until ENOUGH] [--alone] [--json FILE]
+    python -m benchmarks.bench_plan --table [--json FILE]
 
 With a prescribed moment each coefficient of the inter-panel joint differs by up to 20 %; with a prescribed angle its
 stiffness lies between 5 and 8 kN·m/rad and its friction between 1 and 3 N·m. ENOUGH is a relative half-width at which
@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.resumed import with_rows, write_rows
 from sindyjoint import discover, plan
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
@@ -60,8 +61,9 @@ def five_joints() -> Iterator[tuple[str, dict[str, Any]]]:
     yield "weak friction, 0.05–0.15 N·m", {"ranges": {"coulomb_friction": (0.05, 0.15)}}
 
 
-def table() -> None:
-    """Print the plans of five joints beside their grids of equal length."""
+def table() -> list[dict]:
+    """Print the plans of five joints beside their grids of equal length, and return them as rows."""
+    rows = []
     for name, options in five_joints():
         began = time.process_time()
         made = plan(**options)
@@ -73,9 +75,10 @@ def table() -> None:
             f"{f:g} Hz: " + " ".join(f"{n}×{x:.4g}" for (at, x), n in sorted(runs.items()) if at == f)
             for f in sorted({f for f, _ in runs})
         )
-        print(
-            f"| {name} | {shown} | {' '.join(f'{each:.2f}' for each in ratio)} | {widest:.2f} | {seconds:.0f} s |"
-        )
+        ratios = [f"{each:.2f}" for each in ratio]
+        rows.append(dict(joint=name, ratios=ratios, widest=widest, seconds=seconds))
+        print(f"| {name} | {shown} | {' '.join(ratios)} | {widest:.2f} | {seconds:.0f} s |")
+    return rows
 
 
 def joints_of(made: Plan, count: int, seed: int) -> Iterator[tuple[int, JointModel]]:
@@ -102,14 +105,14 @@ def broken_limits(made: Plan, true: JointModel, clean: Campaign) -> int:
     return broken
 
 
-def main(drive: str, count: int, seed: int, until: float | None = None, alone: bool = False) -> None:
-    """Print a line for each joint, and the shares."""
+def main(drive: str, count: int, seed: int, until: float | None = None, alone: bool = False) -> list[dict]:
+    """Print a line for each joint, and the shares; return these."""
     began = time.perf_counter()
     made = plan(drive=drive, ranges=RANGES[drive], limits=LIMITS, time=90.0, until=until, random_state=0)
     print(f"plan of {len(made.runs)} runs in {time.perf_counter() - began:.1f} s", flush=True)
     print(f"{made.seconds:.0f} of 90 s; {made.stop}", flush=True)
     reached = []
-    inside, gains, held, foretold, broken, failed = [], [], [], [], 0, 0
+    inside, gains, held, foretold, broken, failed = [], [], [], [], 0, [0, 0]
     for number, true in joints_of(made, count, seed):
         law = model_law(true)
         widest, runs = [], (made.runs,) if alone else (made.runs, made.grid_runs)
@@ -127,7 +130,7 @@ def main(drive: str, count: int, seed: int, until: float | None = None, alone: b
             except (SindyJointError, KeyError) as error:
                 print(f"  {number} {'grid' if at else 'plan'}: {type(error).__name__} {error}", flush=True)
                 widest.append(np.inf)
-                failed += not at
+                failed[at] += 1
                 foretold.append(not complete)
                 continue
             foretold.append(complete)
@@ -151,8 +154,15 @@ def main(drive: str, count: int, seed: int, until: float | None = None, alone: b
     if until is not None:
         print(f"stopped by the rule, the goal is reached in {np.mean(reached):.1%}")
     print(
-        f"not all terms found with the plan: {failed}; whether all are found, foretold in {np.mean(foretold):.1%}"
+        f"not all terms found with the plan: {failed[0]}; whether all are found, foretold in {np.mean(foretold):.1%}"
     )
+    return [
+        dict(
+            drive=drive, joints=count, seeds=f"{seed} to {seed + count - 1}", narrower=1 - float(np.median(ratio)),
+            wider=int(np.sum(ratio > 1)), inside=sum(ok for _, ok in inside), widths=len(inside), held=sum(held),
+            intervals=len(held), broken=broken, failed=failed[0], failed_grid=failed[1], reached=sum(reached),
+        )
+    ]  # fmt: skip
 
 
 if __name__ == "__main__":
@@ -165,8 +175,6 @@ if __name__ == "__main__":
     parser.add_argument("--until", type=float)
     parser.add_argument("--alone", action="store_true")
     parser.add_argument("--table", action="store_true")
-    given = vars(parser.parse_args())
-    if given.pop("table"):
-        table()
-    else:
-        main(**given)
+    given = vars(with_rows(parser).parse_args())
+    path, tabled = given.pop("json"), given.pop("table")
+    write_rows(path, table() if tabled else main(**given))

@@ -1,7 +1,7 @@
 """Faults found in the channels of structures, and false alarms: what the check of a rig says of virtual tests.
 
-    python benchmarks/bench_rig_soundness.py run pulse-rig --drive multisine --seeds 3001 3011 --out faults.jsonl
-    python benchmarks/bench_rig_soundness.py run pulse-rig --drive sweep --seeds 3001 3005 --names sound --out ...
+    python benchmarks/bench_rig_soundness.py run --rig pulse-rig --drive multisine --seeds 3001 3011 --out faults.jsonl
+    python benchmarks/bench_rig_soundness.py run --rig pulse-rig --drive sweep --seeds 3001 3005 --names sound --out ...
     python benchmarks/bench_rig_soundness.py show faults.jsonl
 
 The tests are those of bench_structure_discovery.py, the faults those of tests/soundness/rig_faults.py; ``sound``: as it
@@ -11,7 +11,6 @@ in the file, and as ``undeclared`` where the file states nothing.
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
@@ -25,7 +24,7 @@ for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.bench_structure_discovery import campaign  # noqa: E402
-from benchmarks.resumed import append, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in, seeds_of  # noqa: E402
 
 SOUND = ("sound", "undeclared")
 
@@ -78,41 +77,40 @@ def run(options) -> None:
             append(options.out, {"test": said} | one(test, kind, seed))
 
 
-def show(options) -> None:
+def show(options) -> list[dict]:
     groups = defaultdict(list)
-    for record in records_in([options.out]):
+    for record in records_in(options.paths):
         groups[record["test"], record["kind"]].append(record)
-    totals: dict[str, list[int]] = defaultdict(lambda: [0, 0])
+    rows = {}
     for (test, kind), records in sorted(groups.items()):
+        row = rows.setdefault(
+            test, dict(test=test, seeds=seeds_of(records), kinds=0, found=0, faults=0, quiet=0, sound=0)
+        )
         if kind in SOUND:
             alarms = [[f for f in r["findings"] if f[0] != "note"] for r in records]
             said = f"false alarms in {sum(map(bool, alarms))} of {len(records)}"
             longest = max(r["cpu"] for r in records)
             print(f"{test}: {kind}: {said}, at most {longest:.1f} s", *sum(alarms, []), sep="\n   ")
+            row["quiet"] += sum(not each for each in alarms)
+            row["sound"] += len(records)
             continue
         hits = sum(r["found"] for r in records)
-        totals[test][0] += hits
-        totals[test][1] += len(records)
-        print(f"{test}: {kind}: {hits} of {len(records)} ({sum(r['noted'] for r in records)} with notes)")
-    for test, (hits, count) in totals.items():
-        print(f"{test}: {hits} of {count} faults found")
+        row["kinds"] += 1
+        row["found"] += hits
+        row["faults"] += len(records)
+        missed = "".join(f"; missed {r['seed']}" for r in records if not r["found"])
+        print(
+            f"{test}: {kind}: {hits} of {len(records)} ({sum(r['noted'] for r in records)} with notes){missed}"
+        )
+    for row in rows.values():
+        print("{test}: {found} of {faults} faults found".format_map(row))
+    return [*rows.values()]
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    commands = parser.add_subparsers(required=True)
-    of_run = commands.add_parser("run")
-    of_run.add_argument("rig", choices=("pulse-rig", "four-panel-wing"))
-    of_run.add_argument("--drive", default="multisine", choices=("sine", "multisine", "sweep", "impact"))
-    of_run.add_argument("--wrong", action="store_true")
-    of_run.add_argument("--seeds", type=int, nargs=2, required=True)
-    of_run.add_argument("--names", nargs="+")
-    of_run.add_argument("--out", required=True)
-    of_run.set_defaults(do=run)
-    of_show = commands.add_parser("show")
-    of_show.add_argument("out")
-    of_show.set_defaults(do=show)
-    given = parser.parse_args()
-    given.do(given)
+    main(
+        __doc__, run, show,
+        rig=dict(choices=("pulse-rig", "four-panel-wing"), default="pulse-rig"),
+        drive=dict(default="multisine", choices=("sine", "multisine", "sweep", "impact")),
+        wrong=dict(action="store_true"),
+    )  # fmt: skip

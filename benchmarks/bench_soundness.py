@@ -30,9 +30,12 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in, seeds_of  # noqa: E402
 
-SOUND = ("sound", "law", "multisine", "sweep")
+SOUND = {
+    "sound": "sound sines", "law": "another law under sines", "multisine": "under multisines",
+    "sweep": "under sweeps",
+}  # fmt: skip
 
 
 # What is right to name where a fault is in the data: the effects that the catalogue has for faults of channels.
@@ -135,7 +138,7 @@ def run(args: argparse.Namespace) -> None:
         print(f"seed {records[0]['seed']}: {sum(r['found'] for r in records)} faults found", flush=True)
 
 
-def show(args: argparse.Namespace) -> None:
+def show(args: argparse.Namespace) -> list[dict]:
     table = defaultdict(list)
     for record in records_in(args.paths):
         if "unmade" not in record:
@@ -147,30 +150,41 @@ def show(args: argparse.Namespace) -> None:
             f"  {name:26s} {len(records) - len(missed):3d} of {len(records)}"
             + (f"  missed {missed}" if missed else "")
         )
-    every = [r["found"] for records in faults.values() for r in records]
+    put = [r for records in faults.values() for r in records]
+    every, rows = [r["found"] for r in put], []
     if every:
         print(f"found: {sum(every)} of {len(every)}, {100 * np.mean(every):.1f} %; {len(faults)} kinds")
+        wrong = [f"{r['name']} {r['seed']}" for r in put if not r["found"]]
+        data = f"{len(faults)} kinds of fault"
+        rows.append(
+            dict(kind="check", data=data, seeds=seeds_of(put), right=sum(every), of=len(every), wrong=wrong)
+        )
     for name in SOUND:
         alarms = [(r["seed"], f) for r in table[name] for f in r["findings"] if f[2] != "note"]
         if table[name]:
             print(
                 f"{name}: {len({seed for seed, _ in alarms})} of {len(table[name])} campaigns with a false alarm"
             )
+            wrong, of = [f"{finding[0]} {seed}" for seed, finding in alarms], len(table[name])
+            quiet = of - len({seed for seed, _ in alarms})
+            seeds = seeds_of(table[name])
+            rows.append(dict(kind="check", data=SOUND[name], seeds=seeds, right=quiet, of=of, wrong=wrong))
         for seed, finding in alarms:
             print(f"    {seed}: {finding}")
-    show_answers([r for records in table.values() for r in records if "answers" in r])
+    rows += show_answers([r for records in table.values() for r in records if "answers" in r])
     times = [r["cpu"] for records in table.values() for r in records]
     print(f"processor time: median {np.median(times):.2f} s, longest {max(times):.2f} s")
+    return rows
 
 
-def show_answers(records: list[dict]) -> None:
+def show_answers(records: list[dict]) -> list[dict]:
     """Print the verdicts that the sound campaign of the same joint denies, and sure names of laws not there."""
     from collections import Counter
 
     sound = {r["seed"]: r["answers"] for r in records if r["name"] == "sound"}
     bad = [r for r in records if r["name"] not in SOUND]
     if not bad:
-        return
+        return []
     opposite = {"confirmed": "refuted", "refuted": "confirmed"}
     denied = [
         r for r in bad if opposite.get(r["answers"].get("terms")) == sound.get(r["seed"], {}).get("terms", "")
@@ -184,14 +198,23 @@ def show_answers(records: list[dict]) -> None:
     print(f"a law that is not there above {SURE}: {len({id(r) for r, _ in wrong})} of {len(bad)}")
     for r, (members, probability) in wrong:
         print(f"    {r['name']} {r['seed']}: {' or '.join(members)} {probability:.2f}")
+    told = Counter(_beside(r["answers"].get("terms"), sound.get(r["seed"], {}).get("terms")) for r in bad)
+    seeds = dict(kind="answers", seeds=seeds_of(bad), of=len(bad), contradicted=len(denied), named=len(wrong))
+    return [seeds | {what: told[what] for what in ("same", "undecided", "none", "other")}]
+
+
+def _beside(answer: str | None, sound: str | None) -> str:
+    """Return how a verdict under a fault stands to that of the sound campaign."""
+    if answer is None or answer == "undecided":
+        return answer or "none"
+    return "same" if answer == sound else "other"
 
 
 if __name__ == "__main__":
-    arguments = commands(
+    main(
         __doc__,
         run,
         show,
         jobs=dict(type=int, default=1),
         verdicts=dict(nargs="?", choices=["discovery", "diagnosis"], const="diagnosis"),
     )
-    arguments.do(arguments)

@@ -2,7 +2,7 @@
 
 Each is held beside the plain 3 x 3 grid, whose runs are made longer until its widest interval is as narrow.
 
-    python -m benchmarks.bench_stopping [moment|angle] [JOINTS] [FIRST SEED] [--until ENOUGH] [--alone]
+    python -m benchmarks.bench_stopping [moment|angle] [JOINTS] [FIRST SEED] [--until ENOUGH] [--alone] [--json FILE]
 
 Ranges are those of `bench_plan`. ENOUGH is the relative half-width that is the goal. ``--alone`` leaves the grid out.
 """
@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.bench_plan import LIMITS, RANGES, broken_limits, joints_of
+from benchmarks.resumed import with_rows, write_rows
 from sindyjoint import discover, plan
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
@@ -91,8 +92,8 @@ def grid_time(first: Plan, true: JointModel, seed: int, until: float) -> float:
     return np.inf
 
 
-def main(drive: str, count: int, seed: int, until: float | None = None, alone: bool = False) -> None:
-    """Print a line for each joint, and the shares."""
+def main(drive: str, count: int, seed: int, until: float | None = None, alone: bool = False) -> list[dict]:
+    """Print a line for each joint, and the shares; return these."""
     until = until or ENOUGH[drive]
     began = time.perf_counter()
     first = plan(drive=drive, ranges=RANGES[drive], limits=LIMITS, time=ALL, run_time=RUN, until=until)
@@ -121,6 +122,13 @@ def main(drive: str, count: int, seed: int, until: float | None = None, alone: b
     print(f"time over that of the grid: median {np.median(shares):.2f}, largest {np.max(shares):.2f}")
     print(f"intervals that hold the truth: {np.mean(held):.1%} of {len(held)}; limits broken {broken} times")
     print(f"longest step {max(steps):.1f} s; all {time.perf_counter() - began:.0f} s")
+    return [
+        dict(
+            drive=drive, goal=until, joints=count, seeds=f"{seed} to {seed + count - 1}", reached=sum(reached),
+            within=sum(errors), share=float(np.median(shares)), longest_share=max(shares), held=sum(held),
+            intervals=len(held), broken=broken, seconds=max(steps),
+        )
+    ]  # fmt: skip
 
 
 if __name__ == "__main__":
@@ -132,4 +140,6 @@ if __name__ == "__main__":
     parser.add_argument("seed", type=int, nargs="?", default=3000)
     parser.add_argument("--until", type=float)
     parser.add_argument("--alone", action="store_true")
-    main(**vars(parser.parse_args()))
+    given = vars(with_rows(parser).parse_args())
+    path = given.pop("json")
+    write_rows(path, main(**given))

@@ -1,8 +1,8 @@
 """The law of joints inside a structure from its accelerometers, over random joints.
 
-    python benchmarks/bench_structure_discovery.py run pulse-rig --seeds 1 40 --out pulse.json
-    python benchmarks/bench_structure_discovery.py run four-panel-wing --drive multisine --wrong --out wing.json
-    python benchmarks/bench_structure_discovery.py show pulse.json
+    python benchmarks/bench_structure_discovery.py run --seeds 1 41 --out laws.jsonl
+    python benchmarks/bench_structure_discovery.py run --rig four-panel-wing --drive multisine --wrong --out laws.jsonl
+    python benchmarks/bench_structure_discovery.py show laws.jsonl
 
 Each seed draws k1, k2, k3, c1, M_F of every kind of joint within 20 % of the paper's, drives the structure at forces
 found by trial simulations, and discovers the laws from accelerometers and a force cell with 1 % noise. Runs of 20 s
@@ -14,13 +14,16 @@ says, and the file says that it may be. `--untold`: the beams are 5 % stiffer, a
 from __future__ import annotations
 
 import argparse
-import json
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.resumed import append, done_in, main, records_in, seeds_of
 from sindyjoint.errors import SimulationError, SindyJointError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_test import RigTest, Sensor, uncertain_numbers
@@ -51,6 +54,7 @@ STRETCH = {"sine": 5.0, "multisine": 2.0}  # s, whole periods of what repeats
 LEVELS = (1.0, 0.87, 0.75)
 LARGEST = 0.6  # of the softening limit
 LARGEST_MULTISINE = 0.75  # which comes near its largest angle a few times in a period
+DRIVES = {"sine": "12 sines", "multisine": "3 multisines", "sweep": "6 sweeps", "impact": "6 blows"}
 NAMES = ("k1", "k2", "k3", "c1", "M_F")
 UNTOLD = (1.05, 1.0)  # stiffness and mass of beams of which the file says nothing
 
@@ -217,73 +221,64 @@ def one(name, seed, kind, wrong, refine=None):
     return record
 
 
-def run(name, seeds, kind, wrong, out, refine=None):
-    """Write what was found of each campaign as it is found; a file that is there already is gone on with."""
-    path = Path(out)
-    records = json.loads(path.read_text())["campaigns"] if path.is_file() else []
-    done = {record["seed"] for record in records}
-    for seed in range(seeds[0], seeds[1] + 1):
-        if seed in done:
+def title(given):
+    """Return how the guide's page calls these campaigns."""
+    wrong = {True: ", beams 1 % and mass 0.5 % wrong", "untold": ", beams 5 % stiffer than stated"}
+    refined = {True: ", refined", False: ", by regression"}
+    return f"{given.rig}, {DRIVES[given.drive]}{wrong.get(given.wrong, '')}{refined.get(given.refine, '')}"
+
+
+def run(given):
+    """Append what is found of each campaign that the file lacks."""
+    said, done = title(given), done_in(given.out, ("test", "seed"))
+    for seed in range(*given.seeds):
+        if (said, seed) in done:
             continue
         try:
-            records.append(one(name, seed, kind, wrong, refine))
+            found = one(given.rig, seed, given.drive, given.wrong, given.refine)
         except SindyJointError as error:
-            records.append({"seed": seed, "error": str(error), "kinds": {}})
-        path.write_text(
-            json.dumps({"rig": name, "drive": kind, "wrong": wrong, "campaigns": records}, indent=1)
-        )
+            found = {"seed": seed, "error": str(error), "kinds": {}}
+        append(given.out, {"test": said} | found)
 
 
-def show(path):
-    """Print exact sets, undecided ones, relative RMS error and coverage."""
-    told = json.loads(Path(path).read_text())
-    campaigns = told["campaigns"]
+def show(given) -> list[dict]:
+    """Print exact sets, undecided ones, relative RMS error and coverage; return them."""
+    records = records_in(given.paths)
+    return [
+        row(test, [r for r in records if r["test"] == test])
+        for test in dict.fromkeys(r["test"] for r in records)
+    ]
+
+
+def row(test, campaigns):
+    """Print the figures of campaigns of one kind, and return their row of the guide's page."""
     made = [record for record in campaigns if "error" not in record]
-    print(f"{told['rig']}, {told['drive']}, structure {'wrong' if told['wrong'] else 'as described'}: "
-          f"{len(campaigns)} campaigns, {len(campaigns) - len(made)} failed")  # fmt: skip
-    if not made:
-        return
+    print(f"{test}: {len(campaigns)} campaigns, failed: {[r['seed'] for r in campaigns if 'error' in r]}")
     laws = [law for record in made for law in record["kinds"].values()]
-    exact = np.mean([all(set(TERMS) == set(k["terms"]) for k in r["kinds"].values()) for r in made])
-    of_laws = np.mean([set(TERMS) == set(law["terms"]) for law in laws])
-    undecided = np.mean([law["verdict"] in (None, "undecided") for law in laws])
-    print(f"exact set: {exact:.1%} of campaigns, {of_laws:.1%} of laws; undecided {undecided:.1%}")
-    held = []
+    exact = [all(set(TERMS) == set(k["terms"]) for k in r["kinds"].values()) for r in made]
+    print(f"exact set: {sum(exact)}, not of {[r['seed'] for r, ok in zip(made, exact, strict=True) if not ok]}; "
+          f"undecided laws {sum(law['verdict'] in (None, 'undecided') for law in laws)} of {len(laws)}")  # fmt: skip
+    held, errors = [], []
     for term, name in zip(TERMS, NAMES, strict=True):
-        rows = np.array([law["numbers"][term] for law in laws if term in law["numbers"]])
-        if rows.size:
-            inside, error = (
-                (rows[:, 2] <= rows[:, 4]) & (rows[:, 4] <= rows[:, 3]),
-                rows[:, 0] / rows[:, 4] - 1,
-            )
-            held += inside.tolist()
-            rms = np.sqrt(np.mean(error**2))
-            print(
-                f"{name:4s} RMS {rms:.2%}, mean {error.mean():+.2%}, held {inside.mean():.1%} of {inside.size}"
-            )
-    seconds = np.median([record["seconds"] for record in made])
+        rows = np.array([law["numbers"][term] for law in laws if term in law["numbers"]]).reshape(-1, 5)
+        inside, error = (rows[:, 2] <= rows[:, 4]) & (rows[:, 4] <= rows[:, 3]), rows[:, 0] / rows[:, 4] - 1
+        held += inside.tolist()
+        errors.append(f"{100 * np.sqrt(np.mean(error**2)):.2g}")
+        print(
+            f"{name:4s} RMS {errors[-1]} %, mean {error.mean():+.2%}, held {inside.mean():.1%} of {inside.size}"
+        )
+    seconds = float(np.median([record["seconds"] for record in made]))
     print(f"intervals hold {np.mean(held):.1%} of {len(held)}; discovery {seconds:.1f} s in the median")
-
-
-def main():
-    """Run or show."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    verbs = parser.add_subparsers(dest="verb", required=True)
-    runs = verbs.add_parser("run")
-    runs.add_argument("rig", choices=[*STATIONS])
-    runs.add_argument("--drive", choices=["sine", "multisine", "sweep", "impact"], default="sine")
-    runs.add_argument("--wrong", action="store_true")
-    runs.add_argument("--untold", dest="wrong", action="store_const", const="untold")
-    runs.add_argument("--refine", action=argparse.BooleanOptionalAction)
-    runs.add_argument("--seeds", nargs=2, type=int, default=[1, 10])
-    runs.add_argument("--out", required=True)
-    verbs.add_parser("show").add_argument("file")
-    given = parser.parse_args()
-    if given.verb == "show":
-        show(given.file)
-    else:
-        run(given.rig, given.seeds, given.drive, given.wrong, given.out, given.refine)
+    return dict(
+        test=test, seeds=seeds_of(campaigns), exact=sum(exact), of=len(campaigns), held=sum(held),
+        intervals=len(held), errors=errors, seconds=seconds,
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
-    main()
+    main(
+        __doc__, run, show,
+        rig=dict(choices=[*STATIONS], default="pulse-rig"), drive=dict(choices=[*DRIVES], default="sine"),
+        wrong=dict(action="store_true"), untold=dict(dest="wrong", action="store_const", const="untold"),
+        refine=dict(action=argparse.BooleanOptionalAction),
+    )  # fmt: skip

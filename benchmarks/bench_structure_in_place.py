@@ -26,7 +26,7 @@ import numpy as np  # noqa: E402
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import bench_structure_discovery as discovery  # noqa: E402
-from benchmarks.resumed import append, commands, done_in, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
 
 NAMES = ("nothing", "quadratic_damping", "jenkins", "beams")
 CALLED = {"quadratic_damping": "quadratic_damping", "jenkins": "jenkins_element", "beams": "beam_stiffness"}
@@ -128,5 +128,4 @@ def show(arguments):
 
 
 if __name__ == "__main__":
-    chosen = commands(__doc__, run, show, given=dict(action="store_true"))
-    chosen.do(chosen)
+    main(__doc__, run, show, given=dict(action="store_true"))

@@ -12,13 +12,17 @@ and the two laws are compared: χ² of the difference of their coefficients, by 
 from __future__ import annotations
 
 import argparse
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
-from bench_structure_discovery import SINES, campaign
-from resumed import commands, records_in, run_seeds
 from scipy.stats import chi2
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.bench_structure_discovery import DRIVES, STATIONS, campaign
+from benchmarks.resumed import append, done_in, main, records_in, seeds_of
 from sindyjoint.errors import SimulationError, SindyJointError
 from sindyjoint.mechanics.excitation import pulse
 from sindyjoint.mechanics.rigs import load_rig
@@ -105,36 +109,45 @@ def one(name, drive, refine, seed):
 
 def run(arguments: argparse.Namespace) -> None:
     """Append what is found of each seed."""
-    run_seeds(lambda seed: one(arguments.rig, arguments.drive, arguments.refine, seed), arguments)
+    rig, drive = arguments.rig, arguments.drive
+    done = done_in(arguments.out, ("rig", "drive", "seed"))
+    for seed in range(*arguments.seeds):
+        if (rig, drive, seed) not in done:
+            append(arguments.out, dict(rig=rig, drive=drive) | one(rig, drive, arguments.refine, seed))
 
 
-def show(arguments: argparse.Namespace) -> None:
-    """Print errors by pulse and how many χ² lie below their 99 % point."""
+def show(arguments: argparse.Namespace) -> list[dict]:
+    """Print errors by pulse and how many χ² lie below their 99 % point, and return them."""
     records = records_in(arguments.paths)
+    return [
+        row(rig, [r for r in records if r["rig"] == rig]) for rig in dict.fromkeys(r["rig"] for r in records)
+    ]
+
+
+def row(rig: str, records: list[dict]) -> dict:
+    """Print and return the figures of a rig."""
     made = [record for record in records if "error" not in record]
-    print(f"{len(records)} campaigns, {len(records) - len(made)} without a law")
-    for words in {words: None for record in made for words in record["pulses"]}:
-        for what in ("amplitude", "response"):
-            errors = [record["pulses"][words][what] for record in made if words in record["pulses"]]
-            known = np.array([error for error in errors if error is not None])
-            print(
-                f"{words}, {what}: median {np.median(known):.2%}, largest {known.max():.2%}; "
-                f"at most 2 % in {np.mean(known <= 0.02):.1%} of {known.size}"
-            )
+    found = dict(rig=rig, seeds=seeds_of(records), structures=len(made), of=len(records))
+    print(f"{rig}: {len(records)} campaigns, without a law: {[r['seed'] for r in records if 'error' in r]}")
+    for what in ("amplitude", "response"):
+        errors = [
+            each[what] for record in made for each in record["pulses"].values() if each[what] is not None
+        ]
+        found[what] = [f"{100 * function(errors):.2g}" for function in (np.median, np.max)]
+        print(f"{what}: median, largest {', '.join(found[what])} %; {len(errors)} pulses")
     laws = [law for record in made for law in record["bench"].values()]
     told = [law for law in laws if law["chi2"] is not None]
-    below = [law["chi2"] < chi2.ppf(LEVEL, law["terms"]) for law in told]
+    below = sum(bool(law["chi2"] < chi2.ppf(LEVEL, law["terms"])) for law in told)
     print(
-        f"against the bench's law: {len(told)} of {len(laws)} with the same terms; χ² below its {LEVEL:.0%} point in "
-        f"{np.mean(below):.1%}"
+        f"same terms as on the bench {len(told)} of {len(laws)} laws; χ² below its {LEVEL:.0%} point: {below}"
     )
+    return found | dict(below=below, laws=len(told))
 
 
 if __name__ == "__main__":
-    parsed = commands(
+    main(
         __doc__, run, show,
-        rig={"choices": [*SINES], "default": "pulse-rig"},
-        drive={"choices": ["sine", "multisine", "sweep", "impact"], "default": "sine"},
+        rig={"choices": [*STATIONS], "default": "pulse-rig"},
+        drive={"choices": [*DRIVES], "default": "sine"},
         refine={"action": "store_true"},
     )  # fmt: skip
-    parsed.do(parsed)

@@ -32,10 +32,27 @@ def run_seeds(one: Callable[[int], dict], arguments: argparse.Namespace) -> None
             append(arguments.out, one(seed))
 
 
-def commands(
-    doc: str | None, run: Callable[..., None], show: Callable[..., None], **options: dict
-) -> argparse.Namespace:
-    """Return the parsed command line: ``run`` with options of its own, and ``show``."""
+def write_rows(path: Path | None, rows: list[dict]) -> None:
+    """Write the rows of a table of the guide's page *Measured*, where a file for them is given."""
+    if path:
+        path.write_text(json.dumps(rows, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def with_rows(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
+    """Return a parser with the option that names the file for ``write_rows``."""
+    parser.add_argument("--json", type=Path, help="file for the rows of the guide's page")
+    return parser
+
+
+def seeds_of(records: list[dict]) -> str:
+    """Return the seeds of some records in a few words."""
+    seeds = sorted({record["seed"] for record in records})
+    whole = len(seeds) > 2 and seeds[-1] - seeds[0] == len(seeds) - 1
+    return f"{seeds[0]} to {seeds[-1]}" if whole else ", ".join(map(str, seeds))
+
+
+def main(doc: str | None, run: Callable[..., None], show: Callable[..., list[dict]], **options: dict) -> None:
+    """Do what the command line says: ``run`` with options of its own, or ``show``, which returns rows of the page."""
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     two = parser.add_subparsers(required=True)
     running = two.add_parser("run")
@@ -47,8 +64,6 @@ def commands(
     running.set_defaults(do=run)
     showing = two.add_parser("show")
     showing.add_argument("paths", nargs="+")
-    showing.add_argument(
-        "--json", type=Path, help="file for the figures of the guide's page, where the benchmark has it"
-    )
-    showing.set_defaults(do=show)
-    return parser.parse_args()
+    with_rows(showing).set_defaults(do=lambda given: write_rows(given.json, show(given)))
+    given = parser.parse_args()
+    given.do(given)
