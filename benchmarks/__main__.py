@@ -28,7 +28,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.resumed import with_rows, write_rows
+
 HERE = Path(__file__).resolve().parent
+ROWS: list[dict[str, str]] = []  # what is printed, as rows of the guide's page
 
 
 def run(task: str, *arguments: object, module: str = "tasks.py") -> Any:
@@ -40,6 +43,7 @@ def run(task: str, *arguments: object, module: str = "tasks.py") -> Any:
 
 
 def line(text: str, value: str, note: str = "") -> None:
+    ROWS.append({"task": text.strip(), "value": value, "note": note})
     print(f"{text:<58}{value:>16}  {note}", flush=True)
 
 
@@ -235,13 +239,13 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=20, help="of a batch, for each way to run it")
     parser.add_argument("--folder", help="where large files are made and kept; default: a temporary one")
     parser.add_argument("--out", default="benchmarks.json", help="file for all numbers")
-    given = parser.parse_args()
+    given = with_rows(parser).parse_args()
     many = ["batch", "restart"] if given.campaigns else []
     wanted = given.only or ["fit", "disk", "statistics", "others", *many]
     with tempfile.TemporaryDirectory() as temporary:
         folder = given.folder or temporary
         Path(folder).mkdir(parents=True, exist_ok=True)
-        limit = run("limits")
+        limit = run("limits") if {*wanted} - {"kills", "together", "doors"} else {}
         record: dict[str, Any] = {"load at the beginning": os.getloadavg()[0], "limits": limit}
         for name, value in limit.items():
             line(name, f"{value:.3g}")
@@ -266,6 +270,7 @@ def main() -> None:
             record["doors"] = doors()
         record["load at the end"] = os.getloadavg()[0]
     Path(given.out).write_text(json.dumps(record, indent=1) + "\n")
+    write_rows(given.json, ROWS)
     print(f"all numbers: {given.out}")
 
 
