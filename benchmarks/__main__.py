@@ -200,7 +200,7 @@ def doors() -> list[dict[str, Any]]:
     ):
         if found:
             worst = max(found, key=lambda each: each["difference"])
-            line(f"largest difference between three doors, {len(found)} {kind}",
+            line(f"largest difference, {len(found)} {kind}",
                  f"{worst['difference']:.1e}", f"{worst['name']}, {worst['terms']} terms")  # fmt: skip
         else:
             print(f"no {kind}: the data is not beside the checkout")

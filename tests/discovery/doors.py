@@ -39,8 +39,9 @@ def by_estimator(campaign):
 
 
 def by_discover(campaign):
-    """Return what ``discover`` finds before any correction of bias."""
-    return _terms(discover(campaign, correct=False).model)
+    """Return what ``discover`` finds before any correction of bias, on data that the check would stop at, too."""
+    accept = tuple(finding.id for finding in check_data(campaign).stopping)
+    return _terms(discover(campaign, correct=False, accept=accept).model)
 
 
 def _terms(model):
