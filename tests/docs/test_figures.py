@@ -59,9 +59,9 @@ COPIED = {
     "Three implementations", "Weak form", "Accelerometers", "Faults and false alarms",
     "Answers on faulty data", "Masked samples", "Sensors of a structure", "Hidden effects", "Other excitations",
     "Effects outside the catalogue", "Joints from another integrator", "A constant added to the displacement",
-    "Budget of the gap, and advised runs", "Exports", "Times and memory", "Batches",
+    "Budget of the gap, and advised runs", "Times and memory", "Batches",
     "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
-    "Default plans beside plain grids", "Plans played", "Run by run", "Effects told apart", "Curves",
+    "Plans played", "Run by run", "Effects told apart", "Curves",
     "Inputs and changes", "A saved model", "Estimate: ten thousand joints on fifty workers",
 }  # fmt: skip
 
