@@ -51,4 +51,4 @@ if __name__ == "__main__":
         f"{count} batches (seeds 0 to {count - 1}): {np.mean(every):.2%} of {len(every)} unseen coefficients are held"
     )
     question = f"95 % intervals of the next joint that hold, {count} batches"
-    write_rows(given.json, [dict(tried=question, count=sum(every), of=len(every))])
+    write_rows(given.json, [dict(task=question, value=f"{sum(every)}/{len(every)}", note="")])

@@ -34,7 +34,7 @@ import numpy as np  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.resumed import append, done_in, main, records_in  # noqa: E402
+from benchmarks.resumed import append, done_in, main, records_in, seeds_of  # noqa: E402
 
 if TYPE_CHECKING:
     from sindyjoint.diagnosis.result import Diagnosis
@@ -200,7 +200,8 @@ def show(args: argparse.Namespace) -> list[dict]:
     for name, rows in [*counts.items(), ("all", [row for each in counts.values() for row in each])]:
         same = [sum(row[what] for row in rows) for what in kept]
         unchanged = sum(all(row[what] for what in kept) for row in rows)
-        figures.append(dict(hidden=name.replace("_", " "), unchanged=unchanged, cases=len(rows)))
+        counts_of = dict(unchanged=unchanged, cases=len(rows), names=same[0], verdicts=same[1])
+        figures.append(dict(hidden=name.replace("_", " "), seeds=seeds_of([*plain.values()])) | counts_of)
         worst = [abs(row["worst"][1]) for row in rows]
         print(f"{name:22s} {len(rows):5d}  {same[0]:5d}  {same[1]:7d}  {same[2]:3d}  {same[3]:12d}  {same[4]:22d}"
               f"  {max(worst, default=0):9.2f}  {np.median(worst) if worst else 0:.2f}")  # fmt: skip

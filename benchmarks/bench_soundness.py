@@ -138,6 +138,13 @@ def run(args: argparse.Namespace) -> None:
         print(f"seed {records[0]['seed']}: {sum(r['found'] for r in records)} faults found", flush=True)
 
 
+def row(data: str, records: list[dict], right: int, wrong: list[str]) -> dict:
+    """Return a row of the guide's page: faults found, or sound campaigns without an alarm."""
+    seconds = float(np.median([r["cpu"] for r in records]))
+    counts = dict(right=right, of=len(records), wrong=wrong, seconds=seconds)
+    return dict(kind="check", data=data, seeds=seeds_of(records)) | counts
+
+
 def show(args: argparse.Namespace) -> list[dict]:
     table = defaultdict(list)
     for record in records_in(args.paths):
@@ -156,19 +163,15 @@ def show(args: argparse.Namespace) -> list[dict]:
         print(f"found: {sum(every)} of {len(every)}, {100 * np.mean(every):.1f} %; {len(faults)} kinds")
         wrong = [f"{r['name']} {r['seed']}" for r in put if not r["found"]]
         data = f"{len(faults)} kinds of fault"
-        rows.append(
-            dict(kind="check", data=data, seeds=seeds_of(put), right=sum(every), of=len(every), wrong=wrong)
-        )
+        rows.append(row(data, put, sum(every), wrong))
     for name in SOUND:
         alarms = [(r["seed"], f) for r in table[name] for f in r["findings"] if f[2] != "note"]
         if table[name]:
             print(
                 f"{name}: {len({seed for seed, _ in alarms})} of {len(table[name])} campaigns with a false alarm"
             )
-            wrong, of = [f"{finding[0]} {seed}" for seed, finding in alarms], len(table[name])
-            quiet = of - len({seed for seed, _ in alarms})
-            seeds = seeds_of(table[name])
-            rows.append(dict(kind="check", data=SOUND[name], seeds=seeds, right=quiet, of=of, wrong=wrong))
+            quiet = len(table[name]) - len({seed for seed, _ in alarms})
+            rows.append(row(SOUND[name], table[name], quiet, [f"{f[0]} {seed}" for seed, f in alarms]))
         for seed, finding in alarms:
             print(f"    {seed}: {finding}")
     rows += show_answers([r for records in table.values() for r in records if "answers" in r])
@@ -199,7 +202,10 @@ def show_answers(records: list[dict]) -> list[dict]:
     for r, (members, probability) in wrong:
         print(f"    {r['name']} {r['seed']}: {' or '.join(members)} {probability:.2f}")
     told = Counter(_beside(r["answers"].get("terms"), sound.get(r["seed"], {}).get("terms")) for r in bad)
-    seeds = dict(kind="answers", seeds=seeds_of(bad), of=len(bad), contradicted=len(denied), named=len(wrong))
+    by = "diagnosis" if any("steps" in r["answers"] for r in bad) else "discovery"
+    seeds = dict(
+        kind="answers", by=by, seeds=seeds_of(bad), of=len(bad), contradicted=len(denied), named=len(wrong)
+    )
     return [seeds | {what: told[what] for what in ("same", "undecided", "none", "other")}]
 
 

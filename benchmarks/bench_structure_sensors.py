@@ -11,12 +11,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from bench_structure_discovery import LEVELS, NAMES, SINES
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.bench_structure_discovery import LEVELS, NAMES, SINES
+from benchmarks.resumed import with_rows, write_rows
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.rig_test import RigTest, Sensor
 from sindyjoint.mechanics.rigs import load_rig
@@ -104,7 +108,7 @@ SHOWN = {"linear_stiffness": "k1", "cubic_stiffness": "k3", "linear_damping": "c
 
 
 def show(path, figure):
-    """Print the cells, and draw them where a file for it is given."""
+    """Print the cells, and draw them where a file for it is given; return a row for each choice of sensors."""
     cells = json.loads(Path(path).read_text())
     worst = np.full((len(SENSORS), len(NOISE)), np.nan)
     marks = np.full(worst.shape, "", dtype=object)
@@ -125,6 +129,21 @@ def show(path, figure):
         print(f"{key}: {found['verdict']}; {', '.join(found['terms'])}; {numbers}")
     if figure:
         draw(worst, marks, figure)
+    return [_row(name, cells) for name in SENSORS]
+
+
+def _row(name, cells):
+    """Return the cells of some sensors by noise, and how many of their 95 % intervals hold the truth."""
+    found = {noise: cells[f"{name} | {noise:g}"] for noise in NOISE if f"{name} | {noise:g}" in cells}
+    numbers = [number for cell in found.values() for number in cell["errors"].values()]
+    held = sum(abs(error) <= 1.96 * spread for error, spread in numbers)
+    row = dict(sensors=name, held=held, of=len(numbers))
+    for place, cell in enumerate(found.values()):
+        worst = max(
+            (abs(cell["errors"][term][0]) for term in SHOWN if term in cell["errors"]), default=np.nan
+        )
+        row[f"noise{place}"] = f"{100 * worst:.2g}" if {*cell["terms"]} == {*TERMS} else "other terms"
+    return row
 
 
 def draw(worst, marks, path):
@@ -157,12 +176,12 @@ def main():
     verbs.add_parser("run").add_argument("--out", required=True)
     shown = verbs.add_parser("show")
     shown.add_argument("file")
-    shown.add_argument("--figure")
+    with_rows(shown).add_argument("--figure")
     given = parser.parse_args()
     if given.verb == "run":
         run(given.out)
     else:
-        show(given.file, given.figure)
+        write_rows(given.json, show(given.file, given.figure))
 
 
 if __name__ == "__main__":

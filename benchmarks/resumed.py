@@ -47,8 +47,9 @@ def with_rows(parser: argparse.ArgumentParser) -> argparse.ArgumentParser:
 def seeds_of(records: list[dict]) -> str:
     """Return the seeds of some records in a few words."""
     seeds = sorted({record["seed"] for record in records})
-    whole = len(seeds) > 2 and seeds[-1] - seeds[0] == len(seeds) - 1
-    return f"{seeds[0]} to {seeds[-1]}" if whole else ", ".join(map(str, seeds))
+    few, gaps = len(seeds) < 3, seeds[-1] - seeds[0] >= len(seeds)
+    span = f"{seeds[0]} to {seeds[-1]}"
+    return ", ".join(map(str, seeds)) if few else f"{len(seeds)} of {span}" if gaps else span
 
 
 def main(doc: str | None, run: Callable[..., None], show: Callable[..., list[dict]], **options: dict) -> None:
