@@ -57,7 +57,7 @@ STATED = {
 #: Tables of benchmarks that take an hour and more: their rows are copied from what the command printed. None may join.
 COPIED = {
     "Three implementations", "Weak form", "Accelerometers", 
-    "Answers on faulty data", "Masked samples", "Hidden effects", "Other excitations",
+    "Answers on faulty data", "Hidden effects", "Other excitations",
     "Effects outside the catalogue", "Joints from another integrator", 
     "Budget of the gap, and advised runs", "Times and memory", "Batches",
     "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
