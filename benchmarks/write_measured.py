@@ -60,12 +60,12 @@ def _listed(value: Any) -> Any:
 
 
 def rows_of(table: Mapping[str, Any]) -> list[list[str]]:
-    """Return the cells of a table, of the benchmark's JSON where that is kept."""
-    if "results" not in table:
-        return table["rows"]
-    records = [each for name in table["results"] for each in json.loads((RESULTS / name).read_text("utf-8"))]
+    """Return the cells of a table, of the benchmark's JSON where that is kept; then rows of earlier code."""
+    names = table.get("results", ())
+    records = [each for name in names for each in json.loads((RESULTS / name).read_text("utf-8"))]
     shown = [each for each in records if each.get("kind") in table.get("kinds", [each.get("kind")])]
-    return [[formatted(cell, record) for cell in table["cells"]] for record in shown]
+    fresh = [[formatted(cell, record) for cell in table["cells"]] for record in shown]
+    return fresh + table.get("rows", [])
 
 
 def row(cells: list[str]) -> str:
