@@ -56,9 +56,9 @@ STATED = {
 }
 #: Tables of benchmarks that take an hour and more: their rows are copied from what the command printed. None may join.
 COPIED = {
-    "Three implementations", "Weak form", "Accelerometers", 
+    "Three implementations", "Weak form", "Accelerometers",
     "Answers on faulty data", "Hidden effects", "Other excitations",
-    "Effects outside the catalogue", "Joints from another integrator", 
+    "Effects outside the catalogue", "Joints from another integrator",
     "Budget of the gap, and advised runs", "Times and memory", "Batches",
     "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
     "Plans played", "Run by run", "Effects told apart", "Curves",
