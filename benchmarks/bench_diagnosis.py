@@ -202,9 +202,9 @@ def _curve(p: np.ndarray, t: np.ndarray, bins: int) -> tuple[float, list[tuple[f
 def kind_of(record: dict) -> str:
     """Return in which row of the guide's page a campaign counts."""
     name = record["name"]
-    return (
-        "outside" if name in OUTSIDE else "two" if "+" in name else "nothing" if name == "nothing" else "one"
-    )
+    if name in OUTSIDE:
+        return "outside"
+    return "nothing" if name == "nothing" else "two effects" if "+" in name else "effect"
 
 
 def is_right(record: dict) -> bool:
@@ -241,7 +241,7 @@ def show(args: argparse.Namespace) -> list[dict]:
         for r in some:
             kinds[kind_of(r)].append(r)
         rows += [row(kind, each) for kind, each in kinds.items()]
-        if single := [r for r in kinds["one"] if "error" not in r]:
+        if single := [r for r in kinds["effect"] if "error" not in r]:
             show_effects(single)
     for title, function in (("all candidates", calibration), ("the first name", top_calibration)):
         error, curve = function([r for r in records if r["name"] not in OUTSIDE])
