@@ -209,10 +209,11 @@ def kind_of(record: dict) -> str:
 
 def is_right(record: dict) -> bool:
     """Return whether an answer counts as right: of what no catalogue has, whether it names nothing surely."""
-    if "error" in record or record["name"] not in OUTSIDE:
-        return "error" not in record and judge(record) in ("right", "class")
+    if "error" in record:
+        return False
     sure = any(step["probability"] > SURE for step in record["steps"])
-    return record["verdict"] in ("unknown", "undecided", "partly_named") and not sure
+    doubts = record["verdict"] in ("unknown", "undecided", "partly_named") and not sure
+    return judge(record) in ("right", "class") or record["name"] in OUTSIDE and doubts
 
 
 def row(kind: str, records: list[dict]) -> dict:
