@@ -58,7 +58,7 @@ STATED = {
 COPIED = {
     "Three implementations", "Weak form", "Accelerometers",
     "Answers on faulty data", "Hidden effects", "Other excitations",
-    "Effects outside the catalogue", 
+    
     "Budget of the gap, and advised runs", "Times and memory", "Batches",
     "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
     "Plans played", "Run by run", "Effects told apart", "Curves",
