@@ -62,7 +62,7 @@ COPIED = {
     "Budget of the gap, and advised runs", "Times and memory", "Batches",
     "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
     "Plans played", "Run by run", "Effects told apart", "Curves",
-    "Inputs and changes", "A saved model", "Estimate: ten thousand joints on fifty workers",
+    "A saved model", "Estimate: ten thousand joints on fifty workers",
 }  # fmt: skip
 
 
