@@ -56,9 +56,9 @@ STATED = {
 }
 #: Tables of benchmarks that take an hour and more: their rows are copied from what the command printed. None may join.
 COPIED = {
-    "Three implementations", "Weak form", 
+    "Three implementations", "Weak form",
     "Answers on faulty data", "Hidden effects", "Other excitations",
-    
+
     "Budget of the gap, and advised runs", "Times and memory", "Batches",
     "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
     "Plans played", "Run by run", "Effects told apart", "Curves",
