@@ -172,8 +172,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    everything = ("pulse-rig", "four-panel-wing", *DOERS)
-    parser.add_argument("asked", nargs="*", choices=everything)
+    parser.add_argument("asked", nargs="*", default=["pulse-rig", "four-panel-wing", *DOERS])
     given = with_rows(parser).parse_args()
-    made = [DOERS[asked]() if asked in DOERS else levels_of(asked) for asked in given.asked or everything]
+    made = [DOERS[asked]() if asked in DOERS else levels_of(asked) for asked in given.asked]
     write_rows(given.json, [row for rows in made for row in rows])
