@@ -59,7 +59,7 @@ COPIED = {
     "Three implementations", "Weak form",
     "Answers on faulty data", "Hidden effects", "Other excitations",
 
-    "Budget of the gap, and advised runs", "Times and memory", "Batches",
+    "Times and memory", "Batches",
     "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
     "Plans played", "Run by run", "Effects told apart", "Curves",
     "A saved model", "Estimate: ten thousand joints on fifty workers",
