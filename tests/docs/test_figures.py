@@ -56,7 +56,7 @@ STATED = {
 }
 #: Tables of benchmarks that take an hour and more: their rows are copied from what the command printed. None may join.
 COPIED = {
-    "Three implementations", "Weak form",
+    
     "Answers on faulty data", "Hidden effects", "Other excitations",
 
     "Times and memory", "Batches",
