@@ -54,15 +54,12 @@ STATED = {
     "scaling.md": {"5 %": "shared.level", "20 %": "discovery.large_part"},
     "start.md": {"5 %": "judgement.tolerated"},
 }
-#: Tables of benchmarks that take an hour and more: their rows are copied from what the command printed. None may join.
+#: Tables with rows of earlier code, or of hours, copied from what the command printed. None may join.
 COPIED = {
-    
-    "Answers on faulty data", "Hidden effects", "Other excitations",
-
-    "Times and memory", "Batches",
+    "Answers on faulty data", "Hidden effects", "Other excitations", "Times and memory", "Batches",
     "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
-    "Plans played", "Run by run", "Effects told apart", "Curves",
-    "A saved model", "Estimate: ten thousand joints on fifty workers",
+    "Plans played", "Run by run", "Effects told apart", "Curves", "A saved model",
+    "Estimate: ten thousand joints on fifty workers",
 }  # fmt: skip
 
 
