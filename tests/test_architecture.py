@@ -222,9 +222,7 @@ ROOMS = {
     "evidence": set(),
     "effects": set(),
     "diagnosis": {"evidence", "effects"},
-    "rows": {"effects", "diagnosis"},
-    "numbers": {"evidence", "effects", "diagnosis", "rows", "campaign"},
-    "campaign": {"evidence", "effects", "diagnosis", "rows", "numbers"},
+    "campaign": {"evidence", "effects", "diagnosis"},
     "structure": {"evidence", "effects", "diagnosis"},
 }
 

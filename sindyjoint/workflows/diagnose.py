@@ -158,7 +158,7 @@ def diagnose(
         keep = before_advice or (lambda result: None)
 
         def refined(last: CampaignProblem, explained: bool) -> tuple[CampaignProblem, tuple[str, ...]]:
-            from sindyjoint.diagnosis.campaign.numbers.refined import refined_problem
+            from sindyjoint.diagnosis.campaign.refined import refined_problem
 
             if not (refine or (explained and last.rounded)):
                 return last, ()

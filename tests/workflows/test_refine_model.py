@@ -9,8 +9,8 @@ import pytest
 from sindyjoint import diagnose, verify
 from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.diagnosis.campaign.numbers import refined as refined_numbers
-from sindyjoint.diagnosis.campaign.numbers.refined import simulated_gap
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
+from sindyjoint.diagnosis.campaign.refined import simulated_gap
 from sindyjoint.equation import Nuisance, TestNuisances, read_model
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import scipy
 
-from sindyjoint.diagnosis.campaign.joint_zero import CONSTANT, with_zero_fitted
+from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
 from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, score_of
-from sindyjoint.diagnosis.campaign.other_starts import with_delay
+from sindyjoint.diagnosis.campaign.other_starts import CONSTANT, with_delay, with_zero_fitted
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
-from sindyjoint.diagnosis.campaign.rows.build import gap_runs
 from sindyjoint.diagnosis.campaign.start import Work, is_free
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect

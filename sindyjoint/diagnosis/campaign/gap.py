@@ -1,4 +1,4 @@
-"""The gaps of a model with effects on runs it never saw, beside their noise: their size, place and pictures."""
+"""The gaps of a model with effects on runs it never saw, beside what noise alone leaves: size, place, pictures."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.numbers.free_decay import continuation_gap
-from sindyjoint.diagnosis.campaign.numbers.whole import number_columns
+from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
+from sindyjoint.diagnosis.campaign.numbers import continuation_gap, number_columns
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.repair import (
     about_zero,
+    coefficients_of,
     held_out_gap,
     modelled,
     refit,
+    simulated,
 )
-from sindyjoint.diagnosis.campaign.rows.build import gap_runs
-from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.campaign.simulated_run import simulated
+from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.campaign.start import Work, is_free
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.diagnosis.parts import Place, Regions, most_informative
@@ -30,13 +30,15 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.laws import Law
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, rms
+from sindyjoint.record import Run
 from sindyjoint.response.compared import compare_run, compared_states, corrected, pooled_errors
 from sindyjoint.response.drive import prescribed
+from sindyjoint.response.laws import with_coefficients
+from sindyjoint.response.output_error import DRAWS
 from sindyjoint.response.run import SimulatedRun, moment_scale, pooled_nrmse
-from sindyjoint.states import ForceStates, force_states
+from sindyjoint.states import ForceStates
 from sindyjoint.states.floor import moment_floor, moment_size
-from sindyjoint.states.record import group_labels
 from sindyjoint.text import in_words_of
 
 
@@ -290,40 +292,75 @@ def response_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect])
     return pooled_nrmse(errors)
 
 
-# Runs whose simulations show what the processing leaves, at most.
-MOST_SIMULATED = 4
+def response_error(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
+    """Return by how much simulations of the same law differ: other numbers within their errors, other noise."""
+    rng = np.random.default_rng(0)
+    adding = [e for e in effects if not e.shifts]
+    covariance = _covariance(work.rows, model, adding)
+    given = _simulations(work, model, effects)
+    errors = []
+    for _ in range(DRAWS):
+        drawn = _drawn(model, effects, covariance, rng)
+        for name, other in _simulations(_noisier(work, rng), *drawn).items():
+            one = given[name].simulated_response if name in given else None
+            two = other.simulated_response
+            if one is None or two is None or not np.isfinite(error := rms(two - one)):
+                continue
+            scale = given[name].response_scale
+            errors.append((given[name].channel, error / scale, scale))
+    return pooled_nrmse(errors) if errors else 0.0
 
 
-def processing_error(work: Work) -> float:
-    """Return what the processing leaves of the model's own simulation: mean square over that of the moment.
+def _simulations(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> dict[str, SimulatedRun]:
+    """Return the runs of which the response gap is reported, simulated, by name."""
+    if work.campaign.validation_runs:
+        return {each.run: each for each in kept_runs(work, model, effects)}
+    pairs = zip(work.runs, work.states, strict=True)
+    made = [simulated(run, states, model, effects) for run, states in pairs]
+    return {each.run: each for each in made if each is not None}
 
-    The measured moment drives the model; its angle, with no noise of its own, goes through the same processing. Rows of
-    runs that do not repeat know it already.
-    """
-    runs, model = work.runs, work.model
-    known = [row.processing for row in work.rows if row.processing is not None]
-    if known:
-        own = np.concatenate([row.target for row in work.rows if row.processing is not None])
-        return float(np.mean(np.concatenate(known) ** 2) / np.mean(own**2))
-    chosen = [
-        runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(MOST_SIMULATED, len(runs))).astype(int))
-    ]
-    made = []
-    for run in chosen:
-        result = simulated(run, force_states(run), model, ())
-        if result is None or result.simulated_angle is None:
-            return 0.0
-        made.append(
-            replace(
-                run, moment=result.moment, angle=result.simulated_angle, rate=None, source=None, valid=None
-            )
-        )
-    try:
-        states = [force_states(run) for run in made]
-    except SindyJointError:
-        return 0.0
-    rows = gap_runs(states, model, group_labels(states), work.policy)
-    problem = GapRegression.build(rows, model, (), work.policy)
-    excess = max(problem.chi_square / problem.degrees - 1.0, 0.0)
-    noise = float(np.mean(np.concatenate([r.sigma**2 for r in rows])))
-    return excess * noise / model.fitted.moment_rms**2
+
+def _noisier(work: Work, rng: np.random.Generator) -> Work:
+    """Return the work with noise added to the measured moments as large as what they hold already."""
+    noise = {s.run: s.noise.moment for s in (*work.states, *work.kept_states)}
+
+    def noisier(run: Run) -> Run:
+        own = float(np.nan_to_num(noise.get(run.name, 0.0)))
+        return replace(run, moment=run.moment + own * rng.standard_normal(run.moment.size), source=None)
+
+    campaign = work.campaign
+    if campaign.validation_runs:
+        return replace(work, campaign=campaign.with_runs(tuple(noisier(r) for r in campaign.runs)))
+    return replace(work, runs=tuple(noisier(run) for run in work.runs))
+
+
+def _drawn(
+    model: JointModel, effects: Sequence[FittedEffect], covariance: Array, rng: np.random.Generator
+) -> tuple[JointModel, list[FittedEffect]]:
+    """Return the law with other numbers, as its covariance allows; nonlinear parameters stay positive."""
+    adding = [e for e in effects if not e.shifts]
+    values, vectors = np.linalg.eigh(covariance)
+    step = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(values.size))
+    linear = coefficients_of(model, adding)
+    size, numbers = model.coefficients.size, linear + step[: linear.size]
+    block = covariance[:size, :size]
+    later, at, inner = [], size, linear.size
+    for each in effects:
+        if each.shifts:
+            later.append(each)
+            continue
+        width, count = len(each.variant.columns), each.values.size
+        values_now = each.values * np.exp(np.clip(step[inner : inner + count] / each.values, -1.0, 1.0))
+        later.append(replace(each, coefficients=numbers[at : at + width], values=values_now))
+        at, inner = at + width, inner + count
+    return with_coefficients(model, numbers[:size], block), later
+
+
+def _covariance(runs: Sequence[GapRun], model: JointModel, adding: Sequence[FittedEffect]) -> Array:
+    """Return the covariance of numbers fitted to whitened rows, of whose variance a share is noise."""
+    white = stack(runs, lambda run: number_columns(run, model, adding))
+    share = np.concatenate([np.full(run.white_size, run.noise_share) for run in runs])
+    norm = np.linalg.norm(white, axis=0)
+    norm[norm == 0] = 1.0
+    inverse = np.linalg.pinv(white / norm, rcond=1e-9)
+    return np.asarray((inverse * share) @ inverse.T / np.outer(norm, norm))

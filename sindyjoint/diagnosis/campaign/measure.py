@@ -12,7 +12,7 @@ import scipy
 from sindyjoint.clock import spend
 from sindyjoint.diagnosis.campaign.regression import FARTHEST
 from sindyjoint.diagnosis.campaign.repair import all_columns, yield_complaint
-from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
+from sindyjoint.diagnosis.campaign.rows import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import JoinedMotions

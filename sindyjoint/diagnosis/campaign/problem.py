@@ -10,7 +10,6 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.campaign.drift import ChannelDrift, find_drift, without_drift_found
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
 from sindyjoint.diagnosis.campaign.gap import (
     gap_of,
@@ -19,23 +18,24 @@ from sindyjoint.diagnosis.campaign.gap import (
     kept_misfit,
     locate_gap,
     noise_floor,
-    processing_error,
+    response_error,
     run_gaps,
 )
-from sindyjoint.diagnosis.campaign.joint_zero import ZERO, zero_start
-from sindyjoint.diagnosis.campaign.numbers.free_decay import refined
-from sindyjoint.diagnosis.campaign.numbers.uncertainty import response_error
-from sindyjoint.diagnosis.campaign.numbers.whole import from_whole, is_element, nuisances_of, whole_model
-from sindyjoint.diagnosis.campaign.other_starts import other_starts
+from sindyjoint.diagnosis.campaign.numbers import from_whole, is_element, nuisances_of, refined, whole_model
+from sindyjoint.diagnosis.campaign.other_starts import ZERO, other_starts, zero_start
+from sindyjoint.diagnosis.campaign.processing import processing_error
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
 from sindyjoint.diagnosis.campaign.start import (
+    ChannelDrift,
     Work,
     applicable,
     cut_up,
+    find_drift,
     first_model,
     is_free,
+    without_drift_found,
 )
 from sindyjoint.diagnosis.campaign.unnamed import make_budget
 from sindyjoint.diagnosis.effects.catalogue import Effect
@@ -260,7 +260,7 @@ class CampaignProblem(Problem):
             moments,
             total,
             float(np.nan_to_num(first.noise_floor.moment)) ** 2,
-            processing_error(first.work),
+            processing_error(first.work.runs, first.work.rows, first.work.model, first.work.policy),
             total - self.gap.moment**2,
             measured=first.work.campaign.quasi_static,
         )

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.repair import modelled
-from sindyjoint.diagnosis.campaign.rows.build import along_replicate
-from sindyjoint.diagnosis.campaign.rows.run import GapRun
-from sindyjoint.diagnosis.campaign.simulated_run import as_recorded, simulated
+from sindyjoint.diagnosis.campaign.gap_rows import along_replicate, gap_runs
+from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.repair import as_recorded, modelled, simulated
+from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
@@ -25,6 +25,7 @@ from sindyjoint.record import Run
 from sindyjoint.response.policy import POLICY as RESPONSE
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.broadband import smoothing_kernels
+from sindyjoint.states.record import group_labels
 
 
 def processing_errors(
@@ -124,3 +125,43 @@ def _low_passed(moment: Array, sample_rate: float, band: float) -> Array:
     kernel = smoothing_kernels(band, sample_rate)[0]
     smooth: Array = convolve(np.pad(moment, kernel.size // 2, mode="edge"), kernel)
     return smooth
+
+
+# Runs whose simulations show what the processing leaves, at most.
+MOST_SIMULATED = 4
+
+
+def processing_error(
+    runs: Sequence[Run], rows: Sequence[GapRun], model: JointModel, policy: DiagnosisPolicy
+) -> float:
+    """Return what the processing leaves of the model's own simulation: mean square over that of the moment.
+
+    The measured moment drives the model; its angle, with no noise of its own, goes through the same processing. Rows of
+    runs that do not repeat know it already.
+    """
+    known = [row.processing for row in rows if row.processing is not None]
+    if known:
+        own = np.concatenate([row.target for row in rows if row.processing is not None])
+        return float(np.mean(np.concatenate(known) ** 2) / np.mean(own**2))
+    chosen = [
+        runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(MOST_SIMULATED, len(runs))).astype(int))
+    ]
+    made = []
+    for run in chosen:
+        result = simulated(run, force_states(run), model, ())
+        if result is None or result.simulated_angle is None:
+            return 0.0
+        made.append(
+            replace(
+                run, moment=result.moment, angle=result.simulated_angle, rate=None, source=None, valid=None
+            )
+        )
+    try:
+        states = [force_states(run) for run in made]
+    except SindyJointError:
+        return 0.0
+    own_rows = gap_runs(states, model, group_labels(states), policy)
+    problem = GapRegression.build(own_rows, model, (), policy)
+    excess = max(problem.chi_square / problem.degrees - 1.0, 0.0)
+    noise = float(np.mean(np.concatenate([r.sigma**2 for r in own_rows])))
+    return excess * noise / model.fitted.moment_rms**2

@@ -15,8 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from sindyjoint.clock import spend
-from sindyjoint.diagnosis.campaign.rows.build import base_columns
-from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales
+from sindyjoint.diagnosis.campaign.gap_rows import base_columns
+from sindyjoint.diagnosis.campaign.rows import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import JoinedMotions

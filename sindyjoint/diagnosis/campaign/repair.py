@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from sindyjoint.clock import STEP_SAMPLES, spend
+from sindyjoint.diagnosis.campaign.gap_rows import base_columns
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
-from sindyjoint.diagnosis.campaign.rows.build import base_columns
-from sindyjoint.diagnosis.campaign.rows.run import GapRun, reference_scales, row_groups
-from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
+from sindyjoint.diagnosis.campaign.rows import GapRun, reference_scales, row_groups
+from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.verdict import ZERO_ERRORS
+from sindyjoint.discovery.delay import shifted
 from sindyjoint.equation.formula import VARIABLES, compile_terms, made_by_shift
 from sindyjoint.equation.model import JointModel
-from sindyjoint.numeric import Array, rising_zero
+from sindyjoint.errors import SindyJointError
+from sindyjoint.mechanics.stickslip import STEPS_PER_SAMPLE
+from sindyjoint.numeric import Array, delayed, rising_zero
+from sindyjoint.record import Run
+from sindyjoint.response.drive import Drive, choose_drive, prescribed
 from sindyjoint.response.laws import with_coefficients
+from sindyjoint.response.run import SUBSTEPS, SimulatedRun, simulate_run
+from sindyjoint.states import ForceStates
 from sindyjoint.text import spelled
 
 FRICTION = "friction"  # the family
@@ -76,7 +84,7 @@ def refit(
             break
         least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
-        model = without(model, int(least))
+        model = without(model, {model.terms[least].id})
     model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
     later, k = [], size
     for each in effects:
@@ -173,12 +181,11 @@ def _own_rms(runs: Sequence[GapRun], model: JointModel) -> Array:
     return np.sqrt(np.mean(columns**2, axis=0))
 
 
-def without(model: JointModel, index: int) -> JointModel:
-    """Return a model without one of its terms."""
-    terms = tuple(t for i, t in enumerate(model.terms) if i != index)
-    keep = [i for i in range(len(model.terms)) if i != index]
+def without(model: JointModel, ids: Collection[str]) -> JointModel:
+    """Return a model without some of its terms."""
+    keep = [i for i, term in enumerate(model.terms) if term.id not in ids]
     covariance = tuple(tuple(model.covariance[i][j] for j in keep) for i in keep) if model.covariance else ()
-    return replace(model, terms=terms, covariance=covariance)
+    return replace(model, terms=tuple(model.terms[i] for i in keep), covariance=covariance)
 
 
 def held_out_gap(
@@ -330,3 +337,64 @@ def _reversals(run: GapRun) -> NDArray[np.float64]:
     fast = np.flatnonzero(np.abs(rate) > SLOW * np.max(np.abs(rate), initial=0.0))
     turns = np.flatnonzero(np.diff(np.sign(rate[fast])) != 0)
     return angle[(fast[turns] + fast[turns + 1]) // 2]
+
+
+def simulated(
+    run: Run,
+    states: ForceStates,
+    model: JointModel,
+    effects: Sequence[FittedEffect],
+    substeps: int = SUBSTEPS,
+    response_only: bool = False,
+    spurious: bool = False,
+    by: Drive | None = None,
+) -> SimulatedRun | None:
+    """Return a run beside its simulation with the channel errors that were found put right; None where it failed.
+
+    Of the response alone: under a moment the simulated moment is not filled where nothing needs it.
+    With ``spurious`` a motion whose few harmonics may be noise was the drive, too. None also where the drive is
+    another than it has to be.
+    """
+    spend(STEP_SAMPLES * states.n_samples)
+    found = Corrections.of(effects)
+    shift, zero, drift = found.shift, found.zero, found.drift
+    motion = prescribed(states, spurious, inertia=model.inertia)
+    if shift and not motion:
+        # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
+        run = replace(run, moment=np.interp(run.time + shift, run.time, run.moment), source=None)
+        states = shifted(states, -shift)
+    if zero:
+        run = replace(run, angle=run.angle - zero, source=None)
+        states = replace(states, angle=states.angle - zero)
+    if drift:
+        run = replace(run, angle=run.angle - drift * _drifting_time(states, run.time), source=None)
+        states = replace(states, angle=states.angle - drift * _drifting_time(states, states.time))
+    law = law_of(model, effects, states)
+    try:
+        drive: Drive = "motion" if motion else choose_drive(law, states)
+        if by not in (None, drive):
+            return None
+        most = STEPS_PER_SAMPLE * states.n_samples
+        return simulate_run(
+            law, run, states, drive=drive, substeps=substeps, response_only=response_only, most_steps=most
+        )
+    except SindyJointError:
+        # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
+        return None
+
+
+def as_recorded(
+    angle: Array, time: Array, sample_rate: float, states: ForceStates, effects: Sequence[FittedEffect]
+) -> Array:
+    """Return a simulated angle with the errors of the channels back in it, as states moved to meet the moment have it.
+
+    ``time`` is that of its samples in the run, s.
+    """
+    found = Corrections.of(effects)
+    seen = angle + found.zero + found.drift * _drifting_time(states, time)
+    return delayed(seen, found.shift * sample_rate) if found.shift else seen
+
+
+def _drifting_time(states: ForceStates, time: Array) -> Array | float:
+    """Return the time by which a channel has drifted, s: what repeats is as it is in its middle."""
+    return float(np.mean(states.time)) if states.method == "periodic" else time

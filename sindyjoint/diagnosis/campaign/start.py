@@ -1,4 +1,7 @@
-"""What a diagnosis starts from: the campaign as rows, the model fitted to it, the effects that it can show."""
+"""What a diagnosis starts from: the campaign as rows, the model fitted to it, the effects that it can show.
+
+Channels that drift within a run are put right first: a mean period would take that for an offset.
+"""
 
 from __future__ import annotations
 
@@ -10,32 +13,30 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.change import MEMBER, changes, segments
+from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
 from sindyjoint.diagnosis.campaign.processing import processing_errors, without_processing
-from sindyjoint.diagnosis.campaign.repair import (
-    Repaired,
-    about_zero,
-    model_errors,
-    refit,
-    refit_nonlinear,
-)
-from sindyjoint.diagnosis.campaign.rows.build import gap_runs
-from sindyjoint.diagnosis.campaign.rows.run import GapRun
+from sindyjoint.diagnosis.campaign.repair import Repaired, about_zero, model_errors, refit, refit_nonlinear
+from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
+from sindyjoint.diagnosis.result import Gap, Step
+from sindyjoint.diagnosis.verdict import grows
 from sindyjoint.equation.candidates import is_rate_free, rate_free
 from sindyjoint.equation.catalogue import as_catalogue
+from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import (
     ForceStates,
+    campaign_states,
     one_after_another,
     regression_rows,
     states_of,
     transfer_noise,
 )
-from sindyjoint.states.floor import moment_floor
+from sindyjoint.states.floor import mean_slope, moment_floor
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics
 from sindyjoint.states.policy import POLICY as STATES
@@ -235,3 +236,108 @@ def first_model(
         later = refit_nonlinear(own, start.model, start.effects, policy) if effects else ()
         start = refit(own, start.model, later, drops=not effects)
     return start
+
+
+# The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
+Problem = Any
+
+
+@dataclass(frozen=True)
+class ChannelDrift:
+    """A channel whose mean moves along the runs while the other's does not.
+
+    Parameters
+    ----------
+    effect : {"moment_drift", "angle_drift"}
+    slopes : dict of str to float
+        Per run, N·m/s or rad/s.
+    significance : float
+        Median over runs of slope over standard error.
+    """
+
+    effect: str
+    slopes: dict[str, float]
+    significance: float
+
+
+def find_drift(
+    runs: Sequence[Run], states: Sequence[ForceStates], policy: DiagnosisPolicy = CAMPAIGN
+) -> ChannelDrift | None:
+    """Return the drifting channel of periodic runs, if one drifts in most of them.
+
+    The mean of each whole period is regressed on time; a drift is a significant slope that moves the channel by a
+    notable share of its RMS over the run, in the median run.
+    """
+    periodic = [(r, s) for r, s in zip(runs, states, strict=True) if s.method == "periodic" and s.frequency]
+    if not periodic:
+        return None
+    found = {}
+    for name, signal in (("moment_drift", "moment"), ("angle_drift", "angle")):
+        fits = {run.name: mean_slope(getattr(run, signal), run.sample_rate, s) for run, s in periodic}
+        ratio = float(np.median([abs(f[0]) / f[1] for f in fits.values()]))
+        moved = float(np.median([abs(f[0]) * f[2] for f in fits.values()]))
+        if ratio > policy.stands_out and moved > policy.trivial_share:
+            found[name] = ChannelDrift(name, {k: f[3] for k, f in fits.items()}, ratio)
+    # A moment and an angle that move together are the joint's own creep.
+    return next(iter(found.values())) if len(found) == 1 else None
+
+
+def without_drift_found(problem: Problem) -> tuple[Problem, tuple[Step, ...]]:
+    """Return the problem with a drifting channel put right, and the step that this is."""
+    work, policy = problem.work, problem.policy
+    if problem.drift is None:
+        return problem, ()
+    drift = _with_kept_runs(problem.drift, work.campaign.validation_runs, work.kept_states)
+    runs = tuple(_without_drift(run, drift) for run in work.runs)
+    campaign = work.campaign.with_runs(tuple(_without_drift(run, drift) for run in work.campaign.runs))
+    states = campaign_states(campaign, rate_share=STATES.passing_rate_share)
+    own = gap_runs(states, work.model, work.groups, policy)
+    repaired = refit(own, work.model, problem.found)
+    later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, policy)
+    straight = replace(problem, work=later, repaired=repaired, drift=drift)
+    if grows(problem.gap, straight.gap):
+        return problem, ()
+    return straight, (_drift_step(drift, problem.gap, straight.gap, campaign.joint.motion, policy),)
+
+
+def _with_kept_runs(drift: ChannelDrift, runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDrift:
+    """Return a drift with the slopes of runs kept out of the fit, too: their means give them, and no model."""
+    signal = drift.effect.removesuffix("_drift")
+    own = {
+        run.name: mean_slope(getattr(run, signal), run.sample_rate, s)[3]
+        for run, s in zip(runs, states, strict=True)
+        if s.method == "periodic" and s.frequency
+    }
+    return replace(drift, slopes={**drift.slopes, **own})
+
+
+def _without_drift(run: Run, drift: ChannelDrift) -> Run:
+    """Return the run with its drifting channel put right; the drift is zero at the first sample."""
+    ramp = drift.slopes.get(run.name, 0.0) * run.time
+    if drift.effect == "moment_drift":
+        return replace(run, moment=run.moment - ramp)
+    return replace(run, angle=run.angle - ramp)
+
+
+def belief_in(ratio: float) -> float:
+    """Return the probability that a number of so many standard errors is not zero."""
+    return float(1 / (1 + np.exp(-0.5 * min(ratio**2, 1e3))))
+
+
+def _drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
+    """Return the step that a drifting channel put right is."""
+    slope = float(np.median(list(drift.slopes.values())))
+    unit = "N*m/s" if drift.effect == "moment_drift" else "rad/s"
+    units = {"slope": unit if motion == "rotation" else unit_for(unit, motion)}
+    return Step(
+        drift.effect,
+        "run",
+        (drift.effect,),
+        belief_in(drift.significance),
+        (),
+        {"slope": slope},
+        (),
+        before,
+        after,
+        units,
+    )

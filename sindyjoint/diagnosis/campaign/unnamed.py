@@ -18,7 +18,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
-from sindyjoint.diagnosis.campaign.rows.run import GapRun, row_groups
+from sindyjoint.diagnosis.campaign.rows import GapRun, row_groups
 from sindyjoint.diagnosis.parts import Budget, divide_gap
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.equation.terms import Reference

@@ -15,8 +15,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.rows.half_cycles import HalfCycles, reversals
-from sindyjoint.diagnosis.campaign.rows.run import Band, GapRun, folded_whitener, kernel_noise_factor
+from sindyjoint.diagnosis.campaign.rows import (
+    Band,
+    GapRun,
+    HalfCycles,
+    folded_whitener,
+    kernel_noise_factor,
+    reversals,
+)
 from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import VARIABLES, compile_terms

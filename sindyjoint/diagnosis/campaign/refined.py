@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.numbers.whole import is_element
+from sindyjoint.diagnosis.campaign.numbers import is_element
 from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
 from sindyjoint.diagnosis.campaign.repair import Repaired, refine_effect, refit
-from sindyjoint.diagnosis.campaign.rows.run import reference_scales
+from sindyjoint.diagnosis.campaign.rows import reference_scales
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
