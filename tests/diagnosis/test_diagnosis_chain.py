@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
-from sindyjoint.diagnosis.campaign.gap import processing_error
-from sindyjoint.diagnosis.campaign.processing import processing_errors
+from sindyjoint.diagnosis.campaign.processing import processing_error, processing_errors
 from tests.diagnosis.hidden_effects import hide_in_noise
 from tests.diagnosis.test_diagnosis_budget import work_on
 
@@ -25,7 +24,7 @@ def test_without_noise_the_chain_is_what_is_left(kind):
         assert chain.shape == row.target.shape and 0 < np.std(chain) < 0.02 * np.std(target)
     # The budget's share for processing is the mean square of that.
     whole, left = (np.concatenate(parts) for parts in ([row.target for row in work.rows], again))
-    assert processing_error(work) == pytest.approx(np.mean(left**2) / np.mean(whole**2), rel=0.05)
+    assert processing_error(work.runs, work.rows, work.model, work.policy) == pytest.approx(np.mean(left**2) / np.mean(whole**2), rel=0.05)
 
 
 @pytest.mark.slow
