@@ -19,7 +19,14 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.structure import Structure, craig_bampton, with_coordinate
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.period import analysis, by_harmonic, period_moment, rates, real_blocks, synthesis
+from sindyjoint.substructure.spectra import (
+    analysis,
+    by_harmonic,
+    period_moment,
+    rates,
+    real_blocks,
+    synthesis,
+)
 
 Complex = NDArray[np.complex128]
 

@@ -16,7 +16,7 @@ from sindyjoint.equation.policy import POLICY
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.response.laws import model_law
 from sindyjoint.substructure.harmonic_balance import Balance
-from sindyjoint.substructure.period import steady_states
+from sindyjoint.substructure.spectra import steady_states
 
 # Samples per period; reversals fall on samples, where friction is taken in the middle of its interval.
 SAMPLES = 720

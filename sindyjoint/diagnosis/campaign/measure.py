@@ -16,8 +16,7 @@ from sindyjoint.diagnosis.campaign.rows import GapRun, reference_scales
 from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.motion import JoinedMotions
-from sindyjoint.diagnosis.evidence.rows import Rotated
-from sindyjoint.diagnosis.evidence.score import GROUPS, Evidence, Score
+from sindyjoint.diagnosis.evidence.score import GROUPS, Evidence, Rotated, Score
 from sindyjoint.diagnosis.evidence.search import Candidate, Chosen, Search
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference

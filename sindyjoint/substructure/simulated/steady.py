@@ -19,7 +19,7 @@ from sindyjoint.mechanics.rig_test import BASE, ORDER, Sensor, load_row, sensor_
 from sindyjoint.mechanics.structure import Structure, tangent_of
 from sindyjoint.numeric import SAME, Array, solve_factored
 from sindyjoint.substructure.harmonic_balance import HOLD, add_joint_moments
-from sindyjoint.substructure.period import by_harmonic
+from sindyjoint.substructure.spectra import by_harmonic
 
 Complex = NDArray[np.complex128]
 Factors = tuple[Array, NDArray[np.int32]]
