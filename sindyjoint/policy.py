@@ -1,11 +1,10 @@
-"""Limits that decide an answer, as data: each folder keeps one frozen record of them, every field explained.
+"""Limits that decide an answer, as data: of each folder one frozen record of them, every field explained.
 
 Constants of numerics stay where they are used; what is here can be read with ``--verbose`` and in the guide.
 """
 
 from __future__ import annotations
 
-import pkgutil
 from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import import_module
 from typing import Any
@@ -195,11 +194,10 @@ def described(policy: Any) -> tuple[Limit, ...]:
     )
 
 
-def policies(package: str = "sindyjoint") -> dict[str, Any]:
-    """Return every policy of a package, by the folder whose ``policy.py`` holds it.
+def policies() -> dict[str, Any]:
+    """Return every policy, by the folder whose limits it holds.
 
-    A folder with one policy calls it ``POLICY``. Of a folder with several, each stands under the folder and its own
-    name: ``"diagnosis structure"``.
+    Of a folder with several, each stands under the folder and its own name: ``"diagnosis structure"``.
 
     Returns
     -------
@@ -207,9 +205,9 @@ def policies(package: str = "sindyjoint") -> dict[str, Any]:
         See :func:`sindyjoint.policy.described` for what each field says.
     """
     found = {}
-    for part in pkgutil.walk_packages(import_module(package).__path__, f"{package}."):
-        *folders, last = part.name.split(".")[1:]
-        for name, record in vars(import_module(part.name)).items() if last == "policy" else ():
+    for place in ("policy", "limits", "diagnosis.evidence.policy", "diagnosis.policy"):
+        *folders, _ = place.split(".")
+        for name, record in vars(import_module(f"sindyjoint.{place}")).items():
             if _is_policy(record):
                 found[" ".join(folders if name == "POLICY" else [*folders, name.lower()])] = record
     return found

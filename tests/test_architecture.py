@@ -15,6 +15,7 @@ BASE = {
     "record",
     "text",
     "policy",
+    "limits",
     "numeric",
     "documents",
     "tables",
@@ -37,6 +38,7 @@ ALLOWED = {
     "plain": {"errors"},
     "described": {"hooks", "plain"},  # what shows results is supplied at the root
     "policy": set(),
+    "limits": {"policy"},
     "numeric": set(),
     "inputs": {"errors", "plain"},
     "rig": {"errors", "text"},

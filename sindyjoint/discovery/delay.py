@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.terms import Reference, ResolvedTerm, Term, term_columns
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, reference_values
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array, convolve, delayed, main_frequency, scaled_least_squares
 from sindyjoint.record import Campaign
 from sindyjoint.states import campaign_states
@@ -62,16 +62,16 @@ class ChannelDelay:
     @property
     def at_limit(self) -> bool:
         """Whether the search ended at its longest delay: the value is then the limit's, not the data's."""
-        return abs(self.time) >= POLICY.longest_delay
+        return abs(self.time) >= DISCOVERY.longest_delay
 
     def unresolved(self, sample_rate: float) -> bool:
         """Whether, left in channels of a sampling rate (Hz), it leaves open which terms are there."""
-        return self.significant and abs(self.time) * sample_rate > POLICY.minor_share
+        return self.significant and abs(self.time) * sample_rate > DISCOVERY.minor_share
 
     @property
     def significant(self) -> bool:
         """Whether it stands out of its error as a term must, and by more than 0.02 ms, the error of the method."""
-        return abs(self.time) > max(POLICY.term_significance * self.standard_error, POLICY.least_delay)
+        return abs(self.time) > max(DISCOVERY.term_significance * self.standard_error, DISCOVERY.least_delay)
 
     @property
     def stands_out(self) -> bool:
@@ -276,7 +276,7 @@ def estimate_delay(
         evidence = _linearise_law([shifted(s, time) for s in states], law, inertia, stride)
         fit = fit_columns(evidence, range(len(evidence.ids)))
         step, error, residual = float(fit.coefficients[-1]), float(fit.standard_errors[-1]), fit.residual_rms
-        time = float(np.clip(time + step, -POLICY.longest_delay, POLICY.longest_delay))
+        time = float(np.clip(time + step, -DISCOVERY.longest_delay, DISCOVERY.longest_delay))
         if abs(step) < 0.05 * error:
             break
     if evidence is None:

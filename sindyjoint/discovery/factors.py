@@ -1,4 +1,4 @@
-"""What regression needs of the samples: one small triangular factor per block, which merge; the exact best subset on one.
+"""What regression needs of the samples: a small triangular factor per block, which merge; the exact best subset.
 
 For a block of rows [X | y] the factor R of its QR decomposition has the same least-squares problem, at the same
 conditioning, in p + 1 rows. Factors of several blocks, stacked and decomposed again, are the factor of all their

@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike
 
 from sindyjoint.described import Maybe
 from sindyjoint.discovery.evidence import Evidence, fit_columns
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.errors import InputError
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
 
@@ -33,7 +33,7 @@ class Axis:
 
     name: str = "frequency"
     unit: str = "Hz"
-    level: float = POLICY.level
+    level: float = DISCOVERY.level
 
 
 FREQUENCY = Axis()
@@ -146,7 +146,7 @@ def frequency_test(
     estimates: ArrayLike,
     standard_errors: ArrayLike | None = None,
     degrees: ArrayLike | None = None,
-    margin: float = POLICY.margin,
+    margin: float = DISCOVERY.margin,
     axis: Axis = FREQUENCY,
 ) -> FrequencyTest:
     """Test whether estimates at several frequencies are the same.
@@ -228,13 +228,13 @@ def _without_errors(asked: _Asked, f: Array, x: Array) -> FrequencyTest:
     p_trend = _two_sided(slope / error, degrees) if error > 0 else (1.0 if slope == 0 else 0.0)
     change = slope * band / mean if mean else float("nan")
     bound = (
-        (abs(slope) + float(scipy.special.stdtrit(degrees, 1 - POLICY.level)) * error) * band / abs(mean)
+        (abs(slope) + float(scipy.special.stdtrit(degrees, 1 - DISCOVERY.level)) * error) * band / abs(mean)
         if mean
         else float("inf")
     )
     spread = float(x.std(ddof=1))
     uncertainty = (
-        float(scipy.special.stdtrit(degrees, 1 - POLICY.level / 2)) * error * band / abs(mean)
+        float(scipy.special.stdtrit(degrees, 1 - DISCOVERY.level / 2)) * error * band / abs(mean)
         if mean
         else float("inf")
     )
@@ -273,7 +273,9 @@ def weighted_slope(f: Array, x: Array, s: Array) -> tuple[float, float]:
 def detectable_change(test: FrequencyTest) -> float:
     """Return the relative change over the band that a trend test would find in four of five cases."""
     degrees = len(test.estimates) - 2 if np.isnan(test.p_homogeneity) else 1e6
-    need = float(scipy.special.stdtrit(degrees, 1 - POLICY.level / 2) + scipy.special.stdtrit(degrees, 0.8))
+    need = float(
+        scipy.special.stdtrit(degrees, 1 - DISCOVERY.level / 2) + scipy.special.stdtrit(degrees, 0.8)
+    )
     return need * test.slope_error * (max(test.frequencies) - min(test.frequencies)) / abs(test.mean)
 
 
@@ -294,7 +296,7 @@ def _largest_change(x: Array, s: Array, nu: Array) -> float:
         variance = lower + upper
         degrees = variance**2 / (lower**2 / nu[i] + upper**2 / nu[j])
         bounds.append(
-            ratio - 1 + float(scipy.special.stdtrit(degrees, 1 - POLICY.strict_level)) * np.sqrt(variance)
+            ratio - 1 + float(scipy.special.stdtrit(degrees, 1 - DISCOVERY.strict_level)) * np.sqrt(variance)
         )
     return float(max(bounds))
 
@@ -312,7 +314,7 @@ def _answer(
     trend = f"a trend of {100 * change[0]:+.1f} % ± {100 * change[1]:.1f} %"
     if np.isfinite(spread):
         trend += f", spread beyond the errors {100 * spread:.1f} %"
-    if p < asked.axis.level and bound >= POLICY.mostly * margin:
+    if p < asked.axis.level and bound >= DISCOVERY.mostly * margin:
         within = f"; beyond {100 * bound:.1f} % it is ruled out" if bound < margin else ""
         return f"depends on {axis.name}", f"{trend} {tested} (p = {p:.2g}){within}"
     if bound < margin:

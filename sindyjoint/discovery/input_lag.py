@@ -9,8 +9,8 @@ import numpy as np
 
 from sindyjoint.discovery.delay import ROWS, Columns, law_of_channels
 from sindyjoint.discovery.factors import Factor
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.inputs import Input, lagged
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.states.record import ForceStates
 
 # Time constants that are tried, s; the best is refined between its neighbours.
@@ -56,7 +56,7 @@ def find_lags(
         finer = np.geomspace(low, high, 9)
         again = [_left(states, law, inertia, lags | {each.name: float(time)}) for time in finer]
         removed = 1 - min(again) / without if without > 0 else 0.0
-        if removed > POLICY.minor_share:
+        if removed > DISCOVERY.minor_share:
             found.append(InputLag(each.name, float(f"{finer[int(np.argmin(again))]:.3g}"), removed))
     return tuple(found)
 

@@ -20,12 +20,12 @@ from sklearn.utils.validation import check_array, check_consistent_length
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.library import TermLibrary
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.regression import SelectionRules, TermRegression, choose
 from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, rows_that_count
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
 Column = int | str
@@ -98,8 +98,8 @@ class UniqueShareSTLSQ(BaseOptimizer):
         self,
         threshold: float | None = None,
         selection: str = "evidence",
-        significance: float = POLICY.term_significance,
-        least_share: float = POLICY.accuracy,
+        significance: float = DISCOVERY.term_significance,
+        least_share: float = DISCOVERY.accuracy,
         forced: Sequence[Column] = (),
         forbidden: Sequence[Column] = (),
         signs: Mapping[Column, int] | None = None,

@@ -18,7 +18,6 @@ from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.methods import check_method, column_path
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, rows_that_count, state_columns
 from sindyjoint.discovery.selection import (
     Selection,
@@ -33,6 +32,7 @@ from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 from sindyjoint.record import Joint, Motion
 
@@ -65,8 +65,8 @@ class SelectionRules:
     method: Any = "stlsq"
     selection: str = "evidence"
     threshold: float | None = None
-    significance: float = POLICY.term_significance
-    least_share: float = POLICY.accuracy
+    significance: float = DISCOVERY.term_significance
+    least_share: float = DISCOVERY.accuracy
     forced: Sequence[str] = ()
     signs: Mapping[str, int] = field(default_factory=dict)
     random_state: Any = None
@@ -121,7 +121,7 @@ def choose(evidence: Evidence, rules: SelectionRules, shared_motion: bool = Fals
         return choose_by_one_standard_error(path, signs), least
     if shared_motion:
         residual = path[0].fit.residual_rms / evidence.target_rms
-        least = max(least, POLICY.share_of_residual * residual)
+        least = max(least, DISCOVERY.share_of_residual * residual)
     return choose_by_evidence(path, rules.significance, least, forced, signs), least
 
 
@@ -142,8 +142,8 @@ class TermRegression:
         method: Any = "stlsq",
         selection: str = "evidence",
         threshold: float | None = None,
-        significance: float = POLICY.term_significance,
-        least_share: float = POLICY.accuracy,
+        significance: float = DISCOVERY.term_significance,
+        least_share: float = DISCOVERY.accuracy,
         forced: Sequence[str] = (),
         forbidden: Sequence[str] = (),
         signs: Mapping[str, int] | None = None,

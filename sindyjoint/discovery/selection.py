@@ -27,7 +27,7 @@ from sindyjoint.discovery.evidence import (
     left_out_estimates,
 )
 from sindyjoint.discovery.factors import Factor
-from sindyjoint.discovery.policy import POLICY
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
 Parents = Mapping[int, tuple[int, ...]]
@@ -254,8 +254,8 @@ def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ..
 
 def choose_by_evidence(
     path: Sequence[Step],
-    significance: float = POLICY.term_significance,
-    least_share: float = POLICY.accuracy,
+    significance: float = DISCOVERY.term_significance,
+    least_share: float = DISCOVERY.accuracy,
     forced: Sequence[int] = (),
     signs: Mapping[int, int] | None = None,
 ) -> Selection:
@@ -302,14 +302,14 @@ def _passes_limits(step: Step, significance: float, least_share: float, forced: 
     # Errors of sensors and processing are alike at all levels of an input: less of a dependence is to be believed.
     least = np.array(
         [
-            min(least_share, POLICY.least_dependence) if c in step.dependent else least_share
+            min(least_share, DISCOVERY.least_dependence) if c in step.dependent else least_share
             for c in step.columns
         ]
     )
     return bool(
         step.fit.t_ratios[judged].min() >= significance
         and np.all((step.fit.unique_share >= least)[judged])
-        and step.group_t_ratios[judged].min() >= POLICY.likely
+        and step.group_t_ratios[judged].min() >= DISCOVERY.likely
     )
 
 

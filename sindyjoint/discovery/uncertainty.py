@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence, Fit, block_scores, fit_columns, small_sample
-from sindyjoint.discovery.policy import POLICY
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 from sindyjoint.text import spelled
 
@@ -63,8 +63,8 @@ class Inseparable:
 def inclusion(
     evidence: Evidence,
     replicates: int = 500,
-    significance: float = POLICY.term_significance,
-    least_share: float = POLICY.accuracy,
+    significance: float = DISCOVERY.term_significance,
+    least_share: float = DISCOVERY.accuracy,
     random_state: Any = None,
 ) -> Inclusion:
     """Return inclusion probabilities of all candidates.
@@ -94,7 +94,7 @@ def inclusion(
     meat = scores.T @ scores / np.outer(norms, norms) / target**2
     from sindyjoint.discovery.factors import replicate_subsets
 
-    subsets = replicate_subsets(triangles, min(POLICY.largest_set, p))
+    subsets = replicate_subsets(triangles, min(DISCOVERY.largest_set, p))
     chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, (significance, least_share))
     sets: dict[tuple[str, ...], int] = {}
     for row in chosen:
@@ -116,7 +116,7 @@ def inseparable(evidence: Evidence, columns: Sequence[int]) -> tuple[Inseparable
         if candidate in columns:
             continue
         fit = fit_columns(evidence, [*columns, candidate])
-        for position in np.flatnonzero(fit.t_ratios[:-1] < POLICY.significant):
+        for position in np.flatnonzero(fit.t_ratios[:-1] < DISCOVERY.significant):
             others = [c for i, c in enumerate(columns) if i != position]
             correlation = _partial_correlation(evidence, columns[position], candidate, others)
             found.append(

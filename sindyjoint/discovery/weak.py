@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns
 from sindyjoint.equation.model import INERTIA
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, MissingExtraError
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
 from sindyjoint.states.record import group_labels
@@ -95,8 +95,8 @@ def integral_weights(samples: int, interval: float, seed: int = 0) -> tuple[Arra
             library = pysindy.WeakPDELibrary(
                 function_library=pysindy.PolynomialLibrary(degree=1, include_bias=False),
                 spatiotemporal_grid=interval * np.arange(samples),
-                K=POLICY.test_functions,
-                H_xt=[POLICY.test_half_width * interval * (samples - 1)],
+                K=DISCOVERY.test_functions,
+                H_xt=[DISCOVERY.test_half_width * interval * (samples - 1)],
                 p=DEGREE,
             )
             weights = np.asarray(library.fit(impulses).transform(impulses))
@@ -113,16 +113,16 @@ def _run_rows(
 ) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
     """Return columns and target of a run in weak form, both once more as each block gives them, and the blocks."""
     motion = (state.angle, state.rate, state.acceleration)
-    segments = [part for part in _moving_segments(state) if part.size >= POLICY.shortest_segment]
+    segments = [part for part in _moving_segments(state) if part.size >= DISCOVERY.shortest_segment]
     if not segments:
         raise InputError(
-            f"run {state.run!r}: no segment of {POLICY.shortest_segment} samples in which the joint moves one way, as "
-            "the weak form needs; leave 'weak' out, or sample faster"
+            f"run {state.run!r}: no segment of {DISCOVERY.shortest_segment} samples in which the joint moves one way, "
+            "as the weak form needs; leave 'weak' out, or sample faster"
         )
     whole = _integrals(terms, motion, state, segments, inertia)
     other = whole if state.replicate is None else _integrals(
         terms, state.replicate, state, segments, inertia)  # fmt: skip
-    blocks = np.repeat([state.block[part[0]] for part in segments], POLICY.test_functions)
+    blocks = np.repeat([state.block[part[0]] for part in segments], DISCOVERY.test_functions)
     return *whole, *other, blocks
 
 

@@ -24,7 +24,6 @@ from sindyjoint.equation.catalogue_file import (
     library_folder,
     shipped_names,
 )
-from sindyjoint.equation.policy import POLICY
 from sindyjoint.equation.terms import (
     Parameter,
     Reference,
@@ -35,6 +34,7 @@ from sindyjoint.equation.terms import (
 )
 from sindyjoint.errors import FormulaError, InputError, UnitError, UnknownNameError
 from sindyjoint.inputs import check_name
+from sindyjoint.limits import EQUATION
 
 if TYPE_CHECKING:
     import sympy
@@ -193,7 +193,7 @@ def default_candidates(angle: float, motion: str) -> Catalogue:
     from the powers of the angle.
     """
     extended = load_catalogue(DEFAULT)
-    if motion != "rotation" or angle < POLICY.visible_gravity:
+    if motion != "rotation" or angle < EQUATION.visible_gravity:
         return extended
     return extended.union(load_catalogue("stiffness").select(["gravity_moment"]))
 

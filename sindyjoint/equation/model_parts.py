@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sindyjoint.equation.policy import POLICY
 from sindyjoint.errors import UnknownNameError
+from sindyjoint.limits import EQUATION
 from sindyjoint.plain import Count, Maybe, MaybeSize, Size, same
 from sindyjoint.text import percent, quantities
 
@@ -176,8 +176,8 @@ def range_warnings(
         (words.rate.lower(), rate, fitted.rate, f"{unit}/s"),
     ):
         size = np.abs(np.asarray(signal, dtype=np.float64))
-        share = float(np.mean(size > (1 + POLICY.tolerated) * tested)) if tested > 0 else 0.0
-        if share > POLICY.trivial_share:
+        share = float(np.mean(size > (1 + EQUATION.tolerated) * tested)) if tested > 0 else 0.0
+        if share > EQUATION.trivial_share:
             found.append(
                 f"{name} up to {size.max():.3g} {si} where {tested:.3g} was tested ({percent(share)} of the time)"
             )

@@ -18,8 +18,8 @@ from sindyjoint.equation.equation_text import Style, one_line
 from sindyjoint.equation.formula import compile_terms, formula_text, variable_symbols
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.export.parts import GIVE, RAMP, Curve, Parts, contribution, total
+from sindyjoint.limits import STATES
 from sindyjoint.numeric import Array
-from sindyjoint.states.policy import POLICY as STATES
 
 
 @dataclass(frozen=True)

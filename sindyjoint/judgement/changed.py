@@ -17,7 +17,7 @@ from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.equation.calibration import gain_errors
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.policy import POLICY
+from sindyjoint.limits import JUDGEMENT
 
 Answer = Literal["changed", "changed within margin", "the same within margin", "cannot tell", "not compared"]
 # Degrees of freedom that are as good as any number of them.
@@ -143,7 +143,7 @@ def check_margin(margin: float) -> None:
 def compare_models(
     before: JointModel,
     after: JointModel,
-    margin: float = POLICY.margin,
+    margin: float = JUDGEMENT.margin,
     same_sensors: bool = False,
     names: tuple[str, str] = ("before", "after"),
     warnings: tuple[str, ...] = (),
@@ -186,7 +186,7 @@ def compare_models(
             f"{only} stand(s) in one of the two only; what is left to the others differs by that: give both campaigns, "
             "and the same terms are fitted to both"
         )
-    level = POLICY.level / max(len(both), 1)
+    level = JUDGEMENT.level / max(len(both), 1)
     shifts = tuple(_shift(rows[0].get(name), rows[1].get(name), level, margin) for name in ids)
     return Change(before, after, shifts, margin, names, tuple(notes))
 

@@ -12,7 +12,6 @@ import numpy as np
 from sindyjoint.described import Shown, same
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.discovery.frequency import FrequencyTest, GroupEstimates, frequency_test, group_estimates
-from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import in_words, inseparable
 from sindyjoint.equation.calibration import gain_moves, with_gain_uncertainty
 from sindyjoint.equation.element import Value
@@ -20,10 +19,10 @@ from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.judgement.headline import Excitations, is_of_the_paper, of_discovery
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
-from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
 from sindyjoint.judgement.versions import versions
+from sindyjoint.limits import DISCOVERY, JUDGEMENT
 from sindyjoint.record import Campaign
 from sindyjoint.response.compared import corrected
 from sindyjoint.response.drive import prescribed
@@ -330,7 +329,7 @@ def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, .
             continue
         other = before[term.id]
         error = float(np.hypot(term.standard_error, other.standard_error))
-        if abs(term.coefficient - other.coefficient) > POLICY.significant * error:
+        if abs(term.coefficient - other.coefficient) > JUDGEMENT.significant * error:
             apart.append(
                 f"{spelled(term.id)} ({other.coefficient:.4g} ± {other.standard_error:.2g} by regression, "
                 f"{term.coefficient:.4g} ± {term.standard_error:.2g} on the response)"
@@ -338,7 +337,7 @@ def _warn_of_disagreement(before: JointModel, after: JointModel) -> tuple[str, .
     if not apart:
         return ()
     return (
-        f"regression and simulated response disagree by more than {POLICY.significant:g} standard errors: "
+        f"regression and simulated response disagree by more than {JUDGEMENT.significant:g} standard errors: "
         f"{'; '.join(apart)}; the model lacks something, or samples are too few for derivatives",
     )
 

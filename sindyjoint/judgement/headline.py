@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
+from sindyjoint.limits import JUDGEMENT
 from sindyjoint.paper import JOINTS
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import Check
@@ -110,7 +110,7 @@ def advise_runs(tested: Excitations) -> str:
     if not frequencies:
         return "record the same motion again, and once at half its amplitude"
     missing = []
-    need = POLICY.fewest - len(frequencies)
+    need = JUDGEMENT.fewest - len(frequencies)
     if need > 0:
         # One lies in the widest gap; of a single frequency there is none.
         lowest, highest = frequencies[0], frequencies[-1]
@@ -120,7 +120,7 @@ def advise_runs(tested: Excitations) -> str:
             else [math.sqrt(lowest * highest), highest * 1.5]
         )
         missing.append(" and ".join(f"{frequency:.2g} Hz" for frequency in beside[:need]))
-    levels = POLICY.fewest - len(set(tested.levels))
+    levels = JUDGEMENT.fewest - len(set(tested.levels))
     if levels > 0:
         missing.append(f"{levels} more level{'s' * (levels > 1)}")
     return (
@@ -280,7 +280,7 @@ def _gap(name: str, what: str, after: float, floor: float, unsure: float) -> Lig
     if not math.isfinite(after):
         return Light(name, "poor", f"{what}: could not be simulated")
     if not math.isfinite(floor):
-        colour: Colour = "fair" if after <= POLICY.large_part else "poor"
+        colour: Colour = "fair" if after <= JUDGEMENT.large_part else "poor"
         return Light(name, colour, f"{what}; its noise is unknown")
     sentence, noise = f"{what}, noise floor {percent(floor)}", colour_of_misfit(after, floor)
     if noise == "good" or not unsure > floor:
@@ -335,7 +335,9 @@ def judge_comparison(result: Comparison) -> Trust:
         own.append(_agreement("single", f"single {result.several}", ids, result.frequencies))
     least = min((share[term] for term in ids if term in share), default=math.nan)
     if math.isfinite(least):
-        colour: Colour = "good" if least >= POLICY.confident else "fair" if least >= POLICY.mostly else "poor"
+        colour: Colour = (
+            "good" if least >= JUDGEMENT.confident else "fair" if least >= JUDGEMENT.mostly else "poor"
+        )
         own.append(
             Light(
                 "resampled",

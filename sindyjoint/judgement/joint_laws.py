@@ -29,6 +29,7 @@ from sindyjoint.judgement.verdict import (
     of_slight_terms,
     within_the_states,
 )
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
@@ -37,7 +38,6 @@ from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows
 from sindyjoint.states.build import signals_hash
 from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors
-from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, Update, recover, with_numbers
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
@@ -252,8 +252,8 @@ def _beyond(
     ]
     sources = [_source(each) for each in recovered]
     errors = law_errors(rows, sources, slow, columns)
-    size = np.where(errors.excess_with < LIMITS.many_times, np.abs(errors.others), 0.0)
-    if not rest or size.max() < LIMITS.stands_out:
+    size = np.where(errors.excess_with < SUBSTRUCTURE.many_times, np.abs(errors.others), 0.0)
+    if not rest or size.max() < SUBSTRUCTURE.stands_out:
         return errors, ""
 
     def left_with(term: ResolvedTerm) -> float:
@@ -368,7 +368,7 @@ def _test_alike(law: JointLaw) -> str:
     least = min(heterogeneity(v, e, degrees)[1] for v, e in zip(values.T, spread.T, strict=True))
     p = min(1.0, least * len(terms))
     joints = " and ".join(law.joints)
-    if p < LIMITS.strict_level:
+    if p < SUBSTRUCTURE.strict_level:
         return f"{joints} are declared alike and differ (p = {p:.1g}): give them kinds of their own"
     return f"{joints} have one law within their errors (p = {p:.2g})"
 

@@ -12,11 +12,11 @@ import numpy as np
 from sindyjoint.described import Maybe
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.frequency import Axis, FrequencyTest, frequency_test, group_estimates
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import Input, run_levels
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.states import ForceStates
 from sindyjoint.text import spelled
 
@@ -144,7 +144,7 @@ def level_tests(
     Nothing is returned where runs are not at one level each, or at fewer than three.
     """
     at = run_levels({s.run: s.inputs[each.name] for s in states if each.name in s.inputs}, each.tested)
-    if any(run.name not in at for run in evidence.runs) or len(set(at.values())) < POLICY.fewest:
+    if any(run.name not in at for run in evidence.runs) or len(set(at.values())) < DISCOVERY.fewest:
         return ()
     runs = tuple(replace(run, group=f"{at[run.name]!r}") for run in evidence.runs)
     grouped = replace(evidence, runs=runs)
@@ -154,8 +154,8 @@ def level_tests(
     found = group_estimates(grouped, [evidence.ids.index(term) for term in plain])
     shown = (np.array([float(group) for group in found.groups]) - each.zero) / each.factor
     # Over all coefficients together: one that the law does not let depend is not to seem to by chance.
-    margin = POLICY.margin
-    axis = Axis(each.label, each.shown_unit, POLICY.level / len(plain))
+    margin = DISCOVERY.margin
+    axis = Axis(each.label, each.shown_unit, DISCOVERY.level / len(plain))
     return tuple(
         frequency_test(
             term, shown, found.coefficients[:, i], found.standard_errors[:, i], found.degrees, margin, axis
@@ -214,7 +214,7 @@ def vanishing(model: JointModel, law: LevelLaw) -> tuple[tuple[str, str], ...]:
         low, high = (held[term] if term in held else None for held in ends)
         if low is None or high is None or low.coefficient * high.coefficient >= 0:
             continue
-        if all(abs(each.coefficient) > POLICY.likely * each.standard_error for each in (low, high)):
+        if all(abs(each.coefficient) > DISCOVERY.likely * each.standard_error for each in (low, high)):
             found.append((term, name))
     return tuple(found)
 

@@ -18,11 +18,11 @@ from sindyjoint.judgement.headline import MOST_STEPS
 from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind
 from sindyjoint.judgement.trust import judge_soundness
 from sindyjoint.judgement.verdict import undecided_by_data
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, Update, UpdatedNumber, recover, with_numbers
 from sindyjoint.substructure.states import JointSeen
 from sindyjoint.text import list_some
@@ -78,7 +78,7 @@ class RigRefinement:
             f"refined on the simulated response: {self.before:.2f} times the noise before, {self.after:.2f} after; "
             f"{found}",
         )
-        if self.after**2 > LIMITS.contradicts:
+        if self.after**2 > SUBSTRUCTURE.contradicts:
             words += (
                 f"the simulated response is {self.after:.1f} times the noise off: laws or structure lack something; "
                 "diagnose the rig",
@@ -268,7 +268,7 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
         return (
             "there are as many sensors as joints: nothing shows whether the structure is the one described",
         )
-    if misfit <= LIMITS.contradicts * degrees:
+    if misfit <= SUBSTRUCTURE.contradicts * degrees:
         return ()
     return (
         f"the residual of the sensors is {np.sqrt(misfit / degrees):.1f} times their noise: the structure is not quite "
@@ -278,7 +278,7 @@ def misfit_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
 
 def unstated_numbers(update: Update) -> str:
     """Say which numbers of a structure are other than its file has them, though it states none as uncertain."""
-    standing = [n for n in update.numbers if abs(n.change) > LIMITS.significant * n.standard_error]
+    standing = [n for n in update.numbers if abs(n.change) > SUBSTRUCTURE.significant * n.standard_error]
     words = [f"{n.name} {100 * n.change:+.2g} ± {200 * n.standard_error:.1g} %" for n in standing]
     named = list_some(words, "numbers")
     return (
@@ -361,7 +361,7 @@ def _judge_data(found: RigDiscovery, checked: Check[RigTest]) -> Light:
     light = judge_soundness(checked.soundness, found.simulated, found.test.motion)
     refined = 0.0 if found.refinement is None else found.refinement.after
     left = np.nanmax([found.misfit, refined])
-    if left**2 > LIMITS.contradicts:
+    if left**2 > SUBSTRUCTURE.contradicts:
         return Light(
             "data",
             "poor",

@@ -20,7 +20,7 @@ from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SindyJointError
-from sindyjoint.judgement.policy import POLICY
+from sindyjoint.limits import JUDGEMENT
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import law_of_test
@@ -147,26 +147,26 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
     light = partial(Light, "explained", gap=gap.value, floor=floor.relative, interval=gap.interval)
     size = f"gap {percent(gap.value)} of the RMS {load} ({percent(gap.interval[0])} to {percent(gap.interval[1])})"
     if not math.isfinite(floor.relative):
-        colour: Colour = "fair" if gap.value <= POLICY.large_part else "poor"
+        colour: Colour = "fair" if gap.value <= JUDGEMENT.large_part else "poor"
         return light(colour, f"{size}; {floor.words}")
-    colour = colour_of_misfit(gap.value, floor.relative, POLICY.predicts)
+    colour = colour_of_misfit(gap.value, floor.relative, JUDGEMENT.predicts)
     sentence = f"{size}, noise floor {percent(floor.relative)} {floor.words}"
     if floor.bound and colour == "good":
         # What a law lacks is in the bound, too.
-        return light("fair" if gap.value <= POLICY.large_part else "poor", sentence)
+        return light("fair" if gap.value <= JUDGEMENT.large_part else "poor", sentence)
     if colour != "good":
         sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither model nor noise"
     return light(colour, sentence)
 
 
-def colour_of_misfit(relative: float, floor: float, within: float = POLICY.clearly) -> Colour:
+def colour_of_misfit(relative: float, floor: float, within: float = JUDGEMENT.clearly) -> Colour:
     """Return the colour of a misfit beside its measured noise floor, both relative RMS.
 
     Good is what noise and the processing leave, and no more; of a response up to half as much again.
     """
     if relative <= within * math.hypot(floor, DIAGNOSIS.processing_error):
         return "good"
-    return "fair" if beyond_noise(relative, floor) <= POLICY.large_part else "poor"
+    return "fair" if beyond_noise(relative, floor) <= JUDGEMENT.large_part else "poor"
 
 
 def beyond_noise(relative: float, floor: float) -> float:
@@ -189,15 +189,15 @@ def judge_coverage(frequencies: Sequence[float | None], levels: Sequence[str | N
     if not tested:
         return Light(
             "determined",
-            "good" if runs >= POLICY.fewest else "fair",
+            "good" if runs >= JUDGEMENT.fewest else "fair",
             f"{runs} aperiodic {of_runs.split()[1]}",
         )
     least = min(tested, heights) if heights else tested
-    colour: Colour = "good" if least >= POLICY.fewest else "fair" if runs > 1 else "poor"
+    colour: Colour = "good" if least >= JUDGEMENT.fewest else "fair" if runs > 1 else "poor"
     written = f"{tested} frequenc{'ies' if tested != 1 else 'y'}"
     if heights:
         written += f", {heights} level{'s' * (heights != 1)}"
-    advice = "" if colour == "good" else f"; {POLICY.fewest} of each tell the terms apart"
+    advice = "" if colour == "good" else f"; {JUDGEMENT.fewest} of each tell the terms apart"
     return Light("determined", colour, f"{written} in {of_runs}{advice}")
 
 
@@ -291,7 +291,9 @@ def _predicts(
         return _of_unseen(gap.value, gap.value, floor, "on these runs, which no fit has seen")
     error, inside = left_out_error(model, test, states)
     ratio = error / max(inside, 1e-300)
-    colour: Colour = "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.contradicts else "poor"
+    colour: Colour = (
+        "good" if ratio <= JUDGEMENT.predicts else "fair" if ratio <= JUDGEMENT.contradicts else "poor"
+    )
     left = "groups of runs" if len(states) > 1 else "parts of the run"
     sentence = f"error {percent(error)} on {left} left out of the fit, {ratio:.2f} times the residual"
     return Light("predicts", colour, sentence, error=error)
@@ -303,7 +305,9 @@ def _of_unseen(error: float, gap: float, floor: float, what: str) -> Light:
         colour: Colour = "good"
     else:
         ratio = error / max(gap, 1e-300)
-        colour = "good" if ratio <= POLICY.predicts else "fair" if ratio <= POLICY.contradicts else "poor"
+        colour = (
+            "good" if ratio <= JUDGEMENT.predicts else "fair" if ratio <= JUDGEMENT.contradicts else "poor"
+        )
     return Light("predicts", colour, f"error {percent(error)} {what}", error=error)
 
 

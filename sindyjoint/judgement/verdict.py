@@ -12,15 +12,13 @@ from sindyjoint.described import same
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, competing_delay
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.equation.model import INERTIA, JointModel
-from sindyjoint.equation.policy import POLICY as EQUATION
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.over_inputs import LevelLaw, law_at_levels, vanishing
-from sindyjoint.judgement.policy import POLICY
+from sindyjoint.limits import EQUATION, JUDGEMENT, SUBSTRUCTURE
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.warnings import channel_words
 from sindyjoint.states import ForceStates
-from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.text import in_words_of, spelled
 
 if TYPE_CHECKING:
@@ -196,18 +194,18 @@ def _reach_verdict(
     if extra:
         reason = f"the data need {_spell_terms(extra)}, which the paper's law lacks"
         return "refuted", reason + (f", and do not show {_spell_terms(missing)}" if missing else "")
-    hidden = [term for term in missing if _find_largest_share(regressor, model, term) > POLICY.small_share]
+    hidden = [term for term in missing if _find_largest_share(regressor, model, term) > JUDGEMENT.small_share]
     absent = [term for term in missing if term not in hidden]
     if absent and _is_needed(regressor, absent):
         return (
             "undecided",
             f"{_spell_terms(absent)} stands out of the noise beside the other four terms, yet carries too little to be "
-            f"chosen: less than {100 * POLICY.small_share:.0f} % of the {word}; higher levels would tell",
+            f"chosen: less than {100 * JUDGEMENT.small_share:.0f} % of the {word}; higher levels would tell",
         )
     if absent:
         return (
             "refuted",
-            f"{_spell_terms(absent)} would carry less than {100 * POLICY.small_share:.0f} % of the {word}",
+            f"{_spell_terms(absent)} would carry less than {100 * JUDGEMENT.small_share:.0f} % of the {word}",
         )
     if hidden:
         return "undecided", f"{_spell_terms(hidden)} was not found, and these runs could not have shown it"
@@ -220,7 +218,7 @@ def _reach_verdict(
 def _tolerated(model: JointModel, least: float) -> float:
     """Return the misfit up to which terms are judged, of which the weakest has the unique share ``least``."""
     floor = np.nan_to_num(model.fitted.noise_floor)
-    uncertainty = float(POLICY.unknown * floor / model.fitted.moment_rms)
+    uncertainty = float(JUDGEMENT.unknown * floor / model.fitted.moment_rms)
     return min(max(least, uncertainty), EQUATION.tolerated)
 
 
@@ -236,13 +234,13 @@ def _is_needed(regressor: TermRegression, extra: Sequence[str]) -> bool:
 def leaves_noise(model: JointModel) -> bool:
     """Return whether the residual of a model is that of the noise, within the uncertainty of this."""
     floor, residual = model.fitted.noise_floor, model.fitted.residual_rms
-    return bool(model.terms and residual**2 < (1 + POLICY.unknown**2) * floor**2)
+    return bool(model.terms and residual**2 < (1 + JUDGEMENT.unknown**2) * floor**2)
 
 
 def noise_alike(residual: float, model: JointModel) -> bool:
     """Return whether a residual is that of the noise, or of a model, within the uncertainty of the noise."""
     least = max(float(np.nan_to_num(model.fitted.noise_floor)), model.fitted.residual_rms)
-    return bool(residual**2 < (1 + POLICY.unknown**2) * least**2)
+    return bool(residual**2 < (1 + JUDGEMENT.unknown**2) * least**2)
 
 
 def _spell_terms(terms: Sequence[str]) -> str:
@@ -305,7 +303,7 @@ def few_rows(rows: int, unknowns: int) -> str:
     unknowns : int
         Numbers of the slow part of its angle, which no sensor shows.
     """
-    if rows >= LIMITS.rows_per_unknown * unknowns:
+    if rows >= SUBSTRUCTURE.rows_per_unknown * unknowns:
         return ""
     return (
         f"the joint moves in {rows} samples only, and {unknowns} numbers of its slow angle are found with the law: "
@@ -333,12 +331,16 @@ def of_slight_terms(verdict: Verdict, model: JointModel) -> Verdict:
     """
     shares = {term.id: term.unique_share for term in model.terms}
     extra = [shares.get(term, float("inf")) for term in verdict.extra]
-    if verdict.verdict != "refuted" or verdict.missing or not max(extra, default=0.0) < LIMITS.refuting_share:
+    if (
+        verdict.verdict != "refuted"
+        or verdict.missing
+        or not max(extra, default=0.0) < SUBSTRUCTURE.refuting_share
+    ):
         return verdict
     words = " and ".join(map(spelled, verdict.extra))
     reason = (
-        f"the data need {words}, which carry less than {100 * LIMITS.refuting_share:g} % of the moment: a structure is "
-        "hardly described more accurately; the five terms carry the rest"
+        f"the data need {words}, which carry less than {100 * SUBSTRUCTURE.refuting_share:g} % of the moment: a "
+        "structure is hardly described more accurately; the five terms carry the rest"
     )
     return replace(verdict, verdict="undecided", reason=reason)
 
@@ -358,8 +360,8 @@ def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:
     hidden : float
         Largest share of the moment that a standard error of a term that is not in the law is.
     """
-    unknown = POLICY.likely * hidden if verdict.verdict == "confirmed" else share
-    if unknown <= POLICY.small_share or verdict.verdict == "undecided":
+    unknown = JUDGEMENT.likely * hidden if verdict.verdict == "confirmed" else share
+    if unknown <= JUDGEMENT.small_share or verdict.verdict == "undecided":
         return verdict
     what = (
         f"the sensors leave room for {100 * unknown:.1f} % of the moment beside the law"
@@ -367,7 +369,7 @@ def within_the_states(verdict: Verdict, share: float, hidden: float) -> Verdict:
         else f"the sensors show the angle of the joint only within {100 * unknown:.1f} % of itself"
     )
     reason = (
-        f"{what}, and terms are judged down to {100 * POLICY.small_share:.0f} % of the moment: sensors of "
+        f"{what}, and terms are judged down to {100 * JUDGEMENT.small_share:.0f} % of the moment: sensors of "
         f"displacement, longer runs or sines would tell; without that: {verdict.verdict}, {verdict.reason}"
     )
     return replace(verdict, verdict="undecided", reason=reason)

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy
 
-from sindyjoint.measurement.policy import POLICY
+from sindyjoint.limits import MEASUREMENT
 from sindyjoint.numeric import ROUNDING, Array, kept, without_line
 from sindyjoint.record import Run
 
@@ -90,14 +90,14 @@ def signal_end(
     smooth = scipy.ndimage.median_filter(density, max(5, density.size // 60) | 1, mode="nearest")
     peak = int(np.argmax(density))
     further = np.zeros_like(density) if rising is None else rising(frequency)
-    sunk = np.flatnonzero((smooth <= POLICY.outstanding * (floor + further))[peak:])
+    sunk = np.flatnonzero((smooth <= MEASUREMENT.outstanding * (floor + further))[peak:])
     edge = float(frequency[peak + sunk[0]]) if sunk.size else float(frequency[-1])
     lowest = 8 * sample_rate / signal.size
     just_below = float(np.interp(JUST_BELOW * edge, frequency, smooth))
     return SignalEnd(
         bandwidth=float(np.clip(edge, lowest, WIDEST * sample_rate)),
         noise=float(np.sqrt(floor * sample_rate / 2)),
-        abrupt=just_below > POLICY.cut_off_abruptly * floor,
+        abrupt=just_below > MEASUREMENT.cut_off_abruptly * floor,
         flat=_is_flat(signal, sample_rate, segment),
     )
 
@@ -114,7 +114,7 @@ def _is_flat(signal: Array, sample_rate: float, segment: int) -> bool:
     top = slice(2 * density.size // 3, None)
     level = density[top] / (2 - 2 * np.cos(2 * np.pi * frequency[top] / sample_rate)) ** 2
     lower, upper = (float(np.median(half)) for half in np.array_split(level, 2))
-    return lower <= POLICY.skirt * upper
+    return lower <= MEASUREMENT.skirt * upper
 
 
 def quantisation_step(signal: Array) -> float:
@@ -175,8 +175,8 @@ def moment_noise(moment: Array, sample_rate: float, declared: float | None = Non
     rounding = quantisation_step(moment) / np.sqrt(12.0)
     if rounding >= noise:
         return rounding, True
-    white = difference_noise(moment, 2, 2) <= POLICY.clearly * difference_noise(moment, 1, 2)
-    flat = end.flat and end.noise <= POLICY.contradicts * noise
+    white = difference_noise(moment, 2, 2) <= MEASUREMENT.clearly * difference_noise(moment, 1, 2)
+    flat = end.flat and end.noise <= MEASUREMENT.contradicts * noise
     return noise, flat or (by_differences == noise and white)
 
 
@@ -211,7 +211,7 @@ def noise_before_filter(channel: Array, other: Array, sample_rate: float) -> flo
     below = (frequency > BEFORE[0] * end.bandwidth) & (frequency < JUST_BELOW * end.bandwidth)
     below &= np.isfinite(shared)
     # By power: between the lines of a multisine there is noise, too, but not what ends.
-    if not below.any() or np.average(shared[below], weights=density[below]) >= POLICY.shared_below_end:
+    if not below.any() or np.average(shared[below], weights=density[below]) >= MEASUREMENT.shared_below_end:
         return None
     before = density[below & (frequency < BEFORE[1] * end.bandwidth)]
     # Within the lobe of a tone, or on its slope, there is no level of noise to be read.
@@ -232,7 +232,7 @@ def coherent_to_the_top(first: Array, second: Array, sample_rate: float) -> bool
         )
     top = shared[2 * shared.size // 3 :]
     known = top[np.isfinite(top)]
-    return bool(known.size and np.median(known) > POLICY.mostly)
+    return bool(known.size and np.median(known) > MEASUREMENT.mostly)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import signals_of
-from sindyjoint.measurement.policy import POLICY
+from sindyjoint.limits import MEASUREMENT
 from sindyjoint.measurement.sensors import fuse
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, MINIMUM_SAMPLES, Run, checked_signal
@@ -180,7 +180,7 @@ def white_noise(values: Array, place: Array | None = None, branch: Array | None 
     if branch is not None:
         third = third[branch[3:] == branch[:-3]]
     sign = np.sign(third[third != 0])
-    if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < POLICY.noise_changes:
+    if sign.size < 8 or np.mean(sign[1:] != sign[:-1]) < MEASUREMENT.noise_changes:
         return 0.0
     # Their median ignores a few steps and spikes; 1.4826 times it is σ for Gaussian noise.
     return float(1.4826 * np.median(np.abs(third)))
@@ -229,7 +229,9 @@ def travelled(angle: Array) -> tuple[Array, Array, Array]:
         Where nothing moves.
     """
     steps, noise = np.abs(np.diff(angle)), white_noise(angle)
-    threshold = max(POLICY.stands_out * noise, POLICY.clearly * float(steps[steps > 0].min(initial=np.inf)))
+    threshold = max(
+        MEASUREMENT.stands_out * noise, MEASUREMENT.clearly * float(steps[steps > 0].min(initial=np.inf))
+    )
     turns = reversals(angle, threshold if np.isfinite(threshold) else 0.0)
     if turns.size < 2:
         raise InputError("the joint does not move beyond its noise; expected a path that it travels")
@@ -249,7 +251,7 @@ def _turning_angle(angle: Array, at: int, noise: float, end: bool) -> float:
 
     It goes through the samples that noise does not separate from the extreme one, whose own value holds the noise.
     """
-    far = np.abs(angle - angle[at]) > POLICY.stands_out * noise
+    far = np.abs(angle - angle[at]) > MEASUREMENT.stands_out * noise
     start = at - int(np.argmax(np.append(far[:at][::-1], True)))
     stop = at + int(np.argmax(np.append(far[at + 1 :], True))) + 1
     if stop - start < FEWEST_AT_A_TURN:

@@ -9,7 +9,6 @@ __getattr__ = fetched(
         "plan_file": "plan_text play read_plan",
         "prior": "like_law like_model",
         "runs": "PlannedRun candidates highest_level motion",
-        "policy": "POLICY",
         "search": "Choice best_runs",
         "separating_runs": "rivals_of",
     },

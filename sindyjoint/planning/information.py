@@ -16,17 +16,16 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
+from sindyjoint.limits import DISCOVERY, STATES
 from sindyjoint.numeric import Array, partials
 from sindyjoint.planning.runs import POINTS, PlannedRun, motion
 from sindyjoint.response.laws import model_law
 from sindyjoint.states import Harmonics
 from sindyjoint.states.harmonics import significant_harmonics
 from sindyjoint.states.periodic import BAND_SHARE, MAXIMUM_HARMONICS, REPLICATES, reversal_guard
-from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import moving_mask, rate_limit
 
 

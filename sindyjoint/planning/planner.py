@@ -11,6 +11,7 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics.excitation import SINE, driven_at
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
@@ -21,7 +22,6 @@ from sindyjoint.planning.information import (
     stacked,
 )
 from sindyjoint.planning.plan import DRAWS, Now, Plan, Prediction, Step, counted_runs, predictions
-from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.prior import Prior
 from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, motion
 from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
@@ -58,7 +58,7 @@ class Planner:
     def plan(self, unit: str, duration: float, count: int) -> Plan:
         """Return the plan of ``count`` runs."""
         joint = self.known.joint
-        drawn = joint.draws(POLICY.joints, self.random_state)
+        drawn = joint.draws(PLANNING.joints, self.random_state)
         laws = [model_law(one) for one in (*joint.corners(), *drawn)]
         middle = model_law(joint.model)
         offered, grid = candidates(
@@ -94,7 +94,7 @@ class Planner:
             near = min((run.frequency for run in offered), key=lambda f: abs(f - frequency))
             top = max((run for run in offered if run.frequency == near), key=lambda run: run.level)
             share = swing / (np.ptp(motion(law, top.drive, near, top.level, waveform=top.waveform).angle) / 2)
-            made.append((frequency, str(int(np.argmin(np.abs(np.array(POLICY.levels) - share))))))
+            made.append((frequency, str(int(np.argmin(np.abs(np.array(PLANNING.levels) - share))))))
         return tuple(made)
 
     def _information(
@@ -118,7 +118,7 @@ class Planner:
             widest = float(max(half[i] / abs(known.joint.model.coefficients[i]) for i in self.matter))
         complete, missing = 1.0 - choice.left_out([]), choice.missing([])
         enough = self.until is not None and widest <= self.until
-        reached = bool(enough and not missing and complete >= POLICY.confident)
+        reached = bool(enough and not missing and complete >= PLANNING.confident)
         return Now(len(known.runs), known.seconds, widest, complete, missing, reached)
 
     def _predicted(

@@ -14,12 +14,12 @@ from sindyjoint.discovery.evidence import Evidence, block_scores
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, model_terms
 from sindyjoint.errors import InputError, SindyJointError, UnknownNameError
+from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics.excitation import Actuator, Drive
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.numeric import Array
 from sindyjoint.paper import PARAMETERS
 from sindyjoint.planning.information import Information, Sensors, stacked
-from sindyjoint.planning.policy import POLICY
 from sindyjoint.record import Campaign, Joint
 from sindyjoint.response.laws import with_coefficients
 from sindyjoint.states import ForceStates, force_states
@@ -98,7 +98,7 @@ def like_law(law: PaperLaw) -> JointRange:
     terms = model_terms(resolved, values[order], np.diag(zero), zero + np.nan, 1, "rotation")
     fitted = Fitted(1.0, 0.0, 0.0, 1.0, 0, 0, min(law.softening_angle, 1.0), 1.0)
     model = JointModel(Joint(law.name, inertia=law.inertia), terms, (), fitted)
-    half = POLICY.large_part * np.abs(model.coefficients)
+    half = PLANNING.large_part * np.abs(model.coefficients)
     return JointRange(model, model.coefficients - half, model.coefficients + half)
 
 
@@ -112,7 +112,7 @@ def like_model(model: JointModel) -> JointRange:
     """
     if not model.terms:
         raise InputError("the model has no terms; a plan is made for terms of angle and rate")
-    half = POLICY.significant * model.standard_errors
+    half = PLANNING.significant * model.standard_errors
     low, high = model.coefficients - half, model.coefficients + half
     for index, term in enumerate(model.terms):
         if (term.family == "friction" or term.id == INERTIA) and term.coefficient > 0:

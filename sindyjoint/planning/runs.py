@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.limits import PLANNING, PlanningPolicy
 from sindyjoint.mechanics.excitation import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, prescribed_motion, simulate
 from sindyjoint.mechanics.virtual import LEVELS, PHASE
 from sindyjoint.numeric import Array
-from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.states.periodic import REPLICATES
 
 POINTS = 400  # samples per period, at least
@@ -72,7 +72,7 @@ def motion(
     while periods <= MOST_PERIODS:
         moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=1e-6)
         last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
-        if np.linalg.norm(last - before) <= POLICY.granted_share * np.linalg.norm(last):
+        if np.linalg.norm(last - before) <= PLANNING.granted_share * np.linalg.norm(last):
             return moved
         periods *= 2
     raise SimulationError(
@@ -90,9 +90,9 @@ def within_limits(law: Law, actuator: Actuator, frequency: float, level: float, 
     return bool(
         low <= moved.angle.min()
         and moved.angle.max() <= high
-        and np.abs(moved.angle).max() <= POLICY.limit_share * actuator.angle
-        and np.abs(moved.rate).max() <= POLICY.limit_share * actuator.rate
-        and np.abs(moved.moment).max() <= POLICY.limit_share * actuator.moment
+        and np.abs(moved.angle).max() <= PLANNING.limit_share * actuator.angle
+        and np.abs(moved.rate).max() <= PLANNING.limit_share * actuator.rate
+        and np.abs(moved.moment).max() <= PLANNING.limit_share * actuator.moment
     )
 
 
@@ -159,7 +159,7 @@ def candidates(
     actuator: Actuator,
     duration: float,
     unit: str,
-    policy: PlanningPolicy = POLICY,
+    policy: PlanningPolicy = PLANNING,
     waveforms: Sequence[str] = (SINE,),
     say: Callable[[str], None] = lambda stage: None,
 ) -> tuple[tuple[PlannedRun, ...], tuple[PlannedRun, ...]]:

@@ -15,6 +15,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.limits import PLANNING, PlanningPolicy
 from sindyjoint.numeric import SAME, Array, kept
 from sindyjoint.planning.information import (
     Information,
@@ -25,7 +26,6 @@ from sindyjoint.planning.information import (
     margins,
     requirements,
 )
-from sindyjoint.planning.policy import POLICY, PlanningPolicy
 from sindyjoint.planning.runs import PlannedRun
 
 # What is made small, and how much each counts.
@@ -82,7 +82,7 @@ class Choice:
     known: Information | None = None
     known_runs: tuple[tuple[float, str], ...] = ()
     grid: Information | None = None
-    policy: PlanningPolicy = POLICY
+    policy: PlanningPolicy = PLANNING
 
     def widest(self, chosen: Sequence[int]) -> Array:
         """Return what the first goal makes small, of each joint, shape (joints,)."""

@@ -11,12 +11,12 @@ import numpy as np
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import OF_CHANNELS, OF_RIG, TestNuisances
+from sindyjoint.limits import RESPONSE
 from sindyjoint.mechanics.laws import FormulaLaw, Law
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.drive import Drive, prescribed
 from sindyjoint.response.laws import Instant, LawInRun, law_in_run, parts_of, sum_law, with_added
-from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, SimulatedRun, along_motion, pooled_nrmse, simulate_run
 from sindyjoint.states import ForceStates, force_states, one_after_another, states_of
 from sindyjoint.states.build import Choice, aligned_run, content_hash
@@ -105,7 +105,7 @@ def predicts_worse(
     if not campaign.validation_runs:
         return ""
     (first, floor), (last, _) = (_gap_and_floor(model, campaign, test, window) for model in (before, after))
-    if np.isnan(first) or last <= (1 + POLICY.minor_share) * np.hypot(first, np.nan_to_num(floor)):
+    if np.isnan(first) or last <= (1 + RESPONSE.minor_share) * np.hypot(first, np.nan_to_num(floor)):
         return ""
     missed = f"by {100 * last:.3g} %" if np.isfinite(last) else "altogether"
     return f"the runs kept out would be missed {missed}, where they are by {100 * first:.3g} % without it"

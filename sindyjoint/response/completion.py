@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SimulationError
+from sindyjoint.limits import MEASUREMENT, RESPONSE
 from sindyjoint.measurement.noise import signal_end
-from sindyjoint.measurement.policy import POLICY as MEASUREMENT
 from sindyjoint.mechanics.excitation import repeated
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
@@ -25,7 +25,6 @@ from sindyjoint.numeric import Array, kept, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import steady_start
 from sindyjoint.response.laws import held_laws
-from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import RTOL, angle_limits, simulate_motion, span_of
 from sindyjoint.states import ForceStates, Harmonics
 from sindyjoint.states.broadband import smoothing_kernels
@@ -87,7 +86,7 @@ def _agrees(better: ForceStates, run: Run, state: ForceStates) -> bool:
     measured = run.angle[span_of(run, state)]
     floor = max(state.noise.angle, rms(measured - state.angle))
     passed = [_passed(each) for each in (state, better)]
-    more = POLICY.significant / np.sqrt(2 * measured.size)
+    more = RESPONSE.significant / np.sqrt(2 * measured.size)
     return rms(measured - better.angle) <= floor * np.sqrt((1 + more) ** 2 + passed[0] - passed[1])
 
 
@@ -99,7 +98,7 @@ def _passed(state: ForceStates) -> float:
 
 
 def _follows(angle: Array, state: ForceStates) -> bool:
-    return bool(np.std(angle - state.angle) < POLICY.alike * np.std(state.angle))
+    return bool(np.std(angle - state.angle) < RESPONSE.alike * np.std(state.angle))
 
 
 def _of_period(law: Law, state: ForceStates, between: float) -> ForceStates | None:
@@ -151,7 +150,7 @@ def _strong(state: ForceStates) -> tuple[list[HarmonicBasis], tuple[Harmonics, .
     for found, signal in zip(state.series, (state.angle, state.rate), strict=False):
         basis = HarmonicBasis.build(state.time - state.time[0], state.frequency, found.orders)
         _, a, b = basis.fit(signal)
-        strong = np.hypot(a, b) > POLICY.many_times * found.standard_error
+        strong = np.hypot(a, b) > RESPONSE.many_times * found.standard_error
         strong[0] = True
         bases.append(basis.take(strong))
         series.append(Harmonics(found.orders[strong], found.standard_error[strong]))
@@ -207,7 +206,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
             values += later.sum()
         elif state.method == "broadband":
             moment = state.moment if state.repeated else run.moment[span_of(run, state)]
-            lower, band = POLICY.mostly, 2 * state.bandwidth / state.sample_rate
+            lower, band = RESPONSE.mostly, 2 * state.bandwidth / state.sample_rate
             accelerations.append(_upper(state.acceleration, state))
             # The acceleration went through the kernel once already.
             moments.append(_upper(_low_passed(moment, state, state.bandwidth), state))
@@ -220,7 +219,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
     if not (size > 0 and square > 0):
         return 0.0
-    least = max(POLICY.mostly, POLICY.significant / np.sqrt(2 * max(values, 1)))
+    least = max(RESPONSE.mostly, RESPONSE.significant / np.sqrt(2 * max(values, 1)))
     if not both > least * size:
         return 0.0
     inertia = square / both
@@ -231,7 +230,7 @@ def inertia_between(runs: Sequence[Run], states: Sequence[ForceStates]) -> float
 def _upper(signal: Array, state: ForceStates) -> Array:
     """Return what of a signal lies in the upper part of the band of a run's motion."""
     band = state.bandwidth
-    return _low_passed(signal, state, band) - _low_passed(signal, state, POLICY.mostly * band)
+    return _low_passed(signal, state, band) - _low_passed(signal, state, RESPONSE.mostly * band)
 
 
 def _drive(state: ForceStates, between: float) -> Array | None:
@@ -277,7 +276,7 @@ def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
     if not _follows(motion.angle, state):
         return None
     moved = np.array([motion.angle, motion.rate, motion.acceleration])
-    known = signal_end(state.angle, state.sample_rate, POLICY.many_times * state.noise.angle / 2)
+    known = signal_end(state.angle, state.sample_rate, RESPONSE.many_times * state.noise.angle / 2)
     measured = np.array([state.angle, state.rate, state.acceleration])
     band = min(known.cutoff, state.bandwidth)
     moved += _smoothed(state, band, measured - moved)
@@ -327,7 +326,7 @@ def _drive_of_record(run: Run, state: ForceStates, between: float) -> Array | No
         return np.where(frequency < band, 5 * noise**2 * frequency**4 / band**5, 0.0)
 
     end = signal_end(drive, state.sample_rate, rising=of_acceleration)
-    drives = between > 0 or end.bandwidth < POLICY.drive_band * band
+    drives = between > 0 or end.bandwidth < RESPONSE.drive_band * band
     return _low_passed(drive, state, min(end.cutoff, band)) if drives else None
 
 

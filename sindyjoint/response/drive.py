@@ -6,14 +6,13 @@ import numpy as np
 import scipy
 
 from sindyjoint.errors import SimulationError
-from sindyjoint.measurement.policy import POLICY as NOISE
+from sindyjoint.limits import MEASUREMENT, RESPONSE
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import DIFFERENCE, Array, kept, rms, without_line
 from sindyjoint.record import Run
 from sindyjoint.response.laws import LawInRun, elastic_moment
-from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
 
 Drive = Literal["moment", "windows", "motion", "free run"]
@@ -32,7 +31,7 @@ def choose_drive(law: Law, states: ForceStates) -> Drive:
     low, high = elastic_moment(law, [middle - reach, middle + reach])
     restoring = (high - low) / 2
     return (
-        "moment" if restoring > POLICY.minor_share * rms(states.transfer_moment(law.inertia)) else "windows"
+        "moment" if restoring > RESPONSE.minor_share * rms(states.transfer_moment(law.inertia)) else "windows"
     )
 
 
@@ -50,7 +49,7 @@ def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0
     if states.method == "path":
         return True
     if states.method == "broadband" and not states.repeated:
-        return unanswered(states, inertia) > POLICY.clearly
+        return unanswered(states, inertia) > RESPONSE.clearly
     if states.method != "periodic" or states.frequency is None:
         return False
     if not (_sinusoidal(states) if spurious else states.bandwidth <= 1.5 * states.frequency):
@@ -59,7 +58,7 @@ def prescribed(states: ForceStates, spurious: bool = False, inertia: float = 0.0
     basis = np.column_stack([np.ones(phase.size), np.cos(phase), np.sin(phase)])
     residual = states.moment - basis @ np.linalg.lstsq(basis, states.moment, rcond=None)[0]
     floor = max(states.noise.moment, 1e-3 * float(np.std(states.moment)))
-    return bool(np.std(residual) > POLICY.clearly * floor)
+    return bool(np.std(residual) > RESPONSE.clearly * floor)
 
 
 def unanswered(states: ForceStates, inertia: float) -> float:
@@ -76,7 +75,7 @@ def unanswered(states: ForceStates, inertia: float) -> float:
     )
     unit_noise = 2 / states.sample_rate  # one-sided density of white noise of variance one
     floor = unit_noise * states.noise.moment**2
-    beyond = (frequency > states.bandwidth) & (density > NOISE.outstanding * floor)
+    beyond = (frequency > states.bandwidth) & (density > MEASUREMENT.outstanding * floor)
     frequency, density = frequency[beyond], density[beyond]
     stiffness = float(np.std(states.moment)) / max(float(np.std(states.angle)), 1e-300)
     answer = density / (stiffness + inertia * (2 * np.pi * frequency) ** 2) ** 2
@@ -92,7 +91,9 @@ def _sinusoidal(states: ForceStates) -> bool:
     basis = np.hstack([np.ones((states.n_samples, 1)), np.cos(phase), np.sin(phase)])
     parts = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
     amplitudes = np.hypot(parts[:count], parts[count:])[1:]
-    return bool(np.all(amplitudes <= POLICY.stands_out * states.noise.angle * np.sqrt(2 / states.n_samples)))
+    return bool(
+        np.all(amplitudes <= RESPONSE.stands_out * states.noise.angle * np.sqrt(2 / states.n_samples))
+    )
 
 
 # Periods after which a run that repeats is taken for steady.
@@ -110,7 +111,7 @@ def cycle_of(states: ForceStates) -> float:
 
 def start_on_parabola(run: Run, states: ForceStates, samples: int) -> Array:
     """Return angle and rate where a parabola through the first of some samples begins, an eighth of a cycle at most."""
-    count = min(samples, max(POLICY.fewest_initial, round(cycle_of(states) / 8 * run.sample_rate)))
+    count = min(samples, max(RESPONSE.fewest_initial, round(cycle_of(states) / 8 * run.sample_rate)))
     return np.polyfit(np.arange(count) / run.sample_rate, run.angle[:count], 2)[:0:-1]
 
 
@@ -175,9 +176,9 @@ def fitted_start(
         Of :func:`~sindyjoint.mechanics.stickslip.simulate`.
     """
     free = np.flatnonzero(size)
-    bound, found = np.where(free < 2, POLICY.reach, np.inf), np.zeros(free.size)
+    bound, found = np.where(free < 2, RESPONSE.reach, np.inf), np.zeros(free.size)
     for share in STAGES:
-        count = min(max(round(share * measured.size), POLICY.fewest_initial), measured.size)
+        count = min(max(round(share * measured.size), RESPONSE.fewest_initial), measured.size)
 
         def residual(x: Array, count: int = count) -> Array:
             from_here = start.copy()

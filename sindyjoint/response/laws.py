@@ -11,13 +11,13 @@ from sindyjoint.equation.element import Form, JointElement
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TEST_SIGNALS
 from sindyjoint.errors import InputError, refuse
+from sindyjoint.limits import RESPONSE
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FormulaLaw, Law, LawWithNumbers, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, root_of
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Campaign
-from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates
 from sindyjoint.states.build import with_lags
 from sindyjoint.text import in_words_of
@@ -367,7 +367,7 @@ def law_in_run(model: JointModel, states: ForceStates) -> Law | LawInRun:
     rate = np.where(states.rate == 0, 1e-300, states.rate)
     along = model.without_elements().moment(states.angle, rate, inputs=states.inputs)
     added = along - held.without_elements().moment(states.angle, rate)
-    return LawInRun.of(law, added, moves) if np.std(added) > POLICY.small_share * np.std(along) else law
+    return LawInRun.of(law, added, moves) if np.std(added) > RESPONSE.small_share * np.std(along) else law
 
 
 def held_laws(model: JointModel, states: Sequence[ForceStates]) -> list[Law]:

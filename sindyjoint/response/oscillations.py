@@ -8,8 +8,8 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import same
+from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, main_frequency, noise_by_differences
-from sindyjoint.response.policy import POLICY
 
 # Span of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
 CUBIC_SPAN = 0.35
@@ -84,8 +84,8 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     smooth = scipy.signal.savgol_filter(values, width, 3)
     # A cubic over w points keeps 9/(4w) of the noise's variance (its value in the middle).
     least = max(
-        POLICY.stands_out * noise_by_differences(values, 4) * np.sqrt(2.25 / width),
-        POLICY.accuracy * float(np.ptp(smooth)),
+        RESPONSE.stands_out * noise_by_differences(values, 4) * np.sqrt(2.25 / width),
+        RESPONSE.accuracy * float(np.ptp(smooth)),
     )
     maxima, _ = scipy.signal.find_peaks(smooth, prominence=least)
     minima, _ = scipy.signal.find_peaks(-smooth, prominence=least)
@@ -171,7 +171,7 @@ def compare_oscillations(
         return None
     # A vibration that falls below the noise long before the other has no amplitude from there on; one that only
     # has fewer half-cycles in the same time is compared by half-cycle.
-    sunk = abs(float(a.time[-1] - b.time[-1])) > POLICY.sunk_periods * float(np.median(a.period))
+    sunk = abs(float(a.time[-1] - b.time[-1])) > RESPONSE.sunk_periods * float(np.median(a.period))
     count = max(a.amplitude.size, b.amplitude.size) if sunk else n - 1
     amplitudes = np.zeros((2, count))
     for row, found in zip(amplitudes, (a.amplitude[:count], b.amplitude[:count]), strict=True):

@@ -14,6 +14,7 @@ from sindyjoint.equation.element import JointElement, Value
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TestNuisances
+from sindyjoint.limits import RESPONSE
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.segments import segment_starts
@@ -23,7 +24,6 @@ from sindyjoint.record import Motion, Run
 from sindyjoint.response.compared import added_law, law_of_test
 from sindyjoint.response.drive import SETTLED, Drive, choose_drive, prescribed
 from sindyjoint.response.laws import law_terms
-from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import (
     along_motion,
     angle_limits,
@@ -275,7 +275,7 @@ def record_of(
         drive=drive,
         moment=moment,
         measured=measured,
-        sigma=max(noise, POLICY.simulated * float(np.std(measured))),
+        sigma=max(noise, RESPONSE.simulated * float(np.std(measured))),
         skip=0 if steady else skip,
         excitation=excitation,
         limits=angle_limits(law, states, drive),
@@ -357,7 +357,7 @@ def coefficient(model: JointModel, name: str, moment: float) -> Parameter:
     value = term.coefficient
     scale = abs(value) if value != 0 else max(term.standard_error, 1e-12)
     # Where the term's share is not known, it is taken for the whole.
-    reach = POLICY.reach * scale / min(term.unique_share if term.unique_share > 0 else 1.0, 1.0)
+    reach = RESPONSE.reach * scale / min(term.unique_share if term.unique_share > 0 else 1.0, 1.0)
     low, high = value - reach, value + reach
     if name == "coulomb_friction" and value < 0:
         return Parameter(name, "coefficient", 0.0, scale, 0.0, moment)
@@ -381,13 +381,13 @@ def element_parameters(elements: Iterable[JointElement]) -> Iterable[Parameter]:
 def range_of(element: JointElement, number: Value) -> float:
     """Return how many times itself a number of an element may become."""
     shape = number.unit in ("", "1") and number in element.parameters
-    return POLICY.shape_range if shape else POLICY.element_range
+    return RESPONSE.shape_range if shape else RESPONSE.element_range
 
 
 def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     """Return a nuisance parameter for a response of this RMS whose fastest motion has this period, s."""
     start, whole = NUISANCE[name].start, {"delay": period, "gain": 1.0, "offset": size}[name]
-    reach = POLICY.reach * whole
+    reach = RESPONSE.reach * whole
     # A gain is one of one, a delay and an offset are small: their scale is a hundredth of the motion's.
     scale = whole if name == "gain" else 0.01 * whole
     return Parameter(name, "nuisance", start, scale, start - reach, start + reach)

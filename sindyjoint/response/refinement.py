@@ -10,12 +10,12 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, rms, scaled_least_squares
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import law_of_test, predicts_worse
 from sindyjoint.response.output_error import ROUGH_STEP, OutputError, without_negative_friction
 from sindyjoint.response.output_error_runs import NUISANCE, Nuisance, Parameter, range_of, term_columns
-from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
 
@@ -165,10 +165,10 @@ def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Ar
     for other in others:
         trial, cost = _fit(problem, other, FIRST_EVALUATIONS)
         apart = np.abs((trial - best) / problem.table[1])[: problem.n_shared].max()
-        if cost > (1 + POLICY.large_part) * least or apart < SAME_END:
+        if cost > (1 + RESPONSE.large_part) * least or apart < SAME_END:
             continue
         end, cost = _fit(problem, trial, MOST_EVALUATIONS)
-        if cost < (1 - POLICY.small_share) * least:
+        if cost < (1 - RESPONSE.small_share) * least:
             best, least = end, cost
     return best
 
@@ -290,15 +290,16 @@ def undetermined_directions(parameters: Sequence[Parameter], covariance: Array) 
     """
     variances, directions = np.linalg.eigh(covariance)
     entangled = (
-        np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True))) > POLICY.many_times
+        np.sqrt(np.diag(covariance) * np.diag(np.linalg.pinv(covariance, hermitian=True)))
+        > RESPONSE.many_times
     )
     sentences = []
     for variance, direction in zip(variances[::-1], directions.T[::-1], strict=True):
         size = float(np.sqrt(variance))
         order = np.argsort(-np.abs(direction))
-        named = [parameters[i].name for i in order if abs(direction[i]) >= POLICY.large_part]
+        named = [parameters[i].name for i in order if abs(direction[i]) >= RESPONSE.large_part]
         single = len(named) == 1
-        seen = POLICY.reach / (1 if single else POLICY.many_times)
+        seen = RESPONSE.reach / (1 if single else RESPONSE.many_times)
         if size <= seen or not (single or entangled[order[1]]):
             continue
         if single:

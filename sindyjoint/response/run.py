@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.limits import RESPONSE, STATES
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.segments import simulate_segments
@@ -31,9 +32,7 @@ from sindyjoint.response.drive import (
     steady_start,
 )
 from sindyjoint.response.laws import LawInRun
-from sindyjoint.response.policy import POLICY
 from sindyjoint.states import ForceStates, force_states
-from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import rate_limit, without_noise_travel
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
@@ -281,10 +280,10 @@ def attempted(simulate: Callable[[Any], Simulated], subject: Any) -> tuple[Simul
 
 
 def _check_samples(run: Run, samples: int, end: int) -> None:
-    most = end - 2 * POLICY.fewest_initial
-    if not POLICY.fewest_initial <= samples <= most:
+    most = end - 2 * RESPONSE.fewest_initial
+    if not RESPONSE.fewest_initial <= samples <= most:
         raise InputError(
-            f"{run.label}: free_run is {samples} samples; expected {POLICY.fewest_initial} to {most}: the initial "
+            f"{run.label}: free_run is {samples} samples; expected {RESPONSE.fewest_initial} to {most}: the initial "
             "state is estimated from them, and something must be left to compare"
         )
 
@@ -379,7 +378,7 @@ def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     least, most = float(np.min(states.angle)), float(np.max(states.angle))
     reach = most - least
     if drive == "moment" and low < least and most < high:
-        away = POLICY.runaway * reach
+        away = RESPONSE.runaway * reach
         return (
             low if np.isfinite(low) else least - away,
             high if np.isfinite(high) else most + away,
@@ -437,7 +436,7 @@ def simulate_motion(
     else:
         size = np.array([np.std(states.angle), rms(states.rate), *np.zeros(law.n_states)])
         # A start is known little better by what comes after a cycle.
-        used = max(round(cycle_of(states) * rate), POLICY.fewest_initial)
+        used = max(round(cycle_of(states) * rate), RESPONSE.fewest_initial)
         if drive == "free run":
             span, used, excitation = slice(0, run.n_samples), first, sampled(run.moment, rate)
             start, size[2:] = start_on_parabola(run, states, first), internal_size(law, inner)

@@ -8,10 +8,10 @@ import numpy as np
 
 from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
+from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, rms
 from sindyjoint.response.laws import draw_models
 from sindyjoint.response.oscillations import Oscillation
-from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import WINDOW, pooled_nrmse
 from sindyjoint.text import list_some
 from sindyjoint.trust import Trust
@@ -239,7 +239,7 @@ def seen_words(seen: Mapping[str, bool | None]) -> list[str]:
 def band_of(responses: Sequence[Array | None]) -> Band | None:
     """Return the band of simulated responses; ``None`` with too few of them."""
     good = [response for response in responses if response is not None]
-    if len(good) < POLICY.scatter:
+    if len(good) < RESPONSE.scatter:
         return None
     middle, spread = np.mean(good, axis=0), np.std(good, axis=0, ddof=1)
     return Band(middle - 1.96 * spread, middle + 1.96 * spread, len(responses), len(responses) - len(good))

@@ -9,12 +9,12 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import has_seen, range_warnings
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError
+from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, finite
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import compare_run, compared_states, law_of_test
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.oscillations import compare_oscillations, oscillation
-from sindyjoint.response.policy import POLICY
 from sindyjoint.response.run import SimulatedRun
 from sindyjoint.response.verification import (
     Band,
@@ -117,7 +117,7 @@ def _compare_joints(model: JointModel, campaign: Campaign) -> list[str]:
         )
     mean = in_words_of(motion, "the mean angle was not measured where the model was fitted")
     inertia = in_words_of(motion, "the campaign declares the inertia")
-    other = declared is not None and not np.isclose(declared, model.inertia, rtol=POLICY.accuracy)
+    other = declared is not None and not np.isclose(declared, model.inertia, rtol=RESPONSE.accuracy)
     notes = [
         (
             model.joint.name != campaign.joint.name,
@@ -187,8 +187,8 @@ def _has_cycles(simulated: SimulatedRun) -> bool:
     """
     if simulated.drive not in ("moment", "free run"):
         return False
-    driven = np.abs(simulated.moment) > POLICY.minor_share * simulated.moment_scale
-    return simulated.states.method == "periodic" or float(np.mean(driven)) < POLICY.minor_share
+    driven = np.abs(simulated.moment) > RESPONSE.minor_share * simulated.moment_scale
+    return simulated.states.method == "periodic" or float(np.mean(driven)) < RESPONSE.minor_share
 
 
 def cycle_energy(simulated: SimulatedRun) -> Array | None:

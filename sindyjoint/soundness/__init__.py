@@ -12,7 +12,6 @@ __getattr__ = fetched(
         "law.motions": "MOST_HARMONICS POINTS cycles_of",
         "law.odd_runs": "Held find_odd_runs find_other_scales",
         "masking": "bridge mask_campaign mask_run",
-        "policy": "POLICY",
         "record": "record_of",
         "warnings": "identifiability_notes",
     },

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.inputs import Source
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.measurement.runs import white_noise, with_channels
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import Run
 from sindyjoint.soundness.finding import Finding, Spans
-from sindyjoint.soundness.policy import POLICY
 
 Mask = NDArray[np.bool_]
 
@@ -105,7 +105,7 @@ class Channel:
     @cached_property
     def quantised(self) -> bool:
         """Whether noise is not far above the resolution, so that neighbours may well be equal."""
-        return self.noise <= POLICY.outstanding * self.step
+        return self.noise <= SOUNDNESS.outstanding * self.step
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,12 +203,12 @@ class Record:
         if self.declared is not None or angle is None:
             return self.declared
         per = self.sample_rate / self.main if self.main > 0 else 0.0
-        if not (per >= 8 and angle.values.size >= POLICY.fewest * per):
+        if not (per >= 8 and angle.values.size >= SOUNDNESS.fewest * per):
             return None
         line = np.abs(cut_periods(angle.values, per).line)
         late = line[line.size // 3 :]
-        steady = late.size > 1 and np.ptp(late) <= POLICY.minor_share * np.median(late)
-        carried = np.median(late) / np.sqrt(2) >= (1 - POLICY.large_part) * angle.std
+        steady = late.size > 1 and np.ptp(late) <= SOUNDNESS.minor_share * np.median(late)
+        carried = np.median(late) / np.sqrt(2) >= (1 - SOUNDNESS.large_part) * angle.std
         return self.main if steady and carried else None
 
     @cached_property
@@ -227,7 +227,7 @@ class Record:
     def periods(self) -> dict[str, Periods]:
         """Channels that vary, period by period; empty of a run that does not repeat or has too few periods."""
         per = self.samples_per_period
-        if per < 4 or self.n_samples < POLICY.fewest * per:
+        if per < 4 or self.n_samples < SOUNDNESS.fewest * per:
             return {}
         return {c.name: cut_periods(c.values, per, self.order) for c in self.alive}
 
@@ -237,10 +237,10 @@ class Record:
 
     def short(self, spans: Spans) -> bool:
         """Return whether what is missing can be put in: from other periods, or across gaps short against the motion."""
-        if sum(b - a for a, b in spans) > POLICY.large_part * self.n_samples:
+        if sum(b - a for a, b in spans) > SOUNDNESS.large_part * self.n_samples:
             return False
         fastest = max(main_frequency(c.values, self.sample_rate, between_bins=True) for c in self.alive)
-        longest = POLICY.minor_share * self.sample_rate / max(fastest, 1e-9)
+        longest = SOUNDNESS.minor_share * self.sample_rate / max(fastest, 1e-9)
         return self.declared is not None or max(b - a for a, b in spans) <= longest
 
     def bridged(self, findings: Iterable[Finding]) -> Record:

@@ -6,9 +6,8 @@ import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, said_of_removed
 from sindyjoint.equation.model import INERTIA, JointModel
-from sindyjoint.equation.policy import POLICY as EQUATION
+from sindyjoint.limits import EQUATION, SOUNDNESS
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.policy import POLICY
 from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, list_some, quantities
 
@@ -82,7 +81,7 @@ def _warn_of_evidence(
             f"tell them apart): {', '.join(indistinct)}",
         ),
         (
-            least.moving_fraction < POLICY.large_part,
+            least.moving_fraction < SOUNDNESS.large_part,
             f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples, the others tell "
             "nothing: drive it harder",
         ),
@@ -137,7 +136,7 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
     # The secant: an elastic moment that is a small part of the whole may well fall, only a main part has a sign.
     top, load_and_path = model.fitted.angle, channel_words(model)
     rise = float(np.diff(model.moment(np.array([-top, top]), np.zeros(2)))[0]) if top > 0 else 0.0
-    main = 0.5 * abs(rise) > POLICY.large_part * model.fitted.moment_rms
+    main = 0.5 * abs(rise) > SOUNDNESS.large_part * model.fitted.moment_rms
     backwards = main and rise < 0 and max(stiffness) < 0
     feeding = bool(model.terms) and max(power) < 0
     if backwards and feeding:
@@ -212,19 +211,21 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         else "the gaps are those of its parts, left out in turn; record a second run to check the model"
     )
     frequencies = [s.frequency for s in states if s.frequency is not None]
-    alike = len(frequencies) == len(states) and max(frequencies) < (1 + POLICY.small_share) * min(frequencies)
+    alike = len(frequencies) == len(states) and max(frequencies) < (1 + SOUNDNESS.small_share) * min(
+        frequencies
+    )
     ranges = [float(np.ptp(s.angle)) for s in states]
     periodic = [s for s in states if s.method == "periodic"]
-    one_level = len(periodic) == len(states) and max(ranges) < (1 + POLICY.alike) * min(ranges)
+    one_level = len(periodic) == len(states) and max(ranges) < (1 + SOUNDNESS.alike) * min(ranges)
     once = any(s.noise.source in ("spectrum", "coherent") for s in states)
     short = [
         s.run
         for s in periodic
-        if s.frequency and s.n_samples * s.frequency < POLICY.few_periods * s.sample_rate
+        if s.frequency and s.n_samples * s.frequency < SOUNDNESS.few_periods * s.sample_rate
     ]
     ends = {run.name: run.duration for run in campaign.runs}
     dropped = {s.run: s.dropped / ends[s.run] for s in periodic}
-    late = [run for run, share in dropped.items() if share > POLICY.large_part]
+    late = [run for run, share in dropped.items() if share > SOUNDNESS.large_part]
     notes = [
         (len(states) == 1, f"one run only: {held}"),
         (
@@ -246,7 +247,7 @@ def identifiability_notes(campaign: Campaign, states: Sequence[ForceStates]) -> 
         ),
         (
             short,
-            f"fewer than {POLICY.few_periods} periods in {list_some(short)}: what changes in time cannot be seen; "
+            f"fewer than {SOUNDNESS.few_periods} periods in {list_some(short)}: what changes in time cannot be seen; "
             "record longer",
         ),
         (

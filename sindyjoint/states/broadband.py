@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from sindyjoint.errors import InputError
+from sindyjoint.limits import STATES
 from sindyjoint.measurement.noise import WIDEST, channel_noise
 from sindyjoint.measurement.runs import white_noise
 from sindyjoint.numeric import Array, convolve, filtered_inputs, smoothing_kernels
 from sindyjoint.record import Run
 from sindyjoint.rig import Fusion
-from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, NoiseFloor, moving_mask, rate_limit, within
 
 BLOCKS = 32
@@ -26,7 +26,7 @@ def dwells(rate: Array) -> bool:
     if peak == 0:
         return True
     slow = np.abs(rate) / peak
-    return bool(np.count_nonzero(slow < 0.05) > POLICY.dwelling * np.count_nonzero(slow < 0.15))
+    return bool(np.count_nonzero(slow < 0.05) > STATES.dwelling * np.count_nonzero(slow < 0.15))
 
 
 def _measure_reversal_spacing(rate: Array) -> float:
@@ -68,12 +68,12 @@ def broadband_states(
     middle = slice(edge, run.n_samples - edge)
     angle, rate, acceleration = _smooth_motion(run, kernels, repeated)
     if dwells(rate):
-        share, guard_periods = POLICY.minor_share, POLICY.periodic_guard
+        share, guard_periods = STATES.minor_share, STATES.periodic_guard
     else:
-        share, guard_periods = POLICY.passing_rate_share, POLICY.passing_guard
+        share, guard_periods = STATES.passing_rate_share, STATES.passing_guard
     guard = min(
         int(np.ceil(guard_periods * run.sample_rate / cutoff)),
-        int(POLICY.broadband_guard_limit * _measure_reversal_spacing(rate)),
+        int(STATES.broadband_guard_limit * _measure_reversal_spacing(rate)),
     )
     noise = _noise_floor(run, kernels)
     slowest = rate_limit(rate, noise.rate, share if rate_share is None else rate_share)

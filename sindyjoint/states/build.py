@@ -11,13 +11,13 @@ import numpy as np
 
 from sindyjoint.errors import InputError, StandstillError
 from sindyjoint.inputs import lagged
+from sindyjoint.limits import STATES
 from sindyjoint.measurement.noise import interpolated
 from sindyjoint.numeric import Array, delayed, kept, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.states.broadband import broadband_states, path_states
 from sindyjoint.states.floor import mean_period, repetition, with_scatter
 from sindyjoint.states.periodic import periodic_states
-from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
 
 Choice = Literal["auto", "periodic", "broadband"]
@@ -164,7 +164,7 @@ def repeats(run: Run) -> bool:
     """
     frequency = run.frequency if run.frequency is not None else estimate_frequency(run)
     per = run.sample_rate / frequency
-    if per < 10 or run.n_samples < (POLICY.fewest + 0.5) * per:
+    if per < 10 or run.n_samples < (STATES.fewest + 0.5) * per:
         return False
     late = run.angle[run.n_samples // 3 :]
     grid = np.arange(late.size)
@@ -174,7 +174,7 @@ def repeats(run: Run) -> bool:
     shifted = np.interp(grid[:usable] + per, grid, late)
     change = shifted - late[:usable]
     spread = float(np.std(late))
-    if spread == 0 or np.sqrt(np.mean(change**2)) > POLICY.large_part * np.sqrt(2) * spread:
+    if spread == 0 or np.sqrt(np.mean(change**2)) > STATES.large_part * np.sqrt(2) * spread:
         return False
     if run.frequency is not None:
         return True
@@ -186,7 +186,7 @@ def repeats(run: Run) -> bool:
         np.interp(grid[: int(late.size - np.ceil(lag))] + lag, grid, late)
         - late[: int(late.size - np.ceil(lag))]
     )
-    return bool(np.sqrt(np.mean(far**2)) <= POLICY.large_part * np.sqrt(2) * spread)
+    return bool(np.sqrt(np.mean(far**2)) <= STATES.large_part * np.sqrt(2) * spread)
 
 
 def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tuple[ForceStates, ...]:

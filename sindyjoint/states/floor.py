@@ -16,9 +16,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from sindyjoint.limits import STATES
 from sindyjoint.numeric import Array, convolve, main_frequency, scaled_least_squares, smoothing_kernels
 from sindyjoint.record import Run
-from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates
 
 
@@ -32,29 +32,29 @@ def repetition(run: Run) -> int | None:
     ----------
     run : Run
     """
-    late = run.n_samples // POLICY.fewest
-    if late < POLICY.shortest_repetition:
+    late = run.n_samples // STATES.fewest
+    if late < STATES.shortest_repetition:
         return None
     angle, moment = (signal - np.mean(signal) for signal in (run.angle, run.moment))
     if not np.any(moment) or not np.any(angle):
         return None
     likeness = np.minimum(_autocorrelation(angle), _autocorrelation(moment))
-    near = likeness[POLICY.shortest_repetition : late + 1]
-    passing = np.flatnonzero(near > 1 - POLICY.alike**2)
+    near = likeness[STATES.shortest_repetition : late + 1]
+    passing = np.flatnonzero(near > 1 - STATES.alike**2)
     if not passing.size:
         return None
     top = int(passing[0])
     while top + 1 < near.size and near[top + 1] > near[top]:
         top += 1
-    lag = POLICY.shortest_repetition + top
+    lag = STATES.shortest_repetition + top
     alike = all(
-        np.std(late_part[lag:] - late_part[:-lag]) <= POLICY.alike * np.sqrt(2) * np.std(late_part)
+        np.std(late_part[lag:] - late_part[:-lag]) <= STATES.alike * np.sqrt(2) * np.std(late_part)
         for late_part in (angle[run.n_samples // 4 :], moment[run.n_samples // 4 :])
     )
     if not alike or _departs(angle, lag) or _departs(moment, lag):
         return None
     wasted = run.n_samples % lag
-    return lag if wasted <= POLICY.minor_share * run.n_samples else None
+    return lag if wasted <= STATES.minor_share * run.n_samples else None
 
 
 def _departs(signal: Array, lag: int) -> bool:
@@ -67,7 +67,7 @@ def _departs(signal: Array, lag: int) -> bool:
     first, second, third = late[: -2 * lag], late[lag:-lag], late[2 * lag :]
     one = float(np.sqrt(np.mean((second - first) ** 2 + (third - second) ** 2) / 2))
     two = float(np.sqrt(np.mean((third - first) ** 2)))
-    return two > max(POLICY.clearly * one, POLICY.small_share * float(np.std(signal)))
+    return two > max(STATES.clearly * one, STATES.small_share * float(np.std(signal)))
 
 
 def mean_period(run: Run, period: int) -> tuple[Run, int]:
@@ -89,7 +89,7 @@ def mean_period(run: Run, period: int) -> tuple[Run, int]:
     }
     angle = stacks["angle"]
     away = np.sqrt(np.mean((angle[:-1] - angle[-1]) ** 2, axis=1))
-    skipped = 1 if count > POLICY.fewest - 1 and away[0] > POLICY.clearly * np.median(away[1:]) else 0
+    skipped = 1 if count > STATES.fewest - 1 and away[0] > STATES.clearly * np.median(away[1:]) else 0
     valid: NDArray[np.bool_] | None = None
     if run.valid is None:
         mean = {name: stack[skipped:].mean(axis=0) for name, stack in stacks.items()}
@@ -347,7 +347,7 @@ def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
         begins = np.unique(np.linspace(first + per - reach, first + per + reach, PLACES).astype(int))
         begins = begins[begins + per <= states.n_samples]
         away = [float(np.mean((states.angle[b : b + per] - states.angle[early]) ** 2)) for b in begins]
-        if not away or min(away) > 2 * (POLICY.tolerated * np.std(states.angle[early])) ** 2:
+        if not away or min(away) > 2 * (STATES.tolerated * np.std(states.angle[early])) ** 2:
             continue
         late = slice(begins[int(np.argmin(away))], begins[int(np.argmin(away))] + per)
         both = states.moving[early] & states.moving[late]
@@ -369,7 +369,7 @@ def _neighbours(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
     if moving.size < FEWEST_PAIRS or not spread.all() or not frequency > 0:
         return
     away, place = scipy.spatial.cKDTree(state / spread).query(
-        state / spread, NEAREST + 1, distance_upper_bound=POLICY.tolerated
+        state / spread, NEAREST + 1, distance_upper_bound=STATES.tolerated
     )
     other = moving[np.where(np.isfinite(away), place, 0)]
     apart = np.isfinite(away) & (np.abs(other - moving[:, None]) > states.sample_rate / frequency / 2)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.limits import STATES
 from sindyjoint.numeric import BLOCK, Array, chunks
-from sindyjoint.states.policy import POLICY
 
 FIRST_ORDERS = (1, 2, 3)
 
@@ -156,12 +156,12 @@ def significant_harmonics(amplitude: Array, standard_error: Array) -> NDArray[np
     amplitude, standard_error : ndarray, shape (h,)
         Amplitude of each harmonic and the standard error of one of its two coefficients.
     """
-    keep = amplitude > POLICY.harmonic_significance * standard_error
+    keep = amplitude > STATES.harmonic_significance * standard_error
     keep[0] = True
     missed = 0
     for index, kept in enumerate(keep):
         missed = 0 if kept else missed + 1
-        if missed == POLICY.harmonic_misses:
+        if missed == STATES.harmonic_misses:
             keep[index:] = False
             break
     return keep
@@ -182,7 +182,7 @@ def refine_frequency(signal: Array, sample_rate: float, frequency: float, order:
     centre = np.arange(periods) - (periods - 1) / 2
     slope = centre @ phase / (centre @ centre)
     scatter = np.std(phase - np.mean(phase) - slope * centre, ddof=2) / np.sqrt(centre @ centre)
-    if abs(slope) <= POLICY.outstanding * scatter:
+    if abs(slope) <= STATES.outstanding * scatter:
         return frequency
     return float(frequency * (1 + slope / (2 * np.pi * order)))
 
@@ -209,8 +209,8 @@ def steady_start(
     late = phasor[periods // 2 :]
     target = np.median(late.real, axis=0) + 1j * np.median(late.imag, axis=0)
     distance = np.sqrt(np.sum(np.abs(phasor - target) ** 2, axis=1))
-    scatter = max(float(np.median(distance[periods // 2 :])), POLICY.accuracy * float(np.abs(target[0])))
-    unsteady = np.flatnonzero(distance[: periods // 2] > POLICY.unsteady * scatter)
+    scatter = max(float(np.median(distance[periods // 2 :])), STATES.accuracy * float(np.abs(target[0])))
+    unsteady = np.flatnonzero(distance[: periods // 2] > STATES.unsteady * scatter)
     return int(unsteady[-1]) + 1 if unsteady.size else 0
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.limits import STATES
 from sindyjoint.numeric import SAME, Array
 from sindyjoint.record import Run
 from sindyjoint.states.floor import Pair, scatter_of
@@ -20,7 +21,6 @@ from sindyjoint.states.harmonics import (
     significant_harmonics,
     steady_start,
 )
-from sindyjoint.states.policy import POLICY
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, moving_mask, rate_limit
 
 REPLICATES = 8
@@ -68,7 +68,7 @@ def periodic_states(
     made = _Motion.of(angle, rate, edges, frequency)
     guard = reversal_guard(run.sample_rate, frequency, angle.highest)
     slowest = rate_limit(
-        made.motion[1], made.rate_noise, POLICY.periodic_rate_share if rate_share is None else rate_share
+        made.motion[1], made.rate_noise, STATES.periodic_rate_share if rate_share is None else rate_share
     )
     moving = moving_mask(made.motion[1], slowest, guard)
     if run.valid is not None:
@@ -124,10 +124,10 @@ def reversal_guard(sample_rate: float, frequency: float, highest: float) -> int:
     """Return the samples left out on either side of a reversal; the motion has harmonics up to ``highest`` Hz."""
     per = sample_rate / frequency
     # Of ten samples per period two on either side of each reversal would leave none.
-    least = 2 if per >= POLICY.coarse_period else 1
-    guard = max(least, int(np.ceil(POLICY.periodic_guard * sample_rate / highest)))
+    least = 2 if per >= STATES.coarse_period else 1
+    guard = max(least, int(np.ceil(STATES.periodic_guard * sample_rate / highest)))
     # Displacement-driven runs have one harmonic; half its period would leave no samples.
-    return min(guard, max(least, int(POLICY.periodic_guard_limit * per)))
+    return min(guard, max(least, int(STATES.periodic_guard_limit * per)))
 
 
 def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
@@ -142,10 +142,10 @@ def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
     start = int(round(steady_start(run.angle, run.sample_rate, frequency) * per))
     # One part in a thousand of a period may be missing at the end: rounding of the record's length.
     periods = int(np.floor((run.n_samples - start) / per + 1e-3))
-    if periods < POLICY.fewest:
+    if periods < STATES.fewest:
         raise InputError(
             f"{run.label}: {periods} steady period(s) of {frequency:g} Hz; the periodic method needs "
-            f"{POLICY.fewest}, use method='broadband' or a longer record"
+            f"{STATES.fewest}, use method='broadband' or a longer record"
         )
     return start, min(start + int(round(periods * per)), run.n_samples), periods
 

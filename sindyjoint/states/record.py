@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sindyjoint.limits import STATES
 from sindyjoint.numeric import Array, smoothing_kernels
 from sindyjoint.rig import Fusion
-from sindyjoint.states.policy import POLICY
 
 Method = Literal["periodic", "broadband", "path"]
 
@@ -231,7 +231,7 @@ def group_labels(states: Sequence[ForceStates]) -> list[str]:
         if state.frequency is None:
             labels.append(state.run)
             continue
-        same = [f for f in known if abs(state.frequency - f) <= POLICY.small_share * f]
+        same = [f for f in known if abs(state.frequency - f) <= STATES.small_share * f]
         if not same:
             known.append(state.frequency)
         labels.append(f"{same[0] if same else state.frequency:.4g} Hz")
@@ -292,7 +292,7 @@ def rate_limit(rate: Array, noise: float, share: float) -> float:
     The larger of ``share`` of the peak rate and four standard errors of the rate: below it the sign of θ̇, and
     with it the side of the Coulomb friction, is not known.
     """
-    return max(share * float(np.max(np.abs(rate))), POLICY.outstanding * noise)
+    return max(share * float(np.max(np.abs(rate))), STATES.outstanding * noise)
 
 
 def moving_mask(rate: Array, limit: float, guard: int) -> NDArray[np.bool_]:
@@ -327,7 +327,7 @@ def without_noise_travel(states: ForceStates, angle: Array, rate: Array, step: f
     Known are the ends of such a standstill, and between them angles that stand out of the noise of the angle (Douglas
     and Peucker, 1973). Samples are ``step`` seconds apart.
     """
-    sure = POLICY.outstanding
+    sure = STATES.outstanding
     still = np.abs(rate) <= sure * states.noise.rate
     if not still.any():
         return angle, rate

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import Shown, same
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.policy import POLICY
+from sindyjoint.limits import EQUATION
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.response.laws import model_law
 from sindyjoint.substructure.harmonic_balance import Balance
@@ -183,7 +183,7 @@ def model_curve(model: JointModel, amplitude: ArrayLike, frequency: float) -> Jo
     if slopes:
         variance = np.einsum("iab,ij,jab->ab", np.array(slopes), covariance, np.array(slopes))
         errors = np.sqrt(np.maximum(variance, 0.0))
-    fitted, more = model.fitted, 1 + POLICY.tolerated
+    fitted, more = model.fitted, 1 + EQUATION.tolerated
     tested = (sizes <= more * fitted.angle) & (2 * np.pi * frequency * sizes <= more * fitted.rate)
     if fitted.frequencies:
         tested &= min(fitted.frequencies) / more <= frequency <= more * max(fitted.frequencies)

@@ -14,11 +14,11 @@ import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.measurement.noise import signal_end
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.simulated.steady import condense
 from sindyjoint.substructure.spectra import Spectra, channel_spectra, strongest
 from sindyjoint.substructure.transfer import (
@@ -289,7 +289,7 @@ def held_warnings(test: RigTest, held: Sequence[Spectra]) -> tuple[str, ...]:
         left = left_held(test, spectra, spectra.angular)
         # Of each harmonic the drive is eliminated.
         misfit = float(np.sum(np.abs(left) ** 2)) / (2 * len(left) * len(test.sensors))
-        if misfit > LIMITS.contradicts:
+        if misfit > SUBSTRUCTURE.contradicts:
             words.append(
                 f"run {run.name!r} updates the structure, and with joints that stick its sensors are "
                 f"{np.sqrt(misfit):.1f} times their noise off: the joints slip in it; drive it less"

@@ -16,6 +16,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.limits import STATES, SUBSTRUCTURE
 from sindyjoint.measurement.noise import signal_end
 from sindyjoint.mechanics.rig_test import RigRun
 from sindyjoint.numeric import Array, partials
@@ -27,8 +28,6 @@ from sindyjoint.states.harmonics import (
     steady_start,
 )
 from sindyjoint.states.periodic import cut_blocks
-from sindyjoint.states.policy import POLICY
-from sindyjoint.substructure.policy import POLICY as LIMITS
 
 
 @lru_cache(maxsize=16)
@@ -307,16 +306,18 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     per = run.sample_rate / frequency
     first = max(int(round(steady_start(s, run.sample_rate, frequency, orders) * per)) for s in signals[1:])
     periods = int(np.floor((run.drive.size - first) / per + 1e-3))
-    if periods < POLICY.fewest:
+    if periods < STATES.fewest:
         raise InputError(
-            f"run {run.name!r}: {periods} steady period(s) of {frequency:g} Hz; expected {POLICY.fewest} or "
+            f"run {run.name!r}: {periods} steady period(s) of {frequency:g} Hz; expected {STATES.fewest} or "
             "more: record longer, or begin later"
         )
     stop = min(first + int(round(periods * per)), run.drive.size)
     edges = cut_blocks(periods, per, stop - first)
     time = np.arange(stop - first) / run.sample_rate
     top = (
-        LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
+        SUBSTRUCTURE.band * run.sample_rate
+        if bandwidth is None
+        else min(bandwidth, SUBSTRUCTURE.band * run.sample_rate)
     )
     count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, 3 * (int(np.diff(edges).min()) - 8) // 8)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
@@ -367,7 +368,9 @@ def _record_spectra(run: RigRun, declared: Array | None, bandwidth: float | None
     signals, n = run.signals, run.drive.size - 1
     frequency = run.sample_rate / n
     top = (
-        LIMITS.band * run.sample_rate if bandwidth is None else min(bandwidth, LIMITS.band * run.sample_rate)
+        SUBSTRUCTURE.band * run.sample_rate
+        if bandwidth is None
+        else min(bandwidth, SUBSTRUCTURE.band * run.sample_rate)
     )
     count = max(1, int(top / frequency))
     jump = signals[:, -1:] - signals[:, :1]

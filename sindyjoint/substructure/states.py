@@ -9,15 +9,13 @@ import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.described import same
-from sindyjoint.measurement.policy import POLICY as NOISE
+from sindyjoint.limits import MEASUREMENT, STATES, SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array, scaled_least_squares
 from sindyjoint.states.broadband import BLOCKS, dwells
 from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
 from sindyjoint.states.periodic import reversal_guard
-from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, moving_mask, rate_limit
-from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, solved
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.transfer import open_joints
@@ -39,7 +37,7 @@ def kept_orders(amplitude: Complex, standard_error: Array, tone: bool) -> Orders
 
 def lines(size: Array, standard_error: Array) -> Orders:
     """Return which lines of a spectrum stand out of their noise, shape (h,)."""
-    return np.asarray(size > LIMITS.line * standard_error)
+    return np.asarray(size > SUBSTRUCTURE.line * standard_error)
 
 
 def strongest_line(size: Array, standard_error: Array) -> int:
@@ -72,7 +70,7 @@ def up_to_end(amplitude: Complex, standard_error: Array) -> Orders:
     """Return the harmonics up to where a continuous spectrum ends in noise, shape (h,)."""
     power = np.abs(amplitude) ** 2 / (2 * standard_error**2)
     smooth = scipy.ndimage.median_filter(power, min(power.size, max(5, power.size // 60)) | 1, mode="nearest")
-    above = np.flatnonzero(smooth > NOISE.outstanding)
+    above = np.flatnonzero(smooth > MEASUREMENT.outstanding)
     return np.arange(power.size) <= (above[-1] if above.size else -1)
 
 
@@ -84,9 +82,9 @@ def slow_orders(recovery: Recovery, joint: int) -> Orders:
         # The errors of all harmonics from one up, against the angle about and above where its rate is largest.
         main = int(np.argmax(size * recovery.spectra.angular))
         above = np.sqrt(np.cumsum(error[::-1] ** 2)[::-1])
-        slow = above > LIMITS.small_share * np.sqrt(np.sum(size[main // 2 :] ** 2))
+        slow = above > SUBSTRUCTURE.small_share * np.sqrt(np.sum(size[main // 2 :] ** 2))
         return slow & (np.arange(size.size) < main // 2)
-    slow = error > LIMITS.granted_share * size[main]
+    slow = error > SUBSTRUCTURE.granted_share * size[main]
     slow[main:] = False
     return slow
 
@@ -212,7 +210,7 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
     guard = int(np.ceil(periods * run.sample_rate / max(highest, 1e-9)))
     slowest = rate_limit(rate, rate_noise, share)
     moving = moving_mask(rate, slowest, guard)
-    edge = int(np.ceil(LIMITS.edge * run.sample_rate / max(highest, 1e-9)))
+    edge = int(np.ceil(SUBSTRUCTURE.edge * run.sample_rate / max(highest, 1e-9)))
     moving[:edge] = moving[n - edge :] = False
     return ForceStates(
         run=name, frequency=None, level=run.level, sample_rate=run.sample_rate, time=time,
@@ -277,7 +275,7 @@ class JointSeen:
         if self.together:
             others = ", ".join(map(repr, self.together))
             return f"joint {self.joint!r} shows only together with {others}: add a sensor between them"
-        if self.moment_error > LIMITS.unknown:
+        if self.moment_error > SUBSTRUCTURE.unknown:
             return (
                 f"the moment of joint {self.joint!r} is known to {100 * self.moment_error:.0f} % only: add a sensor "
                 "near it, or drive it harder"
@@ -306,11 +304,11 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
         scale = np.sqrt(np.diag(of_moments).real)
         correlations.append(np.abs(of_moments) / np.outer(scale, scale))
     best, common = np.min(errors, axis=0), np.min(correlations, axis=0)
-    hidden = best[joints:] > LIMITS.unknown
+    hidden = best[joints:] > SUBSTRUCTURE.unknown
     return tuple(
         JointSeen(
             names[j], float(np.max(peaks, axis=0)[j]), float(best[j]), float(best[joints + j]),
-            tuple(names[k] for k in range(joints) if k != j and common[j, k] > LIMITS.together and hidden[j]),
+            tuple(names[k] for k in range(joints) if k != j and common[j, k] > SUBSTRUCTURE.together and hidden[j]),
         )
         for j in range(joints)
     )  # fmt: skip

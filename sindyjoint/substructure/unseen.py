@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.numeric import DIFFERENCE, Array, partials, scaled_least_squares
 from sindyjoint.states.record import ForceStates
-from sindyjoint.substructure.policy import POLICY as LIMITS
 
 Complex = NDArray[np.complex128]
 
@@ -268,7 +268,7 @@ def run_weights(states: Sequence[ForceStates]) -> Array:
             for s in states
         ]
     )
-    weight = 1 / (noise + (LIMITS.small_share * largest) ** 2)
+    weight = 1 / (noise + (SUBSTRUCTURE.small_share * largest) ** 2)
     rows = np.array([np.count_nonzero(s.moving) for s in states])
     return np.asarray(weight * rows.sum() / (weight @ rows))
 

@@ -13,7 +13,6 @@ from typing import Any
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.methods import METHODS
-from sindyjoint.discovery.policy import POLICY as DISCOVERY
 from sindyjoint.discovery.uncertainty import inclusion
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.model import JointModel, model_terms
@@ -24,7 +23,6 @@ from sindyjoint.judgement.changed import Change, check_margin, compare_models
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.judgement.discovery import Discovery, frequency_tests, undetermined
 from sindyjoint.judgement.headline import judge_comparison
-from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.question import (
     WEAK,
     Question,
@@ -37,6 +35,7 @@ from sindyjoint.judgement.question import (
     hold_out_groups,
     parts_of,
 )
+from sindyjoint.limits import DISCOVERY, JUDGEMENT
 from sindyjoint.numeric import RNG, seed_of
 from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
@@ -247,7 +246,7 @@ def changed(
     before: Test,
     after: Test,
     *,
-    margin: float = POLICY.margin,
+    margin: float = JUDGEMENT.margin,
     same_sensors: bool = False,
     accept: Sequence[str] = (),
     rng: RNG = None,

@@ -16,6 +16,7 @@ from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, UnknownNameError, checks_options, refuse
 from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.discovery import Discovery
+from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics.excitation import SINE, TONES, Actuator
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
@@ -24,7 +25,6 @@ from sindyjoint.planning.information import Sensors
 from sindyjoint.planning.plan import TELL_APART, Plan, Separation
 from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.planner import Planner
-from sindyjoint.planning.policy import POLICY
 from sindyjoint.planning.prior import (
     Prior,
     Tested,
@@ -304,15 +304,17 @@ def _durations(actuator: Actuator, time: float, run_time: float | None) -> tuple
     count = 0
     if 0 < time < inf:
         # Twice as many as the plain grid has: the shorter each is, the less the fewest settings take of the time.
-        most = 2 * POLICY.fewest * len(POLICY.levels[::2])
+        most = 2 * PLANNING.fewest * len(PLANNING.levels[::2])
         count = min(most, int(time / shortest)) if run_time is None else int(time / run_time + 1e-9)
     if not count:
         raise InputError(
             f"time is {time:g} s; expected at least {shortest:.3g} s, a run of {REPLICATES} steady periods "
             f"of {actuator.band[0]:g} Hz"
         )
-    if count > POLICY.most_runs:
-        raise InputError(f"{count} runs of {run_time:g} s in {time:g} s; expected at most {POLICY.most_runs}")
+    if count > PLANNING.most_runs:
+        raise InputError(
+            f"{count} runs of {run_time:g} s in {time:g} s; expected at most {PLANNING.most_runs}"
+        )
     return run_time or time / count, count
 
 

@@ -20,8 +20,8 @@ from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.discovery import estimated_errors, fitted_to
 from sindyjoint.judgement.headline import judge_verification
-from sindyjoint.judgement.policy import POLICY
 from sindyjoint.judgement.trust import assess
+from sindyjoint.limits import JUDGEMENT
 from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import RNG
@@ -69,7 +69,7 @@ def verify(
     *,
     accept: Sequence[str] = (),
     align: bool = False,
-    tolerance: float = POLICY.tolerated,
+    tolerance: float = JUDGEMENT.tolerated,
     draws: int = DRAWS,
     window: float = WINDOW,
     free_run: int | None = None,
@@ -339,7 +339,7 @@ def refine(
     accept: Sequence[str] = (),
     align: bool = False,
     window: float | None = None,
-    tolerance: float = POLICY.tolerated,
+    tolerance: float = JUDGEMENT.tolerated,
     draws: int = 0,
     rng: RNG = 0,
     progress: Callable[[str], None] | None = None,

@@ -11,9 +11,9 @@ from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.start import Work, cut_up, first_model
 from sindyjoint.diagnosis.campaign.unnamed import make_budget, shares
+from sindyjoint.limits import STATES
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
-from sindyjoint.states.policy import POLICY as STATES
 from tests.diagnosis.hidden_effects import hide
 
 PARTS = ("state", "history", "run", "processing", "noise")

@@ -9,8 +9,9 @@ import pytest
 
 from sindyjoint import load_campaign, plan, simulate, write_campaign
 from sindyjoint.errors import InputError
+from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics import PaperLaw
-from sindyjoint.planning import POLICY, PlannedRun, Sensors, planner, play, runs
+from sindyjoint.planning import PlannedRun, Sensors, planner, play, runs
 
 
 def joint_and_runs(seed, drive):
@@ -44,7 +45,7 @@ def reached(law, made):
 
 @pytest.mark.parametrize("drive, seed", [("moment", 11), ("moment", 12), ("angle", 13), ("angle", 14)])
 def test_no_planned_run_leaves_what_the_campaign_tested(drive, seed, monkeypatch):
-    monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
+    monkeypatch.setattr(planner, "PLANNING", replace(PLANNING, joints=3))
     monkeypatch.setattr(planner, "DRAWS", 3)
     law, made = joint_and_runs(seed, drive)
     campaign = play(law, made, Sensors(500.0, 0.01), seed)
@@ -59,7 +60,7 @@ def test_no_planned_run_leaves_what_the_campaign_tested(drive, seed, monkeypatch
 
 
 def test_a_limit_lets_a_plan_leave_it_and_the_command_says_by_how_much(sindyjoint, tmp_path, monkeypatch):
-    monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
+    monkeypatch.setattr(planner, "PLANNING", replace(PLANNING, joints=3))
     monkeypatch.setattr(planner, "DRAWS", 3)
     made = simulate(
         frequencies=(3, 4, 6), levels=(0.6, 0.5, 0.4), duration=4.0, sample_rate=500.0, out=tmp_path
@@ -77,7 +78,7 @@ def test_a_limit_lets_a_plan_leave_it_and_the_command_says_by_how_much(sindyjoin
 
 
 def test_a_manifest_lets_a_plan_go_to_its_limits(sindyjoint, tmp_path, monkeypatch):
-    monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
+    monkeypatch.setattr(planner, "PLANNING", replace(PLANNING, joints=3))
     monkeypatch.setattr(planner, "DRAWS", 3)
     manifest = tmp_path / "campaign.toml"
     made = simulate(
@@ -99,7 +100,7 @@ def test_a_manifest_lets_a_plan_go_to_its_limits(sindyjoint, tmp_path, monkeypat
 
 
 def test_where_no_inertia_is_known_the_angle_is_prescribed(monkeypatch):
-    monkeypatch.setattr(planner, "POLICY", replace(POLICY, joints=3))
+    monkeypatch.setattr(planner, "PLANNING", replace(PLANNING, joints=3))
     monkeypatch.setattr(planner, "DRAWS", 3)
     law, made = joint_and_runs(13, "angle")
     campaign = play(law, made, Sensors(500.0, 0.01), 13)

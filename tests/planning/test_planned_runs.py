@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.mechanics import INTER_PANEL, Actuator, PaperLaw, tones
 from sindyjoint.planning import (
     POLICY,
@@ -25,7 +26,6 @@ from sindyjoint.planning import (
 from sindyjoint.planning import runs as planned_runs
 from sindyjoint.record import Campaign, Joint
 from sindyjoint.response import model_law
-from sindyjoint.soundness import POLICY as SOUNDNESS
 from sindyjoint.soundness import find_faults, main_line
 from tests.equation.test_formula_evaluation import JENKINS, with_elements
 from tests.made_models import paper_model

@@ -12,10 +12,10 @@ from sindyjoint.equation import term_columns
 from sindyjoint.errors import UnsoundError
 from sindyjoint.files import ENCODERS
 from sindyjoint.judgement.verdict import Verdict, of_many_rows, of_slight_terms, within_the_states
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.paper import INTER_PANEL, TERMS
 from sindyjoint.substructure import find_slow, joint_states
 from sindyjoint.substructure.law_errors import Source, law_errors
-from sindyjoint.substructure.policy import POLICY
 from sindyjoint.substructure.states import kept_orders, slow_part, strongest_line
 from tests.doors.asked import checked_record
 
@@ -124,12 +124,12 @@ def test_a_term_left_out_stands_out_of_the_noise_and_no_other_does(found):
         return own, dict(zip((t.id for t in rest), errors.others, strict=True))
 
     _, others = beside(ids)
-    assert max(map(abs, others.values())) < POLICY.stands_out
+    assert max(map(abs, others.values())) < SUBSTRUCTURE.stands_out
     for further in ("quadratic_stiffness", "cubic_damping", "coulomb_friction"):
         own, _ = beside([*ids, further])
         assert own[-1] == pytest.approx(others[further], rel=0.1, abs=0.05)
     _, others = beside([i for i in ids if i != "cubic_stiffness"])
-    assert abs(others["cubic_stiffness"]) > POLICY.stands_out
+    assert abs(others["cubic_stiffness"]) > SUBSTRUCTURE.stands_out
 
 
 def test_no_harmonic_is_left_out_below_the_last_that_stands_out():

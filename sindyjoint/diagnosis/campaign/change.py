@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.errors import SindyJointError
+from sindyjoint.limits import STATES
 from sindyjoint.numeric import Array
 from sindyjoint.policy import SHARED
 from sindyjoint.record import Run
 from sindyjoint.states import ForceStates, force_states
-from sindyjoint.states.policy import POLICY as STATES
 
 SEGMENTS = 4
 LEAST_PERIODS = 4  # of a segment

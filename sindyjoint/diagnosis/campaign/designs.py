@@ -18,12 +18,12 @@ from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.inputs import constant
+from sindyjoint.limits import STATES
 from sindyjoint.mechanics.excitation import TONES, Actuator, driven_at
 from sindyjoint.numeric import Array
 from sindyjoint.response.drive import prescribed
 from sindyjoint.states import ForceStates
 from sindyjoint.states.periodic import reversal_guard
-from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import NoiseFloor, moving_mask, rate_limit
 
 #: Waveforms of an angle in words, and what a plan calls them.

@@ -21,11 +21,11 @@ from sindyjoint.diagnosis.evidence.score import Ranking, Score
 from sindyjoint.diagnosis.evidence.search import Candidate, Chosen, Search, deviate
 from sindyjoint.diagnosis.problem import Progress, Say, step_of, with_gaps_renewed
 from sindyjoint.discovery.delay import shifted
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.equation.model import JointModel
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
-LONGEST = POLICY.longest_delay  # that the linear steps may reach
+LONGEST = DISCOVERY.longest_delay  # that the linear steps may reach
 SAME_ZERO = 1e-4  # change of a zero error or a drift, of itself, that is none
 ZERO_ROUNDS = 12
 TURNS = 4  # of delays and nonlinear parameters in turn; the third changes neither by its error

@@ -48,6 +48,7 @@ from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
+from sindyjoint.limits import STATES
 from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.warnings import (
@@ -56,7 +57,6 @@ from sindyjoint.soundness.warnings import (
     warn_of_negative_inertia,
 )
 from sindyjoint.states import ForceStates, campaign_states, one_after_another
-from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.text import in_words_of
 
 BASE, OWN_ZERO = "paper", "the joint's own zero"

@@ -20,9 +20,9 @@ from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
+from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, convolve, delayed
 from sindyjoint.record import Run
-from sindyjoint.response.policy import POLICY as RESPONSE
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.states.broadband import smoothing_kernels
 from sindyjoint.states.record import group_labels

@@ -22,9 +22,9 @@ from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice, Step
+from sindyjoint.limits import STATES
 from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.numeric import Array
-from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.text import in_words_of
 
 # Step of the differences, in the logarithm of a nonlinear parameter.

@@ -26,8 +26,8 @@ from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array, convolve
-from sindyjoint.soundness.policy import POLICY as SOUNDNESS
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import WIDEST, smoothing_kernels
 

@@ -27,6 +27,7 @@ from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.errors import InputError, UnknownNameError
+from sindyjoint.limits import STATES
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import (
     ForceStates,
@@ -39,7 +40,6 @@ from sindyjoint.states import (
 from sindyjoint.states.floor import mean_slope, moment_floor
 from sindyjoint.states.harmonics import HarmonicBasis
 from sindyjoint.states.periodic import kept_harmonics
-from sindyjoint.states.policy import POLICY as STATES
 from sindyjoint.states.record import group_labels
 
 # Rows of all runs that are searched; more of them hardly change what is found.

@@ -18,11 +18,11 @@ from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.states.record import ForceStates
-from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segments import DRAWS, Channels, SegmentedRun
 from sindyjoint.substructure.states import joint_states, kept_of
@@ -165,7 +165,7 @@ class RecordsProblem(RunsProblem):
         """Return the model of each kind, whose terms are no surer than a simulation in segments is exact."""
         found = super().models(x, covariance)
         return {
-            kind: widened(model, np.diag((LIMITS.simulated * model.coefficients) ** 2))
+            kind: widened(model, np.diag((SUBSTRUCTURE.simulated * model.coefficients) ** 2))
             for kind, model in found.items()
         }
 

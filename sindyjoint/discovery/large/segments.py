@@ -16,7 +16,6 @@ import numpy as np
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
-from sindyjoint.discovery.policy import POLICY
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, hierarchy, row_arguments, run_factors
 from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
@@ -25,6 +24,7 @@ from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.errors import InputError
 from sindyjoint.files.campaign import FEWEST, load_segment
 from sindyjoint.inputs import LongRecord, input_names
+from sindyjoint.limits import DISCOVERY
 from sindyjoint.parallel import Executor, ordered_map
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, force_states, regression_rows
@@ -147,7 +147,7 @@ def relative(catalogue: Catalogue) -> set[str]:
 
 def _exceeds_scale(scale: Reference, largest: Reference, catalogue: Catalogue) -> bool:
     """Return whether values pass the scale of nonlinear parameters by more than they may."""
-    most = 1 + POLICY.large_part
+    most = 1 + DISCOVERY.large_part
     return any(getattr(largest, name) > most * getattr(scale, name) for name in relative(catalogue))
 
 

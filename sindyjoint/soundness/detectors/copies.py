@@ -5,9 +5,9 @@ from itertools import combinations
 
 import numpy as np
 
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding, Words
-from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Channel, Record
 
 Block = tuple[int, int, int]
@@ -45,7 +45,7 @@ def repeated_blocks(values: Array) -> list[Block]:
     return [
         (int(first[a]), int(first[a] + lag[a]), int(b - a))
         for a, b in zip(starts[:-1], starts[1:], strict=True)
-        if b - a >= POLICY.copied_samples
+        if b - a >= SOUNDNESS.copied_samples
     ]
 
 
@@ -86,7 +86,7 @@ def _within(record: Record, found: dict[str, list[Block]], words: Words) -> Iter
         "repeated_block",
         record.name,
         None,
-        "biases" if share <= POLICY.large_part else "stops",
+        "biases" if share <= SOUNDNESS.large_part else "stops",
         f"{len(every)} block(s) of up to {longest} samples ({1e3 * longest / record.sample_rate:.3g} ms) occur twice, "
         f"{100 * share:.2g} % of the run",
         "look at the buffer of the recorder and repeat the run, or cut it there and make two runs of it",
@@ -97,7 +97,7 @@ def _within(record: Record, found: dict[str, list[Block]], words: Words) -> Iter
 def _between(one: Record, other: Record, found: dict[str, list[Block]], words: Words) -> Iterator[Finding]:
     """Yield what a run has of another one: everything, or some of its channels."""
     shares = {name: sum(length for *_, length in blocks) / one.n_samples for name, blocks in found.items()}
-    copied = [name for name, share in shares.items() if share >= POLICY.minor_share]
+    copied = [name for name, share in shares.items() if share >= SOUNDNESS.minor_share]
     if not copied:
         return
     a, b, length = max(found[copied[0]], key=lambda block: block[2])

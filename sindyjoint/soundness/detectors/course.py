@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding, Spans, Words
-from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Record
 
 Lines = Mapping[str, NDArray[np.complex128]]
@@ -43,7 +43,7 @@ class Step:
         return float(series[left].mean()), float(series[right][: self.beside].mean())
 
 
-def step_of(series: Array, least: float = POLICY.tolerated) -> Step | None:
+def step_of(series: Array, least: float = SOUNDNESS.tolerated) -> Step | None:
     """Return the step of a series that stands out most of the scatter on either side, where it is large enough.
 
     A gradual change, such as a start-up, scatters on either side nearly as much as it steps.
@@ -55,18 +55,18 @@ def step_of(series: Array, least: float = POLICY.tolerated) -> Step | None:
         Size that is reported.
     """
     n, side = series.size, int(np.clip((series.size - 1) // 4, FEWEST_BESIDE, SIDE))
-    if n <= POLICY.few_periods:
+    if n <= SOUNDNESS.few_periods:
         return None
     windows = np.lib.stride_tricks.sliding_window_view(series, side)
     left, right = windows[: n - 2 * side], windows[side + 1 :]
     size = right.mean(axis=1) - left.mean(axis=1)
-    scatter = np.ptp(left, axis=1) + np.ptp(right, axis=1) + POLICY.granted_share
+    scatter = np.ptp(left, axis=1) + np.ptp(right, axis=1) + SOUNDNESS.granted_share
     # Some of few periods agree by chance: no less than what two ranges of as many are by their usual differences.
     contrast = np.abs(size) / np.maximum(scatter, side * np.median(np.abs(np.diff(series))))
     at = int(np.argmax(contrast))
     found = Step(at + side, float(size[at]), float(contrast[at]), side)
     # Ranges of fewer periods say less.
-    return found if abs(found.size) > least and found.contrast > POLICY.contrast * SIDE / side else None
+    return found if abs(found.size) > least and found.contrast > SOUNDNESS.contrast * SIDE / side else None
 
 
 def drift_of(
@@ -94,8 +94,8 @@ def drift_of(
     scatter = float(np.std(series - slope * place - start))
     total = abs(slope) * (place[-1] - place[0] + 1)
     early, late = (np.polyfit(place[part], series[part], 1)[0] for part in (slice(half), slice(-half, None)))
-    alike = early * late > 0 and 1 / POLICY.contrast < early / late < POLICY.contrast
-    stands = total > max(least, POLICY.outstanding * scatter) and (alike or not even)
+    alike = early * late > 0 and 1 / SOUNDNESS.contrast < early / late < SOUNDNESS.contrast
+    stands = total > max(least, SOUNDNESS.outstanding * scatter) and (alike or not even)
     return float(slope) if stands else None
 
 
@@ -104,10 +104,10 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
     periods, clock = record.periods, record.driven_by
     size = {name: float(np.median(np.abs(p.line))) for name, p in periods.items()}
     lines = {name: periods[name].line / size[name] for name in size if size[name] > 0 and name != "rate"}
-    if clock not in lines or len(lines) < 2 or lines[clock].size <= POLICY.few_periods:
+    if clock not in lines or len(lines) < 2 or lines[clock].size <= SOUNDNESS.few_periods:
         return
     # Periods in which every channel is quiet.
-    quiet = np.logical_and.reduce([np.abs(line) < POLICY.tolerated for line in lines.values()])
+    quiet = np.logical_and.reduce([np.abs(line) < SOUNDNESS.tolerated for line in lines.values()])
     alive = np.flatnonzero(~quiet)
     first, last = int(alive[0]), int(alive[-1]) + 1
     # Of a single period the excitation may be a part.
@@ -120,7 +120,7 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
     if words.structure:
         # A channel in which the line is no more than noise has no course.
         lines = {
-            n: z for n, z in lines.items() if np.median(np.abs(np.diff(z[first:last]))) < POLICY.large_part
+            n: z for n, z in lines.items() if np.median(np.abs(np.diff(z[first:last]))) < SOUNDNESS.large_part
         }
     lines = {name: line[first:last] for name, line in lines.items()}
     if clock not in lines:
@@ -161,13 +161,13 @@ def _place(record: Record, period: int) -> tuple[float, Spans]:
 def _beat(record: Record) -> float:
     """Return by how much mean and phase of a moment beat where one of few samples crosses a friction step."""
     per = record.samples_per_period / record.order
-    return 2 / per if per < POLICY.few_samples else 0.0
+    return 2 / per if per < SOUNDNESS.few_samples else 0.0
 
 
 def _find_phase_steps(record: Record, lines: Lines, first: int, words: Words) -> list[Finding]:
     """Return samples that all channels lost, or one of them."""
     per = record.samples_per_period / record.order
-    least = max(POLICY.tolerated, 2 * np.pi / per)  # no less than a sample
+    least = max(SOUNDNESS.tolerated, 2 * np.pi / per)  # no less than a sample
     clock = record.driven_by
 
     apart = {n: np.unwrap(np.angle(z * np.conj(lines[clock]))) for n, z in lines.items() if n != clock}
@@ -184,7 +184,7 @@ def _find_phase_steps(record: Record, lines: Lines, first: int, words: Words) ->
             name: found
             for name, found in slipped.items()
             if np.median([np.ptp(found.sides(z)) for m, z in apart.items() if m != name] or [0.0])
-            < POLICY.large_part * abs(found.size)
+            < SOUNDNESS.large_part * abs(found.size)
         }
     return [_phase_finding(record, name, found, first, words) for name, found in slipped.items()]
 
@@ -228,7 +228,7 @@ def _find_level_steps(record: Record, lines: Lines, first: int, words: Words) ->
     sides = ((n, steps[name].sides(h)) for n, h in height.items())
     changed = {n: after / max(before, 1e-12) for n, (before, after) in sides}
     others = max(abs(c - 1) for n, c in changed.items() if n != name)
-    alone = others < POLICY.large_part * abs(changed[name] - 1)
+    alone = others < SOUNDNESS.large_part * abs(changed[name] - 1)
     if alone and _beat(record):
         # Where the few samples of a period fall on a friction step, its amplitude beats.
         return
@@ -249,8 +249,8 @@ def _find_zero_changes(
 ) -> Iterator[Finding]:
     """Yield a zero that jumps or drifts; ``mean`` is in parts of the channel's amplitude, which ``of`` holds."""
     first, amplitude = of
-    step = step_of(mean, max(POLICY.tolerated, _beat(record) if name == "moment" else 0.0))
-    slope = drift_of(mean, POLICY.tolerated)
+    step = step_of(mean, max(SOUNDNESS.tolerated, _beat(record) if name == "moment" else 0.0))
+    slope = drift_of(mean, SOUNDNESS.tolerated)
     moved = step.size if step is not None else (slope or 0.0) * mean.size
     size = f"by {moved * amplitude:.3g} {words.unit(name)} ({100 * abs(moved):.2g} % of its amplitude)"
     if step is not None:
@@ -267,7 +267,7 @@ def _find_zero_changes(
 def _find_clock_drift(record: Record, lines: Lines, words: Words) -> Iterator[Finding]:
     """Yield channels whose clocks differ."""
     apart = np.unwrap(np.angle(lines["moment"] * np.conj(lines["angle"])))
-    slope = drift_of(apart, max(POLICY.tolerated, _beat(record)))
+    slope = drift_of(apart, max(SOUNDNESS.tolerated, _beat(record)))
     if slope is None:
         return
     total = slope * apart.size
@@ -283,7 +283,7 @@ def _find_frequency(record: Record, clock: NDArray[np.complex128], words: Words)
     """Yield a frequency other than declared."""
     slope = drift_of(np.unwrap(np.angle(clock)), 0.0, even=False)
     turn = (slope or 0.0) / (2 * np.pi * record.order)
-    if record.declared is None or abs(turn) <= POLICY.wrong_frequency:
+    if record.declared is None or abs(turn) <= SOUNDNESS.wrong_frequency:
         return
     yield Finding(
         "wrong_frequency",

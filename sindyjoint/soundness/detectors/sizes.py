@@ -7,11 +7,11 @@ import numpy as np
 
 from sindyjoint.files.units import unit_ratio
 from sindyjoint.inputs import FileUnit
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.measurement.sensors import disagreement
 from sindyjoint.numeric import Array, line_spectrum
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.finding import Finding, Words
-from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Channel, Record
 
 # Relative difference of two spellings of one unit.
@@ -78,21 +78,21 @@ def find_unequal_units(campaign: Campaign, words: Words) -> Iterator[Finding]:
 def find_sizes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield angles beyond half a turn, and motions too small or too large for any joint."""
     unit = words.unit("angle")
-    largest = POLICY.largest_angle if unit == "rad" else POLICY.largest_stroke
+    largest = SOUNDNESS.largest_angle if unit == "rad" else SOUNDNESS.largest_stroke
     for record in records:
         angle = record.channel("angle")
         if angle is None:
             continue
         low, high = np.quantile(angle.values, [0.005, 0.995])
         peak, swing = float(max(abs(low), abs(high))), float(high - low) / 2
-        if peak <= largest and swing >= POLICY.smallest_motion:
+        if peak <= largest and swing >= SOUNDNESS.smallest_motion:
             continue
         degrees = f" ({np.degrees(peak):.3g}°)" if unit == "rad" and peak < 1e3 else ""
         yield Finding(
             "implausible_size",
             record.name,
             "angle",
-            "stops" if swing > POLICY.many_times * largest or peak <= largest else "biases",
+            "stops" if swing > SOUNDNESS.many_times * largest or peak <= largest else "biases",
             f"the {words.of('angle')} reaches {peak:.3g} {unit}, its amplitude is {swing:.3g} {unit}{degrees}",
             f"k1 in {words.unit('moment')}/{unit} is wrong by the factor of the unit, k3 by its cube",
             "check the unit ('Grad' is read as giga-radian, degrees are 'deg') and the gain of the channel",
@@ -107,7 +107,7 @@ def find_offsets(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     middles = np.array([np.mean(np.quantile(c.values, [0.01, 0.99])) for _, c in some])
     usual, typical = float(np.median(middles)), float(np.median([c.amplitude for _, c in some]))
     unit, angle = words.unit("angle"), words.of("angle")
-    if abs(usual) > POLICY.far_offset * typical:
+    if abs(usual) > SOUNDNESS.far_offset * typical:
         yield Finding(
             "angle_offset",
             None,
@@ -118,9 +118,9 @@ def find_offsets(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "k1, k2 and k3 are counted from a point beside the middle of the motion, and even terms appear",
             f"give the {angle} channel an offset that makes the unloaded position zero",
         )
-    for i, (record, channel) in enumerate(some if len(some) >= POLICY.fewest else ()):
+    for i, (record, channel) in enumerate(some if len(some) >= SOUNDNESS.fewest else ()):
         away, scatter = float(abs(middles[i] - usual)), float(np.ptp(np.delete(middles, i)))
-        if record.frequency and away > max(POLICY.far_offset / 2 * channel.amplitude, 2 * scatter):
+        if record.frequency and away > max(SOUNDNESS.far_offset / 2 * channel.amplitude, 2 * scatter):
             yield Finding(
                 "angle_offset",
                 record.name,
@@ -145,8 +145,8 @@ def find_disagreement(record: Record, words: Words) -> Iterator[Finding]:
         return
     gain, gain_error, delay, delay_error = found
     phase = 2 * np.pi * (record.frequency or record.main) * abs(delay)
-    apart = abs(gain - 1) > max(POLICY.gain, POLICY.outstanding * gain_error)
-    late = phase > POLICY.small_share and abs(delay) > POLICY.outstanding * delay_error
+    apart = abs(gain - 1) > max(SOUNDNESS.gain, SOUNDNESS.outstanding * gain_error)
+    late = phase > SOUNDNESS.small_share and abs(delay) > SOUNDNESS.outstanding * delay_error
     if not (apart or late):
         return
     factor = f"the acceleration is {gain:.4g} ± {gain_error:.2g} times that of the {words.of('angle')}"
@@ -162,7 +162,7 @@ def find_disagreement(record: Record, words: Words) -> Iterator[Finding]:
         "sensors_disagree",
         record.name,
         "acceleration",
-        "stops" if abs(gain - 1) > POLICY.unknown else "biases",
+        "stops" if abs(gain - 1) > SOUNDNESS.unknown else "biases",
         ", ".join([factor] * apart + [when] * late),
         f"low frequencies follow one sensor and high ones the other: {wrong}",
         "; ".join([remedies[0]] * apart + [remedies[1]] * late),
@@ -180,12 +180,12 @@ def find_coverage(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "one run only", "no coefficient can be checked on a run that was left out",
             "make runs at several levels and frequencies",
         ))  # fmt: skip
-    elif steady and max(known) < (1 + POLICY.small_share) * min(known):
+    elif steady and max(known) < (1 + SOUNDNESS.small_share) * min(known):
         said.append((
             f"one frequency only, {known[0]:g} Hz", "c1 and the inertia cannot be told from M_F and k1",
             "make runs at three frequencies or more",
         ))  # fmt: skip
-    if steady and len(records) > 1 and max(ranges) < (1 + POLICY.alike) * min(ranges):
+    if steady and len(records) > 1 and max(ranges) < (1 + SOUNDNESS.alike) * min(ranges):
         said.append((
             f"one level only, an amplitude of {0.5 * max(ranges):.3g} {words.unit('angle')}",
             "k3 cannot be told from k1, nor M_F from c1", "make runs at two levels or more",
@@ -203,11 +203,11 @@ def find_lines(record: Record, words: Words) -> Iterator[Finding]:
     """Yield a run whose channels, or one of them, have their strongest line elsewhere than declared."""
     declared, rate = record.declared, record.sample_rate
     clock, load = record.channel(record.driven_by), record.channel("moment")
-    if declared is None or clock is None or record.duration * declared < POLICY.fewest:
+    if declared is None or clock is None or record.duration * declared < SOUNDNESS.fewest:
         return
     if words.structure:
         multiple = record.main / declared
-        if abs(multiple - max(1, round(multiple))) > POLICY.tolerated:
+        if abs(multiple - max(1, round(multiple))) > SOUNDNESS.tolerated:
             yield _frequency_finding(
                 record, "the drive", record.main, "nothing repeats, and nothing is recovered"
             )
@@ -215,8 +215,8 @@ def find_lines(record: Record, words: Words) -> Iterator[Finding]:
     if load is None:
         return
     both = {c.name: main_line(c.values, rate, declared) for c in (load, clock)}
-    elsewhere = {name: f for name, (f, share) in both.items() if share < POLICY.unknown}
-    if len(elsewhere) == 2 and abs(elsewhere["moment"] / elsewhere["angle"] - 1) < POLICY.minor_share:
+    elsewhere = {name: f for name, (f, share) in both.items() if share < SOUNDNESS.unknown}
+    if len(elsewhere) == 2 and abs(elsewhere["moment"] / elsewhere["angle"] - 1) < SOUNDNESS.minor_share:
         said = "every coefficient, and c1 and the inertia by the ratio"
         yield _frequency_finding(record, "both channels", elsewhere["angle"], said)
     elif elsewhere:
@@ -239,7 +239,7 @@ def _raised(name: Channel, other: Channel, record: Record, at: float) -> bool:
     """Return whether a tone is in both channels: damping and inertia raise the high ones of the moment."""
     multiple = at / (record.declared or at)
     shown = main_line(other.values, record.sample_rate, record.declared or at, at)[1]
-    return abs(multiple - round(multiple)) < POLICY.small_share and shown >= POLICY.unknown
+    return abs(multiple - round(multiple)) < SOUNDNESS.small_share and shown >= SOUNDNESS.unknown
 
 
 def _frequency_finding(record: Record, what: str, at: float, said: str) -> Finding:
@@ -267,17 +267,19 @@ def find_noise(records: Sequence[Record], words: Words) -> Iterator[Finding]:
         some = [(r, c) for r in records if (c := r.channel(name)) is not None and c.std > 0]
         noise = np.array([c.noise for _, c in some])
         share = noise / np.array([c.std for _, c in some])
-        for i, (record, _) in enumerate(some if len(some) >= POLICY.fewest else ()):
+        for i, (record, _) in enumerate(some if len(some) >= SOUNDNESS.fewest else ()):
             others, usual = np.delete(share, i), float(np.median(np.delete(noise, i)))
             # Of most of the others no noise may be known: with few samples per period motion hides it.
-            stands = noise[i] > POLICY.outstanding * usual and share[i] > POLICY.outstanding * others.max()
+            stands = (
+                noise[i] > SOUNDNESS.outstanding * usual and share[i] > SOUNDNESS.outstanding * others.max()
+            )
             if not usual or not stands:
                 continue
             yield words.finding(
                 "excess_noise",
                 record.name,
                 name,
-                "biases" if share[i] > POLICY.tolerated else "note",
+                "biases" if share[i] > SOUNDNESS.tolerated else "note",
                 f"noise of {noise[i]:.3g} {words.unit(name)} RMS, {100 * share[i]:.2g} % of the {words.of(name)}, "
                 f"{noise[i] / usual:.3g} times that of the other runs",
                 "look at shielding and sensor of that run; leave it out if the others suffice",
@@ -290,13 +292,13 @@ def find_mains(record: Record, words: Words) -> Iterator[Finding]:
         for mains in MAINS if channel.name != "rate" else ():
             amplitude = mains_line(channel.values, record, mains)
             share = amplitude / np.sqrt(2) / channel.std
-            if share < POLICY.small_share:
+            if share < SOUNDNESS.small_share:
                 continue
             yield words.finding(
                 "mains_hum",
                 record.name,
                 channel.name,
-                "biases" if share > POLICY.gain else "note",
+                "biases" if share > SOUNDNESS.gain else "note",
                 f"a line at {mains:g} Hz of {amplitude:.3g} {words.unit(channel.name)} in the "
                 f"{words.of(channel.name)}, {100 * share:.2g} % of its RMS",
                 "look for an earth loop; use another excitation frequency than a divisor of the mains",
@@ -315,4 +317,4 @@ def mains_line(values: Array, record: Record, mains: float) -> float:
     around = spectrum[at + bins][~harmonic & (np.abs(bins) > GAP)]
     height = float(spectrum[at + bins][np.abs(bins) <= LINE].max())
     # A median modulus of noise is 1.18 of its deviations; of a hundred thousand the largest has five.
-    return height if around.size >= 4 and height > POLICY.outstanding * np.median(around) * 1.5 else 0.0
+    return height if around.size >= 4 and height > SOUNDNESS.outstanding * np.median(around) * 1.5 else 0.0

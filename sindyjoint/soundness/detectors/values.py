@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.mechanics.rig_test import DRIVE
 from sindyjoint.numeric import Array
 from sindyjoint.soundness.finding import Finding, Spans, Words
-from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Channel, Mask, Record, spans_of
 
 # Equal but for rounding, in ranges of the channel.
@@ -33,7 +33,7 @@ def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             )
             yield words.finding("frozen_channel", record.name, channel.name, "stops", extent, remedy)
         drive = record.channel(DRIVE)
-        if drive is not None and drive.noise > (1 - POLICY.minor_share) * drive.std:
+        if drive is not None and drive.noise > (1 - SOUNDNESS.minor_share) * drive.std:
             extent = (
                 f"the drive is noise: {drive.std:.3g} {words.unit(DRIVE)} RMS, of which {drive.noise:.3g} from sample "
                 "to sample"
@@ -59,7 +59,7 @@ def find_saturation(record: Record, words: Words) -> Iterator[Finding]:
             continue
         at = np.logical_or.reduce(list(found.values()))
         share, name = float(np.mean(at)), words.of(channel.name)
-        masked = channel.name == "moment" and share <= POLICY.large_part
+        masked = channel.name == "moment" and share <= SOUNDNESS.large_part
         limits = ", ".join(
             f"{channel.values[some][0]:.4g} {words.unit(channel.name)}" for some in found.values()
         )
@@ -67,7 +67,7 @@ def find_saturation(record: Record, words: Words) -> Iterator[Finding]:
             "saturation",
             record.name,
             channel.name,
-            "biases" if masked or share <= POLICY.small_share else "stops",
+            "biases" if masked or share <= SOUNDNESS.small_share else "stops",
             f"{100 * share:.2g} % of the samples of the {name} at its {' and '.join(found)} value ({limits})",
             "those samples are left out; repeat the run with a larger range of the amplifier"
             if masked
@@ -86,7 +86,9 @@ def saturated_samples(channel: Channel, sign: float) -> Mask | None:
     """
     levels, counts = channel.levels
     counts = counts if sign > 0 else counts[::-1]
-    if levels.size < 8 or counts[-1] < max(POLICY.fewest_equal, POLICY.outstanding * counts[-4:-1].max()):
+    if levels.size < 8 or counts[-1] < max(
+        SOUNDNESS.fewest_equal, SOUNDNESS.outstanding * counts[-4:-1].max()
+    ):
         return None
     way = sign * ((levels[-1] if sign > 0 else levels[0]) - channel.values)
     at: Mask = way <= AT_LIMIT * channel.range
@@ -106,7 +108,7 @@ def _arrives_with_slope(way: Array, at: Mask, step: float) -> bool:
     )
     if near.size < 2 or np.median(near) < 3 * step:
         return False
-    return bool(np.median(far) < POLICY.saturated_arrival * np.median(near))
+    return bool(np.median(far) < SOUNDNESS.saturated_arrival * np.median(near))
 
 
 def find_held(record: Record, words: Words) -> Iterator[Finding]:
@@ -119,13 +121,13 @@ def find_held(record: Record, words: Words) -> Iterator[Finding]:
         if not spans or (zero and _rests(record, channel, spans)):
             continue
         share, longest = sum(b - a for a, b in spans) / record.n_samples, max(b - a for a, b in spans)
-        masked = record.short(spans) if words.structure else share <= POLICY.large_part
+        masked = record.short(spans) if words.structure else share <= SOUNDNESS.large_part
         done = "filled in" if words.structure else "left out"
         yield words.finding(
-            "frozen_segment" if longest > POLICY.small_share * record.n_samples else "dropouts",
+            "frozen_segment" if longest > SOUNDNESS.small_share * record.n_samples else "dropouts",
             record.name,
             channel.name,
-            "biases" if masked or (words.structure and share <= POLICY.small_share) else "stops",
+            "biases" if masked or (words.structure and share <= SOUNDNESS.small_share) else "stops",
             f"the {words.of(channel.name)} stays at {'zero' if zero else 'one value'} {len(spans)} time(s), for up to "
             f"{longest} samples ({1e3 * longest / record.sample_rate:.3g} ms), {100 * share:.2g} % of the run",
             f"those samples are {done}; look at cables and buffers"
@@ -155,15 +157,15 @@ def held_spans(channel: Channel, moves: bool = False) -> Spans:
     low, high = channel.levels[0][[0, -1]] + AT_LIMIT * channel.range * np.array([1, -1])
     spans = [(a, b + 1) for a, b in spans_of(equal) if x[a] == 0.0 or low < x[a] < high]
     if not channel.quantised or (
-        moves and channel.step < POLICY.minor_share * POLICY.small_share * channel.std
+        moves and channel.step < SOUNDNESS.minor_share * SOUNDNESS.small_share * channel.std
     ):
         least = _least_length(equal)
         return tuple(s for s in spans if s[1] - s[0] >= least)
     step = np.abs(np.diff(x, prepend=x[0], append=x[-1]))
     # The largest moves are friction steps or the jumps themselves.
     usual = float(np.quantile(step[1:-1][~equal], 0.98)) if not equal.all() else np.inf
-    far = POLICY.outstanding * max(usual, channel.step)
-    return tuple((a, b) for a, b in spans if b - a >= POLICY.fewest_equal and max(step[a], step[b]) > far)
+    far = SOUNDNESS.outstanding * max(usual, channel.step)
+    return tuple((a, b) for a, b in spans if b - a >= SOUNDNESS.fewest_equal and max(step[a], step[b]) > far)
 
 
 def _least_length(equal: Mask) -> int:
@@ -175,7 +177,7 @@ def _least_length(equal: Mask) -> int:
     if not single:
         return 3
     share = np.sqrt(min(single / equal.size, 0.5))
-    return 2 + int(np.ceil(np.log(POLICY.false_alarm / equal.size) / np.log(share)))
+    return 2 + int(np.ceil(np.log(SOUNDNESS.false_alarm / equal.size) / np.log(share)))
 
 
 def _others_move(record: Record, channel: Channel, span: tuple[int, int]) -> bool:
@@ -186,7 +188,7 @@ def _others_move(record: Record, channel: Channel, span: tuple[int, int]) -> boo
 
 def _rests(record: Record, channel: Channel, spans: Spans) -> bool:
     """Return whether a channel at zero is right: a drive about a blow, the acceleration of a joint that sticks."""
-    sticks = all(np.ptp(record.clock[a:b]) <= POLICY.small_share * np.ptp(record.clock) for a, b in spans)
+    sticks = all(np.ptp(record.clock[a:b]) <= SOUNDNESS.small_share * np.ptp(record.clock) for a, b in spans)
     return channel.name == DRIVE or (record.run is not None and channel.jumps and sticks)
 
 
@@ -224,9 +226,9 @@ def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
     for channel in record.alive:
         share = channel.step / channel.std if channel.std else 0.0
         many = channel.levels[0].size > channel.values.size / 4
-        if not channel.quantised or share < POLICY.small_share or many:
+        if not channel.quantised or share < SOUNDNESS.small_share or many:
             continue
-        coarse = share > POLICY.minor_share
+        coarse = share > SOUNDNESS.minor_share
         yield Finding(
             "coarse_quantisation",
             record.name,
@@ -240,14 +242,14 @@ def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
             "use a smaller range of the amplifier or of the converter",
         )
     per = record.samples_per_period / record.order
-    if per < POLICY.few_samples:
+    if per < SOUNDNESS.few_samples:
         yield words.finding(
             "few_samples_per_period",
             record.name,
             "time",
             "note",
             f"{per:.3g} samples per period of the main line",
-            f"sample at {POLICY.few_samples:g} times the main frequency or more",
+            f"sample at {SOUNDNESS.few_samples:g} times the main frequency or more",
         )
 
 
@@ -272,10 +274,10 @@ def spike_samples(channel: Channel) -> Mask:
     few samples per period differ as well, but all of them do. What jumps may do so within its range, two amplitudes.
     """
     away = departures(channel.values)
-    usual = POLICY.outstanding * max(float(np.quantile(away, USUAL)), channel.step)
-    marked: Mask = away > max(usual, (2.0 if channel.jumps else POLICY.unknown) * channel.amplitude)
+    usual = SOUNDNESS.outstanding * max(float(np.quantile(away, USUAL)), channel.step)
+    marked: Mask = away > max(usual, (2.0 if channel.jumps else SOUNDNESS.unknown) * channel.amplitude)
     # What happens all the time (impacts, stick-slip) belongs to the joint.
-    return marked if np.mean(marked) <= POLICY.small_share else np.zeros_like(marked)
+    return marked if np.mean(marked) <= SOUNDNESS.small_share else np.zeros_like(marked)
 
 
 def find_spikes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
@@ -292,7 +294,7 @@ def find_spikes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
                 spans = _alone(record, channel, marked[channel.name])
             size = float(np.abs(channel.values - np.median(channel.values))[marked[channel.name]].max())
             relative = size / max(channel.amplitude, 1e-300)
-            jerk = channel.name == "moment" and relative < POLICY.many_times
+            jerk = channel.name == "moment" and relative < SOUNDNESS.many_times
             if not spans or (jerk and _motion_shows(record, spans)):
                 continue
             yield words.finding(
@@ -325,8 +327,8 @@ def _joint_jumps(records: Sequence[Record], marks: Sequence[Mapping[str, Mask]],
         if channel is None or not marked.any():
             continue
         x = channel.values - np.median(channel.values[~marked])
-        if np.any(x[marked] < POLICY.clearly * x[~marked].min()) or np.any(
-            x[marked] > POLICY.clearly * x[~marked].max()
+        if np.any(x[marked] < SOUNDNESS.clearly * x[~marked].min()) or np.any(
+            x[marked] > SOUNDNESS.clearly * x[~marked].max()
         ):
             return False
         ends.append(x[marked] / channel.amplitude)
@@ -335,10 +337,10 @@ def _joint_jumps(records: Sequence[Record], marks: Sequence[Mapping[str, Mask]],
             halves = np.array_split(x[max(at - BEFORE, 0) : at], 2)
             early, late = (float(np.median(half)) for half in halves if half.size)
             inwards.append((late - early) * late < 0)
-    if len(inwards) < POLICY.fewest or np.ptp(np.abs(np.concatenate(ends))) < POLICY.tolerated:
+    if len(inwards) < SOUNDNESS.fewest or np.ptp(np.abs(np.concatenate(ends))) < SOUNDNESS.tolerated:
         return False
     share = float(np.mean(inwards))
-    return max(share, 1 - share) >= 1 - POLICY.large_part
+    return max(share, 1 - share) >= 1 - SOUNDNESS.large_part
 
 
 def _motion_shows(record: Record, spans: Spans) -> bool:
@@ -370,5 +372,5 @@ def _alone(record: Record, channel: Channel, own: Mask) -> Spans:
     )
     together = np.mean([np.log(away + away.mean()) for away in nearby], axis=0)
     spans = spans_of(own & (together < np.quantile(together, SELDOM)))
-    blows = record.declared is None and channel.name == DRIVE and len(spans) < POLICY.fewest
+    blows = record.declared is None and channel.name == DRIVE and len(spans) < SOUNDNESS.fewest
     return () if blows else spans

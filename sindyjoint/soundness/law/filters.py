@@ -7,11 +7,11 @@ import numpy as np
 
 from sindyjoint.discovery.delay import find_delay
 from sindyjoint.errors import SindyJointError
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.finding import Finding, Words
 from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
-from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Record
 from sindyjoint.states.build import force_states
 from sindyjoint.states.floor import moment_floor
@@ -40,9 +40,9 @@ def find_signs(
     stiff = np.array(
         [_likeness(moment - moment.mean(), angle - angle.mean()) for _, moment, _, angle in rows]
     )
-    backwards, load_name = loss < -POLICY.gain, words.of("moment")
+    backwards, load_name = loss < -SOUNDNESS.gain, words.of("moment")
     if backwards.all():
-        flipped = bool(np.all(stiff < 0) or np.all(loss < -POLICY.explains))
+        flipped = bool(np.all(stiff < 0) or np.all(loss < -SOUNDNESS.explains))
         falls = f", and the {load_name} falls with the {words.of('angle')}" if flipped else ""
         yield Finding(
             "reversed_sign" if flipped else "gives_off_energy",
@@ -57,7 +57,7 @@ def find_signs(
             else "check the time delay between the channels, and whether the records run backwards",
         )
         return
-    for i in np.flatnonzero(backwards) if POLICY.fewest * max(backwards.sum(), 1) <= len(rows) else ():
+    for i in np.flatnonzero(backwards) if SOUNDNESS.fewest * max(backwards.sum(), 1) <= len(rows) else ():
         flipped = bool(stiff[i] * np.median(np.delete(stiff, i)) < 0)
         yield Finding(
             "reversed_sign" if flipped else "gives_off_energy",
@@ -84,7 +84,7 @@ def find_inertia(cycles: Motions, inertia: float | None, words: Words) -> Iterat
     if ratio < 1:
         return
     # At resonance the moment of the inertia is above the measured one, and rightly so.
-    denied = misfit(cycles, None) ** 2 < POLICY.explains * misfit(cycles, inertia) ** 2
+    denied = misfit(cycles, None) ** 2 < SOUNDNESS.explains * misfit(cycles, inertia) ** 2
     yield Finding(
         "implausible_size",
         None,
@@ -142,10 +142,10 @@ def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator
     if len(runs) < 2 or runs.frequency is None:
         return
     before = misfit(runs, inertia)
-    if before < POLICY.minor_share * POLICY.departs:
+    if before < SOUNDNESS.minor_share * SOUNDNESS.departs:
         return
     best = min(_undone(runs, inertia), key=lambda each: each.left)
-    if best.id == "channel_delay" or best.left > min(np.sqrt(POLICY.explains) * before, POLICY.departs):
+    if best.id == "channel_delay" or best.left > min(np.sqrt(SOUNDNESS.explains) * before, SOUNDNESS.departs):
         return
     slowest = float(runs.frequency.min())
     gain = f"one law leaves {100 * before:.2g} % of the {words.of('moment')}, {100 * best.left:.2g} % with that undone"
@@ -157,7 +157,7 @@ def find_filters(runs: Motions, inertia: float | None, words: Words) -> Iterator
         )
         effect = "k1 and c1 depend on the frequency, k2 and the mean are lost, M_F fades over each half-cycle"
         remedy = "switch the coupling to DC and repeat the tests"
-        stops = lead > POLICY.unknown
+        stops = lead > SOUNDNESS.unknown
         yield Finding(best.id, None, best.channel, "stops" if stops else "biases", extent, effect, remedy)
         return
     if best.channel == "moment" and not _is_one_time(runs, inertia, best):
@@ -193,7 +193,7 @@ def _is_one_time(runs: Motions, inertia: float | None, best: Undone) -> bool:
     """Return whether the slower half of the runs and the faster one show one time."""
     halves = [runs.take(half.tolist()) for half in np.array_split(np.argsort(runs.cycle), 2)]
     times = [_undone(half, inertia, [best.id])[0].parameter for half in halves if len(half) > 1]
-    return all(abs(time - best.parameter) < POLICY.large_part * best.parameter for time in times)
+    return all(abs(time - best.parameter) < SOUNDNESS.large_part * best.parameter for time in times)
 
 
 def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) -> Iterator[Finding]:
@@ -222,9 +222,10 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     moved = size * usual * rms(np.concatenate([s.moment[s.moving] for s in states]))
     more = delay.residual_rms**2 - floor**2  # unknown where the floor is
     unexplained = (
-        more > (POLICY.minor_share * moved) ** 2 and delay.residual_rms > (1 + POLICY.minor_share) * floor
+        more > (SOUNDNESS.minor_share * moved) ** 2
+        and delay.residual_rms > (1 + SOUNDNESS.minor_share) * floor
     )
-    if size * usual < POLICY.small_share or unexplained:
+    if size * usual < SOUNDNESS.small_share or unexplained:
         return
     yield Finding(
         "channel_delay",

@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import ROUNDING, Array, rms
-from sindyjoint.soundness.policy import POLICY
 from sindyjoint.soundness.record import Record
 from sindyjoint.states.record import ForceStates
 
@@ -130,7 +130,7 @@ def _steady(values: Array, record: Record) -> tuple[Complex, int]:
     """Return the Fourier coefficients over whole periods at the end of a channel, and how many periods these are."""
     per = record.samples_per_period
     whole = int(STEADY * values.size / per)
-    counts = np.arange(max(POLICY.fewest, whole - 8), whole + 1)
+    counts = np.arange(max(SOUNDNESS.fewest, whole - 8), whole + 1)
     if not counts.size:
         return np.zeros(0, dtype=complex), 0
     # The number of periods that is nearest to a whole number of samples.
@@ -146,7 +146,7 @@ def _harmonics(values: Array, record: Record) -> Complex:
     floor = float(np.median(np.abs(bins[between]))) if between.any() else 0.0
     found = np.zeros(MOST_HARMONICS + 1, dtype=complex)
     kept = bins[::periods][: MOST_HARMONICS + 1]
-    found[: kept.size] = np.where(np.abs(kept) < POLICY.outstanding * floor, 0, kept)
+    found[: kept.size] = np.where(np.abs(kept) < SOUNDNESS.outstanding * floor, 0, kept)
     found[:2] = kept[:2]
     return found
 
@@ -233,7 +233,7 @@ def rows_of(runs: Motions, scale: Scale, inertia: float | None) -> Rows:
         built += [column * (values - low) / (high - low) for column in plain if high > low]
     if inertia is None:
         built.append(runs.acceleration * scale.angle / scale.rate**2)
-    moving = np.abs(runs.rate) > POLICY.minor_share * np.abs(runs.rate).max(axis=1, keepdims=True)
+    moving = np.abs(runs.rate) > SOUNDNESS.minor_share * np.abs(runs.rate).max(axis=1, keepdims=True)
     weight = moving / np.where(runs.size == 0, 1.0, runs.size)[:, None]
     load = runs.moment - (inertia or 0.0) * runs.acceleration
     return Rows(np.stack(built, axis=2) * weight[:, :, None], load * weight)

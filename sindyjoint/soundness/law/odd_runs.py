@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array, rms
 from sindyjoint.soundness.detectors.course import drift_of
 from sindyjoint.soundness.finding import Finding, Words
@@ -23,7 +24,6 @@ from sindyjoint.soundness.law.motions import (
     solve,
     solved,
 )
-from sindyjoint.soundness.policy import POLICY
 
 # What units are mistaken by: degrees, thousandths, kgf, lbf, inches.
 MISTAKES = {
@@ -44,8 +44,8 @@ REVERSE = "reverse the channel (gain = -1), or leave the run out"
 
 def find_other_scales(runs: Motions, inertia: float | None, words: Words) -> tuple[list[Finding], Motions]:
     """Return findings on the runs, half of them at most, that are in another unit than the rest, and the rest."""
-    before = misfit(runs, inertia) if len(runs) >= POLICY.fewest else 0.0
-    if before < POLICY.departs / np.sqrt(max(len(runs), 1)):
+    before = misfit(runs, inertia) if len(runs) >= SOUNDNESS.fewest else 0.0
+    if before < SOUNDNESS.departs / np.sqrt(max(len(runs), 1)):
         return [], runs
     tried = [
         (misfit(runs.scaled(channel, np.where(group, 1 / factor, 1.0)), inertia), group, channel, factor)
@@ -54,7 +54,7 @@ def find_other_scales(runs: Motions, inertia: float | None, words: Words) -> tup
     if not tried:
         return [], runs
     left, group, channel, factor = min(tried, key=lambda one: one[0])
-    if left > min(POLICY.departs, np.sqrt(POLICY.explains) * before):
+    if left > min(SOUNDNESS.departs, np.sqrt(SOUNDNESS.explains) * before):
         return [], runs
     fits = f"one law leaves {100 * before:.2g} % of the {words.of('moment')}, {100 * left:.2g} % with that undone"
     if group.sum() > 1:
@@ -109,11 +109,11 @@ def find_odd_runs(runs: Motions, inertia: float | None, words: Words) -> tuple[l
     alike = list(range(len(runs)))
     odd: list[int] = []
     common = 0.0
-    while len(alike) >= POLICY.fewest and len(odd) <= len(runs) // 3:
+    while len(alike) >= SOUNDNESS.fewest and len(odd) <= len(runs) // 3:
         some = runs.take(alike)
         rows = rows_of(some, scale_of(some), inertia)
         # Two runs may have each other's channel.
-        found = _departing(rows, 1) or (_departing(rows, 2) if len(alike) >= 2 * POLICY.fewest else None)
+        found = _departing(rows, 1) or (_departing(rows, 2) if len(alike) >= 2 * SOUNDNESS.fewest else None)
         if found is None:
             break
         common = found[1]
@@ -134,7 +134,7 @@ def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
     """
     products, count = rows.products, len(rows.products)
     everything = float(np.sqrt(solve(products)[1]))
-    if everything < POLICY.departs / np.sqrt(count):
+    if everything < SOUNDNESS.departs / np.sqrt(count):
         return None
     every, pooled = np.array(list(combinations(range(count), size))), products.sum(axis=0)
     rests = [
@@ -143,8 +143,8 @@ def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
     index = tuple(every[np.argmin(np.concatenate(rests))].tolist())
     law, rest = solve(np.delete(products, index, axis=0))
     departure, common = min(rows.left_by(law, i) for i in index), float(np.sqrt(rest))
-    alike = rest < min(POLICY.explains * everything**2, POLICY.tolerated**2)
-    apart = departure > max(POLICY.departs, POLICY.fewest * common)
+    alike = rest < min(SOUNDNESS.explains * everything**2, SOUNDNESS.tolerated**2)
+    apart = departure > max(SOUNDNESS.departs, SOUNDNESS.fewest * common)
     return (index, common) if alike and apart else None
 
 
@@ -197,28 +197,30 @@ class Held:
         frequency show is the joint's.
         """
         swing = np.ptp(self.runs.angle, axis=1)
-        if abs(np.log(swing[run] / np.median(swing))) > np.log(POLICY.many_times):
+        if abs(np.log(swing[run] / np.median(swing))) > np.log(SOUNDNESS.many_times):
             return True
         rows, of_others = self.rows(self.runs.take([run])), self.rows(self.runs.take(self.alike)).products
         columns = rows.columns[0]
         leverage = np.einsum("ij,jk,ik->i", columns, inverted(of_others.sum(axis=0)[:-1, :-1]), columns)
-        if len(self.alike) < POLICY.fewest or np.median(leverage) > POLICY.many_times:
+        if len(self.alike) < SOUNDNESS.fewest or np.median(leverage) > SOUNDNESS.many_times:
             return False
         within = rms((rows.target[0] - columns @ self.law) / np.sqrt(1 + leverage))
-        return within > max(POLICY.departs, POLICY.fewest * self.common) and not self._kin_too(run)
+        return within > max(SOUNDNESS.departs, SOUNDNESS.fewest * self.common) and not self._kin_too(run)
 
     def _kin_too(self, run: int) -> bool:
         """Return whether all other runs of its frequency depart from the law of other frequencies as well."""
         if self.runs.frequency is None:
             return False
-        same = np.abs(np.log(self.runs.frequency / self.runs.frequency[run])) < np.log1p(POLICY.small_share)
+        same = np.abs(np.log(self.runs.frequency / self.runs.frequency[run])) < np.log1p(
+            SOUNDNESS.small_share
+        )
         kin = [i for i in np.flatnonzero(same).tolist() if i != run]
         rest = tuple(i for i in self.alike if not same[i])
         if not kin or len(rest) < 2:
             return False
         law = self.law_of(rest)
         left = [self.rows(self.runs.take([i])).left_by(law) for i in (run, *kin)]
-        return min(left[1:]) > POLICY.explains * left[0]
+        return min(left[1:]) > SOUNDNESS.explains * left[0]
 
 
 def _describe(index: int, held: Held, words: Words) -> Finding:
@@ -235,7 +237,7 @@ def _describe(index: int, held: Held, words: Words) -> Finding:
         ("moment", gain, rms(target - gain * expected)), ("angle", turned, left), key=lambda each: each[2]
     )
     # Of the RMS: a single number is to account for a single run.
-    explained = POLICY.explains * min(departure, 1.0)
+    explained = SOUNDNESS.explains * min(departure, 1.0)
     said = f"(it departs by {100 * departure:.3g} %, they do by {100 * held.common:.2g} %)"
     if left > explained:
         time, after = _best_delay(run, held)
@@ -257,7 +259,7 @@ def _describe(index: int, held: Held, words: Words) -> Finding:
         "gain_differs",
         run.names[0],
         name,
-        "biases" if max(gain, 1 / gain) < POLICY.clearly else "stops",
+        "biases" if max(gain, 1 / gain) < SOUNDNESS.clearly else "stops",
         f"its {words.of(name)} is {gain:.4g} times what the law of the other runs gives {said}",
         DRAWN,
         "compare gain and unit of that run with the others'; correct it or leave it out",
@@ -268,7 +270,7 @@ def _best_delay(run: Motions, held: Held) -> tuple[float, float]:
     """Return by how much the moment of a steady run lags, s, by the law, and the RMS that remains without the lag."""
     if run.frequency is None:
         return 0.0, np.inf
-    longest = POLICY.minor_share / float(run.frequency[0])
+    longest = SOUNDNESS.minor_share / float(run.frequency[0])
     turn = 2j * np.pi * run.lines
     return least(
         lambda t: held.left_of(run.filtered("moment", np.exp(turn * t))), longest * np.linspace(-1, 1, 21)
@@ -298,10 +300,10 @@ def find_drifts(runs: Motions, alike: Motions, inertia: float | None, words: Wor
         known = np.flatnonzero(np.bincount(part, minlength=PARTS) >= FEWEST)
         if known.size < PARTS // 2:
             continue
-        slope = drift_of(_means(part, residual)[known], POLICY.tolerated, place=known)
+        slope = drift_of(_means(part, residual)[known], SOUNDNESS.tolerated, place=known)
         total = (slope or 0.0) * PARTS
         # Of a law that leaves much the mean moves as well, as drive and motion change along a sweep.
-        if slope is None or np.var(residual) - total**2 / 12 > POLICY.minor_share**2:
+        if slope is None or np.var(residual) - total**2 / 12 > SOUNDNESS.minor_share**2:
             continue
         moves = {}
         for channel, signal in (("moment", runs.moment[index]), ("angle", runs.angle[index])):

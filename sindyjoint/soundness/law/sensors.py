@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sindyjoint.errors import InputError
+from sindyjoint.limits import SOUNDNESS
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import LumpedMass
@@ -26,7 +27,6 @@ from sindyjoint.soundness.law.agreement import (
     swapped,
     unknowns_of,
 )
-from sindyjoint.soundness.policy import POLICY
 from sindyjoint.substructure.recovery import Recovery, recover
 
 # Runs that may have a fault of their own, at most; faults that are looked for one after the other.
@@ -67,7 +67,7 @@ Told = tuple[str, Severity, str, str]
 
 def with_assumed_numbers(test: RigTest) -> RigTest:
     """Return a test in which each stiffness, mass and loss of the structure may be off, as stated or as is usual."""
-    usual = POLICY.usual_uncertainty
+    usual = SOUNDNESS.usual_uncertainty
     if test.chain is None:
         structure, zero = test.structure, np.zeros_like(test.structure.mass)
         assumed: tuple[UncertainNumber, ...] = (
@@ -77,7 +77,7 @@ def with_assumed_numbers(test: RigTest) -> RigTest:
     else:
         chain = test.chain
         of_parts = {
-            item.name: {"stiffness": usual, "mass": usual, "loss": POLICY.usual_loss}
+            item.name: {"stiffness": usual, "mass": usual, "loss": SOUNDNESS.usual_loss}
             if isinstance(item, Beam)
             else {"mass": usual}
             for item in chain.items
@@ -128,9 +128,9 @@ def find_in_sensors(test: RigTest, recoveries: Sequence[Recovery], words: Words)
         # Beams and masses that are not as described show in no linear way where a mode is near.
         nearer = fit_fault(moved(equations, numbered, fit.numbers))
         least = min(fit.chi_squared, nearer.chi_squared) / equations.degrees
-        if least <= POLICY.clearly:
+        if least <= SOUNDNESS.clearly:
             return
-        found = _best_explanation(equations, fit, POLICY.large_part / main, spare)
+        found = _best_explanation(equations, fit, SOUNDNESS.large_part / main, spare)
         if found is None:
             yield Finding(
                 "structure_differs",
@@ -161,7 +161,9 @@ def _main_frequency(equations: Equations, run: int) -> float:
 def _odd_runs(fit: Fit, equations: Equations) -> list[int | None]:
     """Return the runs that agree worst, each of which may have a fault of its own, and None for all runs."""
     per = fit.by_run / np.maximum(np.bincount(equations.run), 1)
-    odd = [int(r) for r in np.argsort(-per)[:ODD_RUNS] if per[r] > (1 + POLICY.large_part) * np.median(per)]
+    odd = [
+        int(r) for r in np.argsort(-per)[:ODD_RUNS] if per[r] > (1 + SOUNDNESS.large_part) * np.median(per)
+    ]
     return [None, *odd] if len(per) > 1 else [None]
 
 
@@ -192,9 +194,9 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
     best = min(known, key=lambda each: each.ratio)
     # Two explanations that undo the same thing: a delay that is none, one run among all.
     rivals = [each.ratio for each in known if not set(each.channels) & set(best.channels)]
-    if best.ratio <= POLICY.explains and min(rivals, default=np.inf) >= POLICY.clearly * best.ratio:
+    if best.ratio <= SOUNDNESS.explains and min(rivals, default=np.inf) >= SOUNDNESS.clearly * best.ratio:
         alike = [e for e in known if (e.channels, e.kind) == (best.channels, best.kind)]
-        simplest = [e for e in alike if e.run is None and e.ratio <= (1 + POLICY.minor_share) * best.ratio]
+        simplest = [e for e in alike if e.run is None and e.ratio <= (1 + SOUNDNESS.minor_share) * best.ratio]
         plain = [e for e in simplest if e.fit.fault is None or e.fit.fault.delay == 0.0]
         return min(plain or simplest or [best], key=lambda each: each.ratio)
     if spare < 2:
@@ -203,7 +205,7 @@ def _best_explanation(equations: Equations, before: Fit, longest: float, spare: 
     found = [explained("left_out", (c,), None, fit_fault(w), w) for c, w in enumerate(without, 1)]
     first, second = sorted(found, key=lambda each: each.ratio)[:2]
     # A channel less leaves less, whichever it is: what a second one explains as well is the structure.
-    alone = first.ratio <= POLICY.explains / 2 and second.ratio >= POLICY.explains
+    alone = first.ratio <= SOUNDNESS.explains / 2 and second.ratio >= SOUNDNESS.explains
     return first if alone else None
 
 
@@ -240,7 +242,7 @@ def _describe(
     )
     shift, said = max(angle, moment), [words.of(names[channel]) for channel in found.channels]
     severity: Severity = (
-        "stops" if shift > POLICY.unknown else "biases" if shift > POLICY.small_share else "note"
+        "stops" if shift > SOUNDNESS.unknown else "biases" if shift > SOUNDNESS.small_share else "note"
     )
     better = f"agree {found.ratio**-0.5:.3g} times better"
     if found.kind == "swapped":
@@ -272,17 +274,17 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
     off, turn = abs(abs(fault.gain) - 1), 2 * np.pi * main
     late = abs(turn * fault.delay)
     # Standard errors by the noise, and by what the fault leaves beyond it.
-    sure = POLICY.outstanding * max(1.0, found.fit.chi_squared / found.equations.degrees) ** 0.5
-    if abs(fault.gain) < POLICY.tolerated:
+    sure = SOUNDNESS.outstanding * max(1.0, found.fit.chi_squared / found.equations.degrees) ** 0.5
+    if abs(fault.gain) < SOUNDNESS.tolerated:
         shown = 100 * max(abs(fault.gain), SMALLEST)
         extent = f"the {said} shows {shown:.2g} % of what the others predict: {agree}"
         return ("no_signal", "stops", extent, "check its cable, range and unit; leave it out")
     if fault.gain < 0:
-        size = "" if off < POLICY.gain else f", times {abs(fault.gain):.4g}"
+        size = "" if off < SOUNDNESS.gain else f", times {abs(fault.gain):.4g}"
         extent = f"the {said} has the other sign than the others predict{size}: {agree}"
         return ("reversed_sign", "stops", extent, "turn its sign in the file, or leave it out")
-    if off >= max(POLICY.gain, sure * errors[0]) and (off >= late or late < POLICY.small_share):
-        units = [f" (as {u})" for factor, u in UNITS.items() if abs(fault.gain / factor - 1) < POLICY.gain]
+    if off >= max(SOUNDNESS.gain, sure * errors[0]) and (off >= late or late < SOUNDNESS.small_share):
+        units = [f" (as {u})" for factor, u in UNITS.items() if abs(fault.gain / factor - 1) < SOUNDNESS.gain]
         extent = f"the {said} is {fault.gain:.4g} times what the others predict{''.join(units[:1])}: {agree}"
         remedy = "compare its calibration, gain and unit; correct or leave it out"
         if not certain:
@@ -290,8 +292,8 @@ def _tell_fault(found: Explained, said: str, severity: Severity, main: float, ce
                 ", or its part of the structure is another: with one sensor more than joints nothing tells"
             )
             return ("gain_differs", "note" if severity == "note" else "biases", extent, remedy)
-        return ("gain_differs", "stops" if off > POLICY.unknown else severity, extent, remedy)
-    if late < max(POLICY.small_share, sure * errors[1] * turn):
+        return ("gain_differs", "stops" if off > SOUNDNESS.unknown else severity, extent, remedy)
+    if late < max(SOUNDNESS.small_share, sure * errors[1] * turn):
         return None
     extent = (
         f"the {said} comes {1e3 * abs(fault.delay):.3g} ms {'later' if fault.delay > 0 else 'earlier'} than the others "

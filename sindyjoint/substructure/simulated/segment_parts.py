@@ -7,12 +7,12 @@ import numpy as np
 import scipy
 
 from sindyjoint.errors import InputError
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import BASE, RigTest, load_row, sensor_rows
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.transient import State
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
 from sindyjoint.numeric import Array, rms
-from sindyjoint.substructure.policy import POLICY as LIMITS
 
 # What the time step may take of a frequency so many times the first one with joints that stick.
 SLOW, HARMONIC = 1e-3, 10
@@ -41,7 +41,7 @@ def without_slow_lines(signal: Array, highest: float) -> Array:
 
 def kept(samples: int) -> int:
     """Return how many coefficients of the cosine transform of a segment lie in the band that is compared."""
-    return int(2 * LIMITS.band * samples)
+    return int(2 * SUBSTRUCTURE.band * samples)
 
 
 def with_drive(test: RigTest, structure: Structure) -> Structure:

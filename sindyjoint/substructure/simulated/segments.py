@@ -21,6 +21,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rig_test import RigTest
@@ -29,7 +30,6 @@ from sindyjoint.mechanics.transient import State, trajectory
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING, REACH, between_samples, recorded
 from sindyjoint.numeric import COARSE_DIFFERENCE, MEDIAN_SQUARE, Array, delayed, noise_by_differences, rms
 from sindyjoint.response.output_error import DRAWS
-from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segment_parts import (
     carried,
@@ -145,7 +145,7 @@ class SegmentedRun:
         noise = np.sqrt(recovery.spectra.variance[:, 0] * (n - 1) / 2)
         if not test.drive_noise:
             noise[0] *= np.clip(
-                noise_by_differences(run.drive, 6) / noise[0], 1 / LIMITS.clearly, LIMITS.clearly
+                noise_by_differences(run.drive, 6) / noise[0], 1 / SUBSTRUCTURE.clearly, SUBSTRUCTURE.clearly
             )
         own = carried(test)
         basis = craig_bampton(
@@ -239,7 +239,7 @@ class SegmentedRun:
             upper.append(lines[:, lines.shape[1] // 2 :])
         ratio = np.sqrt(np.median(np.hstack(upper) ** 2, axis=1) / MEDIAN_SQUARE)
         declared = [bool(sensor.noise) for sensor in self.test.sensors]
-        ratio = np.where(declared, 1.0, np.clip(ratio, 1 / LIMITS.clearly, LIMITS.clearly))
+        ratio = np.where(declared, 1.0, np.clip(ratio, 1 / SUBSTRUCTURE.clearly, SUBSTRUCTURE.clearly))
         missing = tuple((part.reshape(count, -1) / ratio[:, None]).ravel() for part in self.missing)
         return replace(self, sigma=self.sigma * ratio, missing=missing)
 
@@ -305,7 +305,9 @@ class SegmentedRun:
         whole = self._motion(reduced, self.drive)
         firsts = [(a - REACH) * OVERSAMPLING for a, _ in self.spans]
         states = tuple((whole[0][i], whole[1][i], whole[2][i]) for i in firsts)
-        return replace(self, states=states, directions=moves_of(reduced, whole, LIMITS.band * self.rate))
+        return replace(
+            self, states=states, directions=moves_of(reduced, whole, SUBSTRUCTURE.band * self.rate)
+        )
 
     def _missing(self, reduced: Structure) -> tuple[Array, ...]:
         """Return what the steps of the simulation leave out of every segment, by Richardson's rule for order two.

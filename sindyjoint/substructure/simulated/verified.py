@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import has_seen, range_warnings
 from sindyjoint.errors import InputError
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.virtual_rig import OVERSAMPLING
@@ -32,7 +33,6 @@ from sindyjoint.response.verification import (
 )
 from sindyjoint.response.verify_rig import place_by_kind
 from sindyjoint.states.build import signals_hash
-from sindyjoint.substructure.policy import POLICY as LIMITS
 from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.simulated.runs import SteadyRun
 from sindyjoint.substructure.simulated.segments import SegmentedRun
@@ -113,7 +113,7 @@ def _recorded_run(test: RigTest, recovery: Recovery) -> MeasuredRun:
     def in_band(shown: Array) -> Array:
         parts = scipy.fft.dct(shown, norm="ortho", axis=1)
         parts[:, 0] = 0.0
-        parts[:, int(2 * LIMITS.band * shown.shape[1]) :] = 0.0
+        parts[:, int(2 * SUBSTRUCTURE.band * shown.shape[1]) :] = 0.0
         return np.asarray(scipy.fft.idct(parts, norm="ortho", axis=1))
 
     def simulate(structure: Structure) -> Motion:
@@ -123,7 +123,9 @@ def _recorded_run(test: RigTest, recovery: Recovery) -> MeasuredRun:
         return Motion(in_band(shown), q.T[inside], v.T[inside])
 
     noise = np.sqrt(recovery.spectra.variance[1:, 0] * (run.drive.size - 1) / 2)
-    return MeasuredRun(run, False, in_band(run.responses), noise, LIMITS.band * run.sample_rate, simulate)
+    return MeasuredRun(
+        run, False, in_band(run.responses), noise, SUBSTRUCTURE.band * run.sample_rate, simulate
+    )
 
 
 def verify_runs(
@@ -172,7 +174,7 @@ def verify_runs(
             )
         whole = run.responses[:, run.drive.size - measured.time.size :].std(axis=1)
         share = np.sqrt(np.clip(1 - (measured.signals.std(axis=1) / whole) ** 2, 0, None))
-        if measured.repeats and share.max() > LIMITS.large_part:
+        if measured.repeats and share.max() > SUBSTRUCTURE.large_part:
             worst = test.sensors[int(np.argmax(share))].name
             warnings.append(
                 f"{run.name}: compared up to {measured.highest:.3g} Hz; {100 * share.max():.0f} % of the signal "
