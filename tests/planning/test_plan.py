@@ -12,9 +12,9 @@ from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import PLANNED, designs
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
+from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics import INTER_PANEL
 from sindyjoint.planning import (
-    POLICY,
     PlannedRun,
     Sensors,
     half_widths,
@@ -32,7 +32,7 @@ from sindyjoint.response import model_law
 from tests.diagnosis.hidden_effects import hide
 from tests.equation.test_formula_evaluation import JENKINS, with_elements
 
-FEW = replace(POLICY, joints=3, frequencies=3)
+FEW = replace(PLANNING, joints=3, frequencies=3)
 RANGES = ["--range", "linear_stiffness=5..8 kN*m/rad", "--range", "coulomb_friction=1..3 N*m"]
 SHORT = ["--drive", "angle", "--time", "40 s", "--rate", "250 Hz", "--limit", "moment=8 N*m"]
 
@@ -41,7 +41,7 @@ SHORT = ["--drive", "angle", "--time", "40 s", "--rate", "250 Hz", "--limit", "m
 def small():
     """Few joints: what is averaged over is not what is tested here."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planner, "POLICY", FEW)
+        patch.setattr(planner, "PLANNING", FEW)
         patch.setattr(planner, "DRAWS", 6)
         yield
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
-from sindyjoint.limits import SOUNDNESS
+from sindyjoint.limits import PLANNING, SOUNDNESS
 from sindyjoint.mechanics import INTER_PANEL, Actuator, PaperLaw, tones
 from sindyjoint.planning import (
-    POLICY,
     Choice,
     Information,
     PlannedRun,
@@ -50,13 +49,13 @@ def test_a_rough_idea_becomes_a_range():
 @pytest.mark.parametrize("drive", ["moment", "angle"])
 def test_waveforms_of_several_tones_are_offered_within_the_limits(drive):
     actuator = Actuator(drive, (2.0, 16.0), rate=0.01)
-    few = replace(POLICY, frequencies=2)
+    few = replace(PLANNING, frequencies=2)
     runs, grid = candidates(LAWS[:2], LAWS[0], actuator, 10.0, "rad", few, ("two-tone-3", "sweep"))
     # Every tone within the band: the second one has three times the frequency, the last of a sweep eight times.
     assert {(run.waveform, run.frequency) for run in runs} == {
         ("two-tone-3", 2.0), ("two-tone-3", 5.33), ("sweep", 2.0)
     }  # fmt: skip
-    assert {run.waveform for run in grid} == {"sine"} and len(runs) == 3 * len(POLICY.levels)
+    assert {run.waveform for run in grid} == {"sine"} and len(runs) == 3 * len(PLANNING.levels)
     for run in runs:
         moved = motion(LAWS[0], drive, run.frequency, run.level, waveform=run.waveform)
         assert np.abs(moved.rate).max() <= 0.01
@@ -65,7 +64,7 @@ def test_waveforms_of_several_tones_are_offered_within_the_limits(drive):
 @pytest.mark.parametrize("waveform, duration", [("triangle", 10.0), ("sweep", 10.0), ("multisine", 10.0)])
 def test_a_waveform_without_room_in_the_band_or_the_run_is_refused(waveform, duration):
     with pytest.raises(InputError, match=f"waveform {waveform} drives from .* no room for it from 2 to 8 Hz"):
-        candidates(LAWS[:1], LAWS[0], Actuator("angle", (2.0, 8.0)), duration, "rad", POLICY, (waveform,))
+        candidates(LAWS[:1], LAWS[0], Actuator("angle", (2.0, 8.0)), duration, "rad", PLANNING, (waveform,))
 
 
 def test_a_sweep_passes_from_its_frequency_to_five_times_that_and_back():
@@ -78,7 +77,7 @@ def test_a_sweep_passes_from_its_frequency_to_five_times_that_and_back():
 def test_a_model_is_a_range_of_its_errors():
     model = paper_model()
     known = like_model(model)
-    assert known.high - known.low == pytest.approx(2 * POLICY.significant * model.standard_errors)
+    assert known.high - known.low == pytest.approx(2 * PLANNING.significant * model.standard_errors)
 
 
 def test_elements_of_a_model_act_in_the_limits_and_in_what_a_run_tells():
@@ -144,7 +143,7 @@ def test_runs_lie_in_the_band_and_the_grid_is_three_by_three():
     assert {run.frequency for run in grid} == {2.0, 5.0, 8.0} and len(grid) == 9
     assert all(2.0 <= run.frequency <= 8.0 for run in offered)
     top = max(run.level for run in grid)
-    assert {round(run.level / top, 2) for run in grid} == set(POLICY.levels[::2])
+    assert {round(run.level / top, 2) for run in grid} == set(PLANNING.levels[::2])
 
 
 @pytest.mark.parametrize("given, text", [
@@ -159,7 +158,7 @@ def test_an_actuator_that_cannot_be_is_refused(given, text):
 
 def choice(strength, **options):
     """Runs at three frequencies and five levels that tell so much of one coefficient."""
-    runs = [PlannedRun("angle", "sine", f, 1.0, "rad", 1.0) for f in (2.0, 4.0, 8.0) for _ in POLICY.levels]
+    runs = [PlannedRun("angle", "sine", f, 1.0, "rad", 1.0) for f in (2.0, 4.0, 8.0) for _ in PLANNING.levels]
     gram = np.array(strength, dtype=float)[:, None, None, None]
     told = Information(gram, gram, np.full((15, 1), 8.0))
     return Choice(tuple(runs), told, np.ones((1, 1)), (0,), **options)
