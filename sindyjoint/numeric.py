@@ -29,8 +29,6 @@ SAME = 1e-6
 BLOCK = 4096
 #: Median of a squared normal deviate.
 MEDIAN_SQUARE = 0.454936
-# Samples beside a signal over which a cubic spline forgets how it went on.
-EDGE = 12
 
 
 def finite(value: float) -> float | None:
@@ -211,7 +209,8 @@ def delayed(signal: Array, samples: float) -> Array:
     """
     whole = int(np.floor(samples))
     part = samples - whole
-    margin = EDGE + abs(whole) + 2
+    # Over twelve samples a cubic spline forgets how the signal went on.
+    margin = 12 + abs(whole) + 2
     # (c(i − 1) + 4 c(i) + c(i + 1)) / 6 is the signal; at the ends the coefficients go on as in a mirror.
     held = 6 * np.pad(signal, margin, mode="edge")
     middle = np.full(held.size, 4.0)
@@ -260,11 +259,6 @@ def solve_factored(factors: tuple[Array, NDArray[np.int32]], right: Array) -> Ar
     return np.asarray(scipy.linalg.lu_solve((factors[0], factors[1].copy()), right, check_finite=False))
 
 
-ROLL_OFF = 0.1  # standard deviation of the response's fall, as a share of the cut-off
-# Above this share of the sampling rate a kernel has too few samples to be one.
-HIGHEST = 0.4
-
-
 def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, Array]:
     """Return a low-pass kernel and its first and second time derivatives, sampled.
 
@@ -284,7 +278,8 @@ def smoothing_kernels(cutoff: float, sample_rate: float) -> tuple[Array, Array, 
     tuple of three ndarray, shape (2h + 1,)
         To be convolved with; units 1, 1/s and 1/s².
     """
-    sigma = 1 / (2 * np.pi * ROLL_OFF * cutoff)
+    # The response falls over a tenth of the cut-off, as a standard deviation.
+    sigma = 1 / (2 * np.pi * 0.1 * cutoff)
     half = int(np.ceil(5 * sigma * sample_rate))
     t = np.arange(-half, half + 1) / sample_rate
     w = 2 * np.pi * cutoff
@@ -309,7 +304,8 @@ def filtered_inputs(
     """
     found = {}
     for name, values in inputs.items():
-        if np.ptp(values) > 0 and cutoff < HIGHEST * sample_rate:
+        # Nearer to the sampling rate a kernel has too few samples to be one.
+        if np.ptp(values) > 0 and cutoff < 0.4 * sample_rate:
             low = smoothing_kernels(cutoff, sample_rate)[0]
             half = min(low.size // 2, values.size - 1)
             low = low[low.size // 2 - half : low.size // 2 + half + 1]

@@ -26,10 +26,6 @@ from sindyjoint.numeric import BLOCK, ROUNDING, Array
 # Rounding of the Gram matrix, relative to its weakest direction, beyond which rows are decomposed instead. It bounds
 # the relative error of a coefficient; noise of a thousandth leaves that of ten million rows at 3e-7.
 TOLERANCE = 1e-9
-# By which the rows so far are to keep away from that, if their columns are to be multiplied as they are.
-MARGIN = 2.0
-# The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-9.
-RESIDUAL = 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +58,8 @@ class Base:
         weak = np.abs(np.diag(triangle)) < least
         scales = cls(np.diag(np.where(norms > 0, norms, 1.0)) / root, True, weak.astype(float))
         gram = scales.products_of(triangle)
-        if not weak.any() and accurate(MARGIN * np.trace(gram), _find_weakest(gram)):
+        # Rows whose columns are multiplied as they are keep away from that by a factor of two.
+        if not weak.any() and accurate(2.0 * np.trace(gram), _find_weakest(gram)):
             return scales
         # The columns by themselves are too much alike; a dependent one is known as such to more digits so.
         base = triangle / root
@@ -258,7 +255,8 @@ def _find_weakest(gram: Array) -> float:
     if not least[0] > 0:
         return 0.0
     residual = float(gram[-1, -1] - np.sum((vectors.T @ gram[:-1, -1]) ** 2 / least))
-    return min(float(least[0]), RESIDUAL * residual)
+    # The mean square of the residual needs fewer digits than the coefficients: 1e-5 where these have 1e-9.
+    return min(float(least[0]), 1e4 * residual)
 
 
 def _not_finite(block: Array) -> InputError:

@@ -25,8 +25,6 @@ Index = slice | NDArray[np.intp]
 SEGMENTS = 16
 # What a single run, which has no other to be held out against, is cut into; none of these is the name of a run.
 PARTS = ("part 1", "part 2", "part 3", "part 4")
-# Rows of a run that show how alike its columns are.
-SAMPLE = 2048
 # Rows below which a second thread takes longer to start than it saves.
 THREADED = 50_000
 
@@ -269,7 +267,8 @@ def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[
 
 def _sampled_base(tiles: Tiles, run: Sequence[Rows]) -> Base | None:
     """Return coordinates for the rows of a run, from a sample that is spread over its blocks."""
-    share = -(-SAMPLE // len(run))
+    # Rows of a run that show how alike its columns are.
+    share = -(-2048 // len(run))
     spread = [block[:: max(1, block.y.size // share)] for block in run]
     stacked = np.concatenate([tiles.columns(*_signals(rows[:share])) for rows in spread], axis=1).T
     if not np.isfinite(stacked).all():

@@ -32,11 +32,6 @@ from sindyjoint.numeric import Array
 
 Parents = Mapping[int, tuple[int, ...]]
 
-# Exchanging terms is worth its time only where the model is small enough to be chosen.
-EXCHANGE_BELOW = 13
-# Columns of unit norm whose variances are inflated by more than this are swapped by separate fits.
-MOST_INFLATED = 1e6
-
 
 @dataclass(frozen=True, eq=False)
 class Step:
@@ -118,7 +113,8 @@ def elimination_path(
     parents : mapping of int to tuple of int, optional
         Columns that stay as long as the one that is given with them.
     """
-    return _eliminate(factor, forced, EXCHANGE_BELOW, parents or {})
+    # Exchanging terms is worth its time only where the model is small enough to be chosen.
+    return _eliminate(factor, forced, 13, parents or {})
 
 
 def backward_path(
@@ -197,7 +193,8 @@ def _score_swaps(factor: Factor, gram: Array, kept: Sequence[int]) -> tuple[Arra
     p = gram.shape[0] - 1
     inverse = factor.take(kept).inverse() if len(kept) > 1 else np.full((1, 1), np.inf)
     inflation = np.einsum("ij,ij->i", inverse, inverse)
-    if not np.all(inflation < MOST_INFLATED):
+    # Columns of unit norm with variances that are inflated by more are swapped by separate fits.
+    if not np.all(inflation < 1e6):
         without = [[column for column in kept if column != leaving] for leaving in kept]
         errors, gains = (
             np.array([_error(gram, stay) for stay in without]),

@@ -25,9 +25,6 @@ from sindyjoint.numeric import Array
 from sindyjoint.states import ForceStates
 from sindyjoint.states.record import group_labels
 
-# Degree of pysindy's test functions (1 − s²)ᵖ, its default.
-DEGREE = 4
-
 
 def weak_evidence(
     terms: Sequence[ResolvedTerm], states: Sequence[ForceStates], inertia: float | None
@@ -92,12 +89,13 @@ def integral_weights(samples: int, interval: float, seed: int = 0) -> tuple[Arra
         with warnings.catch_warnings():
             # It labels the axes of its own grid one too many.
             warnings.simplefilter("ignore")
+            # pysindy's default for the test functions (1 − s²)ᵖ.
             library = pysindy.WeakPDELibrary(
                 function_library=pysindy.PolynomialLibrary(degree=1, include_bias=False),
                 spatiotemporal_grid=interval * np.arange(samples),
                 K=DISCOVERY.test_functions,
                 H_xt=[DISCOVERY.test_half_width * interval * (samples - 1)],
-                p=DEGREE,
+                p=4,
             )
             weights = np.asarray(library.fit(impulses).transform(impulses))
             return weights, np.asarray(library.convert_u_dot_integral(impulses))

@@ -160,7 +160,6 @@ def _title(what: str) -> str:
 
 # A beam is given to us as EI and mass per length; with this Young's modulus they become a section.
 YOUNGS_MODULUS = 70e9
-DENSITY = 2700.0
 
 
 @dataclass(frozen=True)
@@ -221,7 +220,7 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
         "rig.inp.j2",
         name=name, rig=given, parts=parts, points=points,
         clamp_stiffness=given.clamp_stiffness if np.isfinite(given.clamp_stiffness) else None,
-        youngs_modulus=YOUNGS_MODULUS, density=DENSITY, 
+        youngs_modulus=YOUNGS_MODULUS, density=2700.0, 
         omega=2 * np.pi * frequency, pulse=pulse_table(given.excitation, given.duration),
         every=max(round(1 / (given.sample_rate * given.step)), 1),
     )  # fmt: skip

@@ -47,8 +47,6 @@ from sindyjoint.text import spelled
 # What no sensor of the structure distinguishes from the angle at which the joint rests.
 UNSEEN = "constant_moment"
 COLUMNS = ("angle", "rate", "moment")
-# Searches for terms, each at the slow angles that the terms found before ask for.
-SEARCHES = 4
 # Terms that may be added one after another for they stand out of the sensors' noise.
 STANDING_OUT = 3
 ALIKE = 0.8  # of the furthest: so far must another one stand out to be tried, too
@@ -216,7 +214,8 @@ def _search(
     """Choose terms and the slow part of the angles in turn."""
     # Before terms are known the paper's stand for them: one of them bends as the stiffness does.
     allowed = set(PAPER_TERMS)
-    for _ in range(SEARCHES):
+    # Each search is made at the slow angles that the terms found before ask for.
+    for _ in range(4):
         regressor = TermRegression(**options)
         reference = Reference.of(*(np.concatenate([getattr(s, name) for s in states]) for name in COLUMNS))
         terms = [term for term in regressor.candidates(reference) if term.id in allowed]

@@ -14,15 +14,12 @@ from sindyjoint.record import Run
 
 # Widest kernel as a share of the sampling rate; with its roll-off it ends below half of it.
 WIDEST = 0.38
-ROOM = 1.2
 # Where, below a signal's end, it is asked whether it was cut there.
 JUST_BELOW = 0.9
 # And, in parts of that end, where a filter that cuts there does not yet fall.
 BEFORE = (0.5, 0.7)
 # Fewest bins of a spectrum there, and the ratio of its densities up to which they are level.
 FEWEST_BINS, LEVEL = 6, 10.0
-# By how much a difference may miss a multiple of the quantisation step, in steps.
-OFF_STEP = 0.02
 # Noise of so many quantisation steps is no longer coarse.
 FINE = 8
 SEGMENTS = 16
@@ -56,7 +53,7 @@ class SignalEnd:
         A kernel falls from 0.8 to 1.2 of its cut-off, and must pass what is far above its floor just below its end, as
         a multisine's last line is.
         """
-        return ROOM * self.bandwidth if self.abrupt else self.bandwidth
+        return 1.2 * self.bandwidth if self.abrupt else self.bandwidth
 
 
 def signal_end(
@@ -125,7 +122,8 @@ def quantisation_step(signal: Array) -> float:
         return 0.0
     multiples = steps / steps.min()
     off = np.abs(multiples - np.round(multiples))
-    return float(steps.min()) if np.quantile(off, 0.95) < OFF_STEP else 0.0
+    # A difference may miss a multiple of the quantisation step by a fiftieth of it.
+    return float(steps.min()) if np.quantile(off, 0.95) < 0.02 else 0.0
 
 
 def difference_noise(signal: Array, lag: int = 1, order: int = 1) -> float:

@@ -26,14 +26,10 @@ from sindyjoint.rig import SensorNoise
 
 # Most steps of a path, and measured samples that one step holds on the average where there are fewer.
 MOST_STEPS, PER_STEP = 20_000, 2
-# Fewest samples that a parabola through a reversal takes.
-FEWEST_AT_A_TURN = 5
 # Steps that are left out on either side of a reversal.
 GUARD = 2
 # Steps on either side over which the slope of a channel is taken.
 REACH = 3
-# Fewest steps of a path, where there are as many samples.
-FEWEST_STEPS = 64
 
 
 def measured_run(name: str, signals: Mapping[str, ArrayLike], sample_rate: float, **options: Any) -> Run:
@@ -254,7 +250,8 @@ def _turning_angle(angle: Array, at: int, noise: float, end: bool) -> float:
     far = np.abs(angle - angle[at]) > MEASUREMENT.stands_out * noise
     start = at - int(np.argmax(np.append(far[:at][::-1], True)))
     stop = at + int(np.argmax(np.append(far[at + 1 :], True))) + 1
-    if stop - start < FEWEST_AT_A_TURN:
+    # A parabola through a reversal takes five samples.
+    if stop - start < 5:
         return float(angle[at])
     curve = np.polynomial.Polynomial.fit(np.arange(start, stop), angle[start:stop], 2)
     if end:
@@ -284,7 +281,8 @@ def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLi
     measured = np.asarray(angle, dtype=np.float64)
     path, corners, angles = travelled(measured)
     count = path.size
-    steps = int(np.clip(count // PER_STEP, min(count, FEWEST_STEPS), MOST_STEPS))
+    # A path has 64 steps at least, where there are as many samples.
+    steps = int(np.clip(count // PER_STEP, min(count, 64), MOST_STEPS))
     grid, along, branch = _branches(corners, angles, float(path[-1]) / steps)
     found, members = np.unique(np.searchsorted((grid[1:] + grid[:-1]) / 2, path), return_inverse=True)
     size, number = np.bincount(members), np.arange(grid.size)

@@ -29,8 +29,6 @@ LEVELS = (0.92, 0.63, 0.35)
 #: Beam inertia between exciter and gauges of the "rig" drive, kg·m²: puts the inter-panel joint's resonance at 5.5 Hz.
 BEAM_INERTIA = 5.0
 
-# A shifted channel is interpolated from a record this many times finer: 16 kHz for 1 kHz keeps a 6 Hz tone to 1e-6.
-_OVERSAMPLING = 16
 
 # The prescribed motion starts here in its cycle, so that reversals fall between samples and not on them.
 PHASE = 0.1
@@ -203,7 +201,8 @@ class VirtualTest:
     def ideal(self, frequency: float, amplitude: float) -> tuple[Array, Array, Array]:
         """Moment, angle and acceleration at the sensors, free of errors but the time delay, each of shape (n,)."""
         start, n = round(self.settling * self.sample_rate), round(self.duration * self.sample_rate)
-        finer = _OVERSAMPLING if self.skew or self.accelerometer else 1
+        # A shifted channel is interpolated from a finer record: 16 kHz for 1 kHz keeps a 6 Hz tone to 1e-6.
+        finer = 16 if self.skew or self.accelerometer else 1
         rate = self.sample_rate * finer
         # Room on both sides of the record for a shifted channel.
         total = (start + n + round(abs(self.skew) * self.sample_rate) + 2) / self.sample_rate

@@ -27,7 +27,6 @@ OVERSAMPLING = 8
 # Central differences of sixth order: at a third of the record's rate 1e-5 of a rate of change is missing.
 REACH = 20  # samples of the record that the filter looks to either side
 CENTRAL = np.array([3 / 4, -3 / 20, 1 / 60])
-FADE_IN = 1.0  # s
 
 
 @dataclass(frozen=True)
@@ -154,7 +153,8 @@ def simulate_run(
     else:
         values = np.concatenate([drive.values(time, generator), np.zeros(ahead.size)])
     if drive.period:
-        edge = np.clip(time / FADE_IN, 0, 1)
+        # It fades in over a second.
+        edge = np.clip(time, 0, 1)
         values *= edge**2 * (3 - 2 * edge)
     moved = structure
     if at == BASE:

@@ -26,7 +26,6 @@ from sindyjoint.states import ForceStates, force_states
 from sindyjoint.text import spelled
 
 MOST_CORNERS = 64
-LEAST_INERTIA = 0.1  # of the identified one: without any a joint under a moment does not move as a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +115,8 @@ def like_model(model: JointModel) -> JointRange:
     low, high = model.coefficients - half, model.coefficients + half
     for index, term in enumerate(model.terms):
         if (term.family == "friction" or term.id == INERTIA) and term.coefficient > 0:
-            low[index] = max(low[index], LEAST_INERTIA * term.coefficient if term.id == INERTIA else 0.0)
+            # Without inertia a joint under a moment does not move as a body.
+            low[index] = max(low[index], 0.1 * term.coefficient if term.id == INERTIA else 0.0)
     return JointRange(replace(model, covariance=()), low, high)
 
 

@@ -23,7 +23,6 @@ PERIODS, MOST_PERIODS = 3, 48
 STEPS = 16  # of the bisection for the highest level
 GROWTH = 1.5
 SMALLEST = 1e-9
-CURVE = 12  # levels at which the middle joint is simulated
 
 
 @dataclass(frozen=True)
@@ -234,7 +233,8 @@ def _levels(
     law: Law, drive: Drive, frequency: float, top: float, waveform: str = SINE
 ) -> Callable[[float], float]:
     """Return what gives the level that moves a joint by a share of what the highest one does."""
-    levels = top * np.linspace(0.0, 1.0, CURVE + 1)
+    # The middle joint is simulated at these levels.
+    levels = top * np.linspace(0.0, 1.0, 13)
     reached = levels
     if drive == "moment":
         # Friction holds the joint up to a level that is not small beside the highest.

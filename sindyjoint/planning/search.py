@@ -37,12 +37,6 @@ DEFAULT_GOALS = {WIDTHS: 4.0, FREQUENCY: 1.0}
 WORST = 50.0  # logarithm of what is not determined at all
 BROKEN = 10.0  # cost of each thing that a plan must not lack: larger than what logarithms of widths can win
 ROUNDS = 6
-STARTS = 16  # of the exchange, which ends in local optima
-# Of what is enough: beyond what tests of one joint scatter by.
-AMPLE = 0.6
-# Logarithm by which intervals are narrower than the grid's at least: what the joints drawn for the search and those
-# drawn for the prediction differ by.
-NARROWER = 0.02
 
 
 def _logarithm(values: Array) -> Array:
@@ -139,7 +133,9 @@ class Choice:
         # A term that a discovery would leave out of every joint counts as intervals that are e times as wide.
         cost = cost + np.mean(needed < 1, axis=-1)
         if self.grid is not None and WIDTHS in dict(self.goals):
-            wider = (widths - self._grid_widths(count)).mean(axis=-2) + NARROWER
+            # Narrower than the grid's by what the joints drawn for the search and those drawn for the prediction differ
+            # by.
+            wider = (widths - self._grid_widths(count)).mean(axis=-2) + 0.02
             cost = cost + BROKEN * np.maximum(wider, 0).sum(axis=-1)
         return np.asarray(cost + BROKEN * self._lacks(chosen, count))
 
@@ -237,10 +233,12 @@ def best_runs(choice: Choice, count: int, until: float | None = None) -> list[in
     chosen: list[int] = []
     for _ in range(count):
         chosen.append(int(np.argmin(choice.costs(tuple(sorted(chosen)), count))))
-        if until is not None and choice.widest(chosen).max() <= AMPLE * until and not choice.missing(chosen):
+        # Less than what is enough by more than tests of one joint scatter by.
+        if until is not None and choice.widest(chosen).max() <= 0.6 * until and not choice.missing(chosen):
             break
     rng = np.random.default_rng(0)
-    drawn = rng.integers(len(choice.runs), size=(STARTS - 1, len(chosen))).tolist()
+    # The exchange ends in local optima: it has fifteen further starts.
+    drawn = rng.integers(len(choice.runs), size=(15, len(chosen))).tolist()
     _, best = min((_exchanged(choice, start) for start in (chosen, *drawn)), key=lambda found: found[0])
     return _ordered(choice, best)
 

@@ -20,9 +20,6 @@ from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
 
 MOST_EVALUATIONS = 40
-FINE_STEP = 0.3 * ROUGH_STEP
-# Of another start, before it is followed or left.
-FIRST_EVALUATIONS = 8
 # Two ends whose numbers differ by less than this share of their scales are one.
 SAME_END = 0.02
 
@@ -163,7 +160,8 @@ def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Ar
     """Return the parameters of the best end over all starts; the others are followed where they come near it."""
     best, least = _fit(problem, start, MOST_EVALUATIONS)
     for other in others:
-        trial, cost = _fit(problem, other, FIRST_EVALUATIONS)
+        # After a few evaluations another start is followed or left.
+        trial, cost = _fit(problem, other, 8)
         apart = np.abs((trial - best) / problem.table[1])[: problem.n_shared].max()
         if cost > (1 + RESPONSE.large_part) * least or apart < SAME_END:
             continue
@@ -179,7 +177,7 @@ def _fit(problem: OutputError, start: Array, most: int) -> tuple[Array, float]:
     A rough sum of squares is fitted over a coarse step, and from where that ends over a finer one.
     """
     end = _descend(problem, start, most, ROUGH_STEP)
-    ends = [end, _descend(problem, end[0], most, FINE_STEP)] if problem.rough else [end]
+    ends = [end, _descend(problem, end[0], most, 0.3 * ROUGH_STEP)] if problem.rough else [end]
     return min(ends, key=lambda each: each[1])
 
 

@@ -27,9 +27,6 @@ from sindyjoint.soundness.record import Record, record_of, record_of_structure
 from sindyjoint.states.build import force_states
 from sindyjoint.text import list_some, spelled
 
-# Runs that do not repeat that are held against each other: time.
-MOST_BROADBAND = 24
-
 
 def find_faults(measured: Campaign | RigTest) -> tuple[Finding, ...]:
     """Return what is wrong with the data of a campaign or of a structure's test, the severest first.
@@ -134,7 +131,8 @@ def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Wor
     inertia = campaign.joint.inertia
     alive = [r.run for r in records if r.declared is None and r.run is not None and len(r.alive) > 1]
     try:
-        runs = motions.samples_of([force_states(run) for run in alive[:MOST_BROADBAND]])
+        # So that it takes no longer, no more runs are held against each other.
+        runs = motions.samples_of([force_states(run) for run in alive[:24]])
         scales, runs = odd_runs.find_other_scales(runs, inertia, words)
         found, alike = odd_runs.find_odd_runs(runs, inertia, words)
         # What drifts departs from the law of the others, too.

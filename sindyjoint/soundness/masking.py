@@ -19,15 +19,8 @@ from sindyjoint.states.build import force_states
 from sindyjoint.text import list_some
 
 SATURATION, ENDS = "saturation", ("dead_start", "dead_tail")
-# Noise levels from the limit of a saturated channel within which its running mean must not come for a sample to be
-# used: noise outwards is cut off there, of 1 in 40 samples at two levels; three cost a quarter more.
-CENSORED = 2.0
 # Fewest samples on either side of a gap from which a cubic across it is estimated.
 FEWEST_BESIDE = 4
-# A gap that is a longer share of the period than this is filled from the other periods.
-LONG_GAP = 0.25
-# Half of the window, as a share of the period, over which a signal is averaged to separate its noise from its course.
-AVERAGED = 0.01
 
 
 def mask_campaign(campaign: Campaign, findings: Sequence[Finding]) -> tuple[Campaign, tuple[str, ...]]:
@@ -166,8 +159,11 @@ def _find_censored(run: Run, finding: Finding) -> Mask:
     nearer to the limit than twice the noise.
     """
     signal = run.channels[str(finding.channel)]
-    margin = CENSORED * difference_noise(signal)
-    half = int(AVERAGED * run.sample_rate / main_frequency(signal, run.sample_rate))
+    # A sample is used where the running mean keeps two noise levels away from the limit of a saturated channel: noise
+    # outwards is cut off there, of 1 in 40 samples at two levels; three cost a quarter more.
+    margin = 2.0 * difference_noise(signal)
+    # Averaged over a fiftieth of the period a signal's course is separated from its noise.
+    half = int(0.01 * run.sample_rate / main_frequency(signal, run.sample_rate))
     mean = np.convolve(
         np.pad(signal, half, mode="edge"), np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid"
     )
@@ -199,7 +195,8 @@ def bridge(signal: Array, valid: Mask, period: float | None = None) -> Array:
     good = np.flatnonzero(valid)
     for start, stop in spans_of(~valid):
         gap = np.arange(start, stop)
-        if period is not None and gap.size > LONG_GAP * period:
+        # A gap longer than a quarter of the period is filled from the other periods.
+        if period is not None and gap.size > 0.25 * period:
             filled[gap] = _fill_from_periods(signal, valid, gap, period)
             continue
         before, beside = np.searchsorted(good, start), max(FEWEST_BESIDE, gap.size)

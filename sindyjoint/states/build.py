@@ -196,10 +196,6 @@ def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tupl
     return tuple(replace(s, began=starts[s.run]) for s in states)
 
 
-# Of a run's hash: two of a million runs would share so many in one of 10⁷ cases.
-HASH_DIGITS = 16
-
-
 def content_hash(campaign: Campaign) -> str:
     """Return the hash by which a campaign is known: of the samples, rates and frequencies of its runs.
 
@@ -222,7 +218,8 @@ def signals_hash(sample_rate: float, signals: Iterable[bytes | Array]) -> str:
     digest = hashlib.sha256(repr(float(sample_rate)).encode())
     for signal in signals:
         digest.update(signal if isinstance(signal, bytes) else np.ascontiguousarray(signal).tobytes())
-    return digest.hexdigest()[:HASH_DIGITS]
+    # Two of a million runs would share so many digits in one of 10⁷ cases.
+    return digest.hexdigest()[:16]
 
 
 def _content(run: Run) -> list[bytes]:

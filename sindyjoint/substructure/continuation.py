@@ -18,7 +18,6 @@ STEP = 1e-6
 FREQUENCY_SHARE = 0.1
 TOLERANCE = 1e-7
 ITERATIONS = 12
-EASY = 4  # Newton steps up to which the next step along the curve is longer
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +135,8 @@ def follow(
             if step < SHORTEST:
                 raise SimulationError("harmonic balance finds no way on along the curve", time=0.0)
         y, jacobian, count = found
-        step = float(np.clip(step * (1.4 if count <= EASY else 0.7 if count > 7 else 1.0), SHORTEST, longest))
+        # After a few Newton steps the next step along the curve is longer.
+        step = float(np.clip(step * (1.4 if count <= 4 else 0.7 if count > 7 else 1.0), SHORTEST, longest))
         before, sizes = tangent * sizes, scale(y)
         tangent = _tangent(jacobian * sizes, before / sizes)
 

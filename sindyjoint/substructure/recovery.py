@@ -32,9 +32,6 @@ from sindyjoint.substructure.transfer import (
 
 Complex = NDArray[np.complex128]
 
-# Of unit columns: directions of the unknowns that sensors show weaker than this are not solved for.
-BLIND = 1e-10
-
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
@@ -183,7 +180,8 @@ def solved(design: Complex, sigma: Array, values: Complex) -> tuple[Complex, Com
     weighted = design / sigma[:, :, None]
     norms = np.linalg.norm(weighted, axis=1, keepdims=True)
     norms[norms == 0] = 1.0
-    estimator = np.linalg.pinv(weighted / norms, rcond=BLIND) / sigma[:, None, :] / norms.swapaxes(1, 2)
+    # Directions of the unknowns that sensors do not show are not solved for.
+    estimator = np.linalg.pinv(weighted / norms, rcond=1e-10) / sigma[:, None, :] / norms.swapaxes(1, 2)
     unknowns = np.einsum("hkc,hc->hk", estimator, values)
     return estimator, unknowns, (values - np.einsum("hck,hk->hc", design, unknowns)) / sigma
 

@@ -237,9 +237,6 @@ Complex = NDArray[np.complex128]
 
 # Most harmonics of a run: a multisine of a hundred lines has them, and what they hold beyond is noise.
 MOST_HARMONICS = 400
-# Lines of noise, at least, from which that of a harmonic is estimated: of nine, weights that follow their scatter make
-# standard errors a tenth too small.
-NOISE_LINES = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,8 +318,9 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     )
     count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, 3 * (int(np.diff(edges).min()) - 8) // 8)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
-    # Between harmonics lie as many lines of noise as there are periods, less one.
-    neighbours = int(np.ceil(NOISE_LINES / max(1, periods - 1)))
+    # Between harmonics lie as many lines of noise as there are periods, less one. Fifty estimate that of a harmonic: of
+    # nine, weights that follow their scatter make standard errors a tenth too small.
+    neighbours = int(np.ceil(50 / max(1, periods - 1)))
     steady, variance = signals[:, first:stop], []
     means, cosine, sine = basis.fit_all(steady)
     for number, signal in enumerate(steady):

@@ -24,7 +24,6 @@ from sindyjoint.states import ForceStates, force_states
 
 SEGMENTS = 4
 LEAST_PERIODS = 4  # of a segment
-TREND_HARMONICS = 7
 MEMBER = " part "  # between the name of a run and the number of its segment
 
 
@@ -198,7 +197,7 @@ def _without_trend(signal: Array, cycles: float) -> Array:
     """
     place = np.arange(signal.size)
     late = (place - place.mean()) / signal.size
-    phase = 2 * np.pi * cycles * np.outer(place, np.arange(1, TREND_HARMONICS + 1))
+    phase = 2 * np.pi * cycles * np.outer(place, np.arange(1, 8))
     basis = np.column_stack([np.ones(signal.size), np.cos(phase), np.sin(phase)])
     design = np.hstack([basis, late[:, None] * basis])
     coefficients, *_ = np.linalg.lstsq(design, signal, rcond=None)

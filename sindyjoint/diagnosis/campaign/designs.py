@@ -42,8 +42,6 @@ BY_MOMENT = "sinusoidal moment that moves the joint so far"
 HARMONICS = 15  # of a motion under a moment
 FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
 LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
-USED = 0.9  # of a limit: what the sought effect adds is not in the model
-SAMPLES_PER_PERIOD = 40  # of the highest harmonic
 
 
 @dataclass(frozen=True)
@@ -147,7 +145,8 @@ def within(design: Design, actuator: Actuator, model: JointModel) -> bool:
     inertia = 0.0 if INERTIA in model else model.inertia
     moment = np.asarray(columns) @ model.coefficients + inertia * acceleration
     reached = {"angle": angle, "rate": rate, "moment": moment}
-    return all(np.abs(values).max() <= USED * getattr(actuator, name) for name, values in reached.items())
+    # A tenth of each limit is left: what the sought effect adds is not in the model.
+    return all(np.abs(values).max() <= 0.9 * getattr(actuator, name) for name, values in reached.items())
 
 
 def _series(states: ForceStates) -> tuple[tuple[int, float, float], ...]:
@@ -169,7 +168,8 @@ def expected_states(
     """
     like = min(states, key=lambda s: abs(np.log(_swing(s) / design.level)))
     highest = design.highest
-    sample_rate = max(like.sample_rate, SAMPLES_PER_PERIOD * highest)
+    # Forty samples in a period of the highest harmonic.
+    sample_rate = max(like.sample_rate, 40 * highest)
     longest = max(s.n_samples / s.sample_rate for s in states)
     length = max(longest, LEAST_PERIODS / design.frequency, design.duration)
     periods = int(length * design.frequency + 1e-9)

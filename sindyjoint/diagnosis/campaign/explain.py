@@ -26,8 +26,6 @@ from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
 LONGEST = DISCOVERY.longest_delay  # that the linear steps may reach
-SAME_ZERO = 1e-4  # change of a zero error or a drift, of itself, that is none
-ZERO_ROUNDS = 12
 TURNS = 4  # of delays and nonlinear parameters in turn; the third changes neither by its error
 
 
@@ -55,13 +53,14 @@ def counted_from_zero(work: Work, repaired: Repaired) -> tuple[Work, Repaired]:
     Errors that do not settle are those of a law that lacks something else, and stay as they are.
     """
     later, fitted = work, repaired
-    for _ in range(ZERO_ROUNDS):
+    for _ in range(12):
         before = _angle_errors(fitted)
         if not before.any():
             break
         later = later.again(fitted.model, fitted.effects)
         fitted = refit(later.rows, later.model, fitted.effects, drops=False)
-        if np.all(np.abs(_angle_errors(fitted) - before) <= SAME_ZERO * np.abs(before)):
+        # A zero error or a drift that changes by less of itself has settled.
+        if np.all(np.abs(_angle_errors(fitted) - before) <= 1e-4 * np.abs(before)):
             return later, fitted
     return work, repaired
 

@@ -205,10 +205,8 @@ def _labelled(runs: Sequence[GapRun]) -> Iterator[tuple[str, str, NDArray[np.boo
                 yield axis, label, rows == label
 
 
-MOST_RUNS = 12
 # Of a long run one stretch, of which curves are drawn, and evenly some of the other rows, for maps.
 CURVE_ROWS = 400
-CURVE_PERIODS = 2
 MOST_ROWS = 1500
 
 
@@ -220,7 +218,7 @@ def run_gaps(
     Rows are moments of the joint, channels put right: a time shift among the effects is in them already. Angles are as
     measured: ``zero``, from which those of the rows are counted, is added.
     """
-    chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), MOST_RUNS)).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(rows) - 1, min(len(rows), 12)).round().astype(int))
     whole = [rows[i].whole() for i in chosen]
     return tuple(_beside(run, modelled(run, model, effects), zero) for run in whole)
 
@@ -251,9 +249,7 @@ def _stretch(run: GapRun, time: Array) -> NDArray[np.intp]:
     if run.folded or time.size < 2:
         return every
     span, periodic = time[-1] - time[0], run.motion.frequency > 0
-    length = (
-        CURVE_PERIODS / run.motion.frequency if periodic else CURVE_ROWS * float(np.median(np.diff(time)))
-    )
+    length = 2 / run.motion.frequency if periodic else CURVE_ROWS * float(np.median(np.diff(time)))
     # A sine has settled in the middle half of its run; the stretch that holds most rows is shown.
     low, high = (0.25 * span, 0.75 * span) if periodic else (0.0, max(span - length, 0.0))
     starts = time[0] + np.linspace(low, high, 41)

@@ -41,7 +41,6 @@ MOST_ROWS = 16_000
 STRETCH = 150
 # Internal states follow a motion that is interpolated within this share of its RMS.
 FOLLOWED_ERROR = 1e-4
-MOST_BETWEEN = 8
 # The steps of a mean period, coarser than samples, are cut into this many where internal states are integrated.
 SUBSTEPS = 3
 LEAST_NOISE = 1e-6
@@ -189,7 +188,7 @@ def _strided_motion(
     angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
     moments = states.moment[::every] - (model.joint.inertia or 0.0) * acceleration
     coarse = _motion(states, model, (angle, rate, acceleration), step, rows, states.repeated)
-    between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), MOST_BETWEEN)
+    between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), 8)
     if between > 1:
         from scipy.interpolate import CubicHermiteSpline
 

@@ -258,9 +258,6 @@ def _indices(places: slice) -> range:
     return range(places.start, places.stop)
 
 
-FEWEST_SAMPLES = 50
-
-
 def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
     """Return how far the rest of each run is from what a fit to its first part says of it, relative RMS.
 
@@ -269,7 +266,7 @@ def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffe
     """
     share, policy = work.policy.training_share, work.policy
     parts = [(_part(s, 0.0, share), _part(s, share, 1.0)) for s in work.states]
-    if min(s.n_samples for pair in parts for s in pair) < FEWEST_SAMPLES:
+    if min(s.n_samples for pair in parts for s in pair) < 50:
         return float("nan")
     training = [first for first, _ in parts]
     rows = gap_runs(training, model, work.groups, policy, free=True)

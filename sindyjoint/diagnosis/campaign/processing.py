@@ -127,10 +127,6 @@ def _low_passed(moment: Array, sample_rate: float, band: float) -> Array:
     return smooth
 
 
-# Runs whose simulations show what the processing leaves, at most.
-MOST_SIMULATED = 4
-
-
 def processing_error(
     runs: Sequence[Run], rows: Sequence[GapRun], model: JointModel, policy: DiagnosisPolicy
 ) -> float:
@@ -143,9 +139,8 @@ def processing_error(
     if known:
         own = np.concatenate([row.target for row in rows if row.processing is not None])
         return float(np.mean(np.concatenate(known) ** 2) / np.mean(own**2))
-    chosen = [
-        runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(MOST_SIMULATED, len(runs))).astype(int))
-    ]
+    # A few runs show what the processing leaves.
+    chosen = [runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(4, len(runs))).astype(int))]
     made = []
     for run in chosen:
         result = simulated(run, force_states(run), model, ())

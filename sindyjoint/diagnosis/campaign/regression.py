@@ -25,7 +25,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.numeric import Array
 
-PER_TRIAL = 5_000.0  # samples that a trial costs beside those that it goes along
 # Columns of a state that grew beyond this have no square.
 FARTHEST = 1e150
 
@@ -99,7 +98,8 @@ class GapRegression:
 
     def gain(self, variant: Variant, values: Array) -> tuple[float, Array]:
         """Return by how much χ² falls with a variant's columns, and their coefficients."""
-        spend(self.samples + PER_TRIAL)
+        # A trial costs as much as so many samples beside those that it goes along.
+        spend(self.samples + 5_000.0)
         columns = variant.along(self._motions, values)
         # A state that no step of the search can follow has no column.
         if not np.all(np.abs(columns) < FARTHEST):

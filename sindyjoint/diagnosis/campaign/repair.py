@@ -30,10 +30,8 @@ from sindyjoint.states import ForceStates
 from sindyjoint.text import spelled
 
 FRICTION = "friction"  # the family
-MOST_FOLLOWED = 100_000  # samples of motion along which numbers are refitted for each group of runs left out
 # Nonlinear parameters are refined until their gain rises by less than this, or this share of it.
 LEAST_RISE, SHARE_OF_RISE = 0.02, 1e-5
-MOST_TRIALS = 80  # of nonlinear parameters, per parameter; a ridge is followed slowly
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +218,7 @@ def held_out_gap(
         train = [run for run in runs if run.group != group]
         if train and len(train) < len(runs) and any(e.values.size for e in effects):
             # Along the motion itself where it is short: a kink that is followed roughly has its numbers elsewhere.
-            if sum(run.motion.angle.size for run in train) > MOST_FOLLOWED:
+            if sum(run.motion.angle.size for run in train) > 100_000:
                 train = [run.rough() for run in train]
             later = refit_nonlinear(train, model, ranged, policy)
             used = np.vstack([all_columns(run, model, later) for run in runs])
@@ -292,6 +290,7 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
     within = fitted.variant.bounds(problem.reference) if fitted.within is None else fitted.within
     bounds = np.log(within).T
     start = np.clip(np.log(fitted.values), *bounds)
+    # A ridge is followed slowly: many trials for each parameter.
     found = scipy.optimize.minimize(
         lambda p: -problem.gain(fitted.variant, np.exp(np.clip(p, *bounds)))[0],
         start,
@@ -302,7 +301,7 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
             ),
             "xatol": 1e-3,
             "fatol": max(LEAST_RISE, SHARE_OF_RISE * fitted.gain),
-            "maxfev": MOST_TRIALS * start.size,
+            "maxfev": 80 * start.size,
         },
     )
     values = np.exp(np.clip(found.x, *bounds))

@@ -29,7 +29,6 @@ from sindyjoint.text import in_words_of
 
 # Step of the differences, in the logarithm of a nonlinear parameter.
 STEP = 0.02
-PORTION = 15  # runs between two words on how far the search is
 NO_RUN = "none: no prescribed angle that was tried separates them"
 NOT_WITHIN = (
     "none: no run that was tried is within the limits of the actuator, at the frequencies and angles tested"
@@ -130,7 +129,7 @@ def _factors(apart: Rivals, runs: Sequence[Design], search: Portion, say: Say) -
     """Return the rows of the runs that can be tried, condensed."""
     tried = []
     for count, design in enumerate(runs):
-        if count % PORTION == 0:
+        if count % 15 == 0:
             say(f"advice: {count} of {len(runs)} runs tried")
 
         def factor(design: Design = design) -> Array:

@@ -31,8 +31,6 @@ from sindyjoint.numeric import Array, convolve
 from sindyjoint.states import ForceStates
 from sindyjoint.states.broadband import WIDEST, smoothing_kernels
 
-SERIES = 1e-4  # sinh q/q by its series, which then errs by q⁴/120
-
 
 @dataclass(frozen=True, eq=False)
 class HalfCycles:
@@ -151,7 +149,8 @@ def transition_steps(slopes: tuple[Array, Array], inertia: float, step: float, a
     q = np.sqrt(square.astype(complex))
     # Where the slope of friction is steep cosh q alone would overflow.
     rising, falling = np.exp(half + q), np.exp(half - q)
-    small = np.abs(q) < SERIES
+    # Here sinh q/q is its series, which errs by q⁴/120.
+    small = np.abs(q) < 1e-4
     series = np.exp(half) * (1 + square / 6)
     even = 0.5 * (rising + falling).real
     odd = np.where(small, series, (0.5 * (rising - falling) / np.where(small, 1.0, q)).real)
@@ -262,7 +261,6 @@ def kernel_noise_factor(
 
 # A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
 STRETCHES = 20
-FOLDS = 5
 GOLDEN = 0.6180339887
 
 
@@ -387,7 +385,7 @@ def row_groups(runs: Sequence[GapRun], white: bool = False) -> NDArray[np.object
     sizes = [run.white_size if white else run.target.size for run in runs]
     if len(runs) == 1:
         stretch = np.arange(sizes[0]) * STRETCHES // sizes[0]
-        return (stretch * GOLDEN % 1 * FOLDS).astype(int).astype(object)
+        return (stretch * GOLDEN % 1 * 5).astype(int).astype(object)
     alone = len({run.group for run in runs}) == 1
     return np.repeat(np.array([run.name if alone else run.group for run in runs], dtype=object), sizes)
 

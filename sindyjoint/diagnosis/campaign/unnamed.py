@@ -26,11 +26,8 @@ from sindyjoint.numeric import ROUNDING, Array
 
 # Knots of the surface: of each sheet over (|θ̇|, θ), and of what changes quickly along θ or along |θ̇| alone.
 SHEET = (9, 5)
-FINE_ANGLE = 49
-FINE_RATE = 15
 # Thresholds, as shares of the largest angle; stops that first do nothing, as shares of the threshold.
 THRESHOLDS = np.geomspace(0.015, 0.8, 9)
-GAPS = (0.6, 0.85)
 # Relaxation times, in units of the motion's own 1/ω.
 FORGETTING = np.array([0.15, 0.4, 1.0, 2.5, 6.0])
 TURNS = 3
@@ -77,8 +74,8 @@ def _knots() -> tuple[Array, Array, Array, Array]:
     return (
         np.linspace(-1, 1, SHEET[0]),
         np.linspace(0, 1, SHEET[1]),
-        np.linspace(-1, 1, FINE_ANGLE),
-        np.linspace(0, 1, FINE_RATE) ** 2,
+        np.linspace(-1, 1, 49),
+        np.linspace(0, 1, 15) ** 2,
     )
 
 
@@ -104,7 +101,9 @@ def stop_columns(run: GapRun, largest: float) -> Array:
     """
     motion, thresholds = run.motion, largest * THRESHOLDS
     z = stopped(motion.angle, thresholds, motion.repeats)[motion.keep]
-    return np.hstack([z, *(np.sign(z) * np.maximum(np.abs(z) - gap * thresholds, 0.0) for gap in GAPS)])
+    return np.hstack(
+        [z, *(np.sign(z) * np.maximum(np.abs(z) - gap * thresholds, 0.0) for gap in (0.6, 0.85))]
+    )
 
 
 @njit(cache=True, no_cfunc_wrapper=True)
@@ -168,8 +167,6 @@ def own_pulse(runs: Sequence[GapRun]) -> float:
     return float(np.sqrt(np.mean(rate**2) / max(float(np.mean(angle**2)), 1e-300))) or 1.0
 
 
-SMOOTHNESS = (1e-6, 1e-4, 1e-2, 1.0)
-SHRINKAGE = (1e-6, 1e-4, 1e-2)
 LEAST_SHRINKAGE = 1e-8
 
 BASE = "base"
@@ -242,8 +239,8 @@ class Prediction:
         return min(tried, key=lambda each: each.error, default=Predictor(beside, np.inf))
 
     def _least(self, names: tuple[str, ...]) -> float:
-        smooth = SMOOTHNESS if "surface" in names else (0.0,)
-        shrink = SHRINKAGE if set(names) - {BASE, "surface"} else (LEAST_SHRINKAGE,)
+        smooth = (1e-6, 1e-4, 1e-2, 1.0) if "surface" in names else (0.0,)
+        shrink = (1e-6, 1e-4, 1e-2) if set(names) - {BASE, "surface"} else (LEAST_SHRINKAGE,)
         return min(self._error(names, a, b) for a in smooth for b in shrink)
 
     def _error(self, names: tuple[str, ...], smoothness: float, shrinkage: float) -> float:

@@ -16,11 +16,6 @@ from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
 
-# A motion that repeats is run through at most this often until its states repeat.
-PASSES = 20
-# While nonlinear parameters are searched, states follow a motion within this share of its RMS.
-ROUGH_ERROR = 1e-2
-
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMotion:
@@ -81,7 +76,8 @@ class MeasuredMotion:
         """Return the motion for searching: internal states are integrated in longer steps."""
         if self.substeps > 1:
             return replace(self, substeps=1)
-        return replace(self, follow=max(1, int(1 / self.steps_to_follow(ROUGH_ERROR))))
+        # While nonlinear parameters are searched, states follow a motion within a hundredth of its RMS.
+        return replace(self, follow=max(1, int(1 / self.steps_to_follow(1e-2))))
 
     def steps_to_follow(self, error: float) -> float:
         """Return into how many parts a step is to be cut so that linear interpolation of the angle errs by so little.
@@ -147,6 +143,7 @@ class JoinedMotions:
             places.append(np.minimum(m.keep / m.follow, last) + (end - last - 1))
         place = np.concatenate(places)
         before = np.minimum(place.astype(np.intp), ends[-1] - 2)
+        # A motion that repeats is run through until its states repeat, twenty times at most.
         return cls(
             signals=tuple(np.concatenate(parts) for parts in zip(*kept, strict=True)),
             angle=np.concatenate(angles),
@@ -154,7 +151,7 @@ class JoinedMotions:
             ends=ends,
             timing=(
                 np.array([m.step * m.follow for m in motions]),
-                np.array([PASSES if m.repeats else 1 for m in motions]),
+                np.array([20 if m.repeats else 1 for m in motions]),
                 np.array([m.substeps for m in motions]),
                 np.array([angle[0] - m.centre for angle, m in zip(angles, motions, strict=True)]),
             ),

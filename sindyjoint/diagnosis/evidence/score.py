@@ -28,7 +28,6 @@ from sindyjoint.numeric import Array
 LENGTH = 0.05
 # Rows of a long run that are rotated together.
 PIECE = 160
-MOST_HATS = 400
 # Rows that a segment has at least.
 SHORTEST = 12
 
@@ -99,7 +98,7 @@ def _edges(rows: int, segments: int, whole: bool) -> NDArray[np.intp]:
 
 def _hats(place: Array) -> Array:
     """Return hat functions as wide as a discrepancy keeps its sign, of which a smooth one is the sum."""
-    width = max(LENGTH, float(np.ptp(place)) / MOST_HATS)
+    width = max(LENGTH, float(np.ptp(place)) / 400)
     middles = np.arange(float(place.min()), float(place.max()) + width, width)
     return np.maximum(0.0, 1 - np.abs(place[:, None] - middles) / width)
 

@@ -37,8 +37,6 @@ Complex = NDArray[np.complex128]
 # Laws' numbers without a prior may move by so many of their standard errors.
 FREE = 300.0
 KEPT = 200
-# Samples of a trial that take as long as a harmonic balance, by joint, about.
-BALANCE_SAMPLES = 2e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +187,8 @@ class RunsProblem(OutputError):
 
     def balance(self, run: SteadyRun, x: Array, extra: Change | None = None) -> tuple[Steady, Setup]:
         """Return the balance of a run, and the setup that it is of."""
-        spend(BALANCE_SAMPLES * self.test.structure.n_joints)
+        # About as long as a harmonic balance takes, by joint, in samples of a trial.
+        spend(2e4 * self.test.structure.n_joints)
         setup = self.setup(x, extra)
         if not all(np.isfinite(value) for own in setup.kinds.values() for value in own.numbers.values()):
             raise InputError("a number of the law is not finite")

@@ -18,7 +18,6 @@ from sindyjoint.parallel import side_by_side
 # All candidates get so many steps of the fit; those that then lie among the first get the rest.
 SCREEN_STEPS, SCREENED = 2, 12
 REFINED = 4
-MOST_LINEARISED = 10
 
 
 def rank_changes(problem: OutputError, fitted: Sequence[FittedChange], base: Fit) -> Ranking[FittedChange]:
@@ -240,7 +239,7 @@ def _linearised(
     rows = problem.rows()
     guessed = [each for each in _parallel(linear, tried) if each is not None]
     guessed.sort(key=lambda each: -(each.gain - each.change.size * np.log(rows)))
-    promising = [f for f in guessed[:MOST_LINEARISED] if f.gain > f.change.size * np.log(rows)]
+    promising = [f for f in guessed[:10] if f.gain > f.change.size * np.log(rows)]
     fits = _fits(
         problem,
         [(f.change, np.concatenate([base.x, f.x[base.x.size :]])) for f in promising],

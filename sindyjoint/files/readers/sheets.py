@@ -135,7 +135,6 @@ class _Batches:
 
 
 MOST_ROWS = 1 << 20  # as Excel has it
-CELL = 64  # bytes of a cell in memory
 # Bytes of memory that a byte of JSON may come to: "1.5," is an entry of a list and a number.
 MEMORY = 8
 
@@ -180,7 +179,8 @@ def _read_rows(path: Path, sheet: Any) -> list[tuple[object, ...]]:
         length = next((at for at in range(len(row), 0, -1) if row[at - 1] is not None), 0)
         cells += 1 + length
         if number % 1000 == 0 or length > 1000:
-            check_bytes(path, CELL * cells)
+            # A cell takes so many bytes of memory.
+            check_bytes(path, 64 * cells)
         if number > MOST_ROWS or length > MOST_COLUMNS:
             raise InputError(
                 f"{path}: sheet {sheet.title!r:.40} has a cell in row {number}, column {length}; expected at most "

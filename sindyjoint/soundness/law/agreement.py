@@ -27,10 +27,6 @@ LINES, FEWEST_LINES, MOST_LINES = 240, 8, 60
 ROUNDS = 5
 SETTLED = 1e-4  # relative change of χ² at which an iteration ends
 SMALLEST = 1e-3  # factor below which a channel shows nothing
-# Of the longest delay that is sought so many are tried, either way.
-DELAYS = 40
-# Relative error of a prediction that is taken for granted where starting values are sought.
-POOR = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,9 +275,10 @@ def first_guess(equations: Equations, channel: int, run: int | None, longest: fl
     others, rows = _solved(left_out(equations, channel))[1], equations.of(run)
     shown = equations.values[rows, channel]
     expected = np.einsum("lu,lu->l", equations.design[:, channel], others)[rows]
-    # Lines count as they are strong, none by more than its noise allows.
-    weight = 1 / (equations.sigma[rows, channel] ** 2 + POOR**2 * np.abs(shown) ** 2)
-    delays = longest * np.linspace(-1, 1, 2 * DELAYS + 1)
+    # Lines count as they are strong, none by more than its noise allows; for starting values a prediction is taken to
+    # be off by a twentieth.
+    weight = 1 / (equations.sigma[rows, channel] ** 2 + 0.05**2 * np.abs(shown) ** 2)
+    delays = longest * np.linspace(-1, 1, 81)
     cross = np.real(
         (np.exp(1j * np.outer(delays, equations.angular[rows])) * shown) @ (weight * expected.conj())
     )

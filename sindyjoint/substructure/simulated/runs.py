@@ -37,9 +37,6 @@ Complex = NDArray[np.complex128]
 COMPARED, COMPARED_ABOVE = 20, 2
 # Harmonics of the balance alike: with 41 of a sine the twentieth is off by half of itself near a lightly damped mode.
 BALANCED, BALANCED_ABOVE = 81, 10
-# Lines of the drive that the count of harmonics follows, of the largest: one of noise would make it
-# thirty times as large.
-STRONG = 0.01
 # Share of the stiffness that is not trusted at the structure's first frequency; it grows with the frequency's square.
 # A simulation by steps of 0.25 ms is 0.7e-5 softer at 4 Hz.
 TRUSTED = 3e-5
@@ -112,7 +109,8 @@ class SteadyRun:
         error = np.sqrt(spectra.variance)
         size = np.abs(spectra.amplitudes[0])
         driven = lines(size, error[0])
-        strong = driven & (size > STRONG * size.max())
+        # The count of harmonics follows strong lines of the drive: one of noise would make it thirty times as large.
+        strong = driven & (size > 0.01 * size.max())
         top = int(np.flatnonzero(strong)[-1]) + 1 if strong.any() else 1
         compared = min(count, max(COMPARED, COMPARED_ABOVE * top))
         harmonics = max(BALANCED, BALANCED_ABOVE * top)
