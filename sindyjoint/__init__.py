@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from sindyjoint.reporting.registry import draw, load_results
     from sindyjoint.reporting.style import figure_bytes
     from sindyjoint.response.laws import model_law
-    from sindyjoint.states import campaign_states, force_states
-    from sindyjoint.states.record import regression_rows
+    from sindyjoint.states import campaign_states, force_states, regression_rows
     from sindyjoint.states.surface import fit_surface, force_state_map
     from sindyjoint.workflows.batch import batch
     from sindyjoint.workflows.check import check

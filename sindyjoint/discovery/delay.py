@@ -25,10 +25,7 @@ from sindyjoint.inputs import Input, reference_values
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array, convolve, delayed, main_frequency, scaled_least_squares
 from sindyjoint.record import Campaign
-from sindyjoint.states import campaign_states
-from sindyjoint.states.build import aligned_run
-from sindyjoint.states.floor import moment_floor
-from sindyjoint.states.record import ForceStates
+from sindyjoint.states import ForceStates, aligned_run, campaign_states, moment_floor
 from sindyjoint.text import quantities
 
 # Gauss–Newton steps, and evenly spaced rows that suffice for them.

@@ -11,7 +11,7 @@ from sindyjoint.discovery.delay import ROWS, Columns, law_of_channels
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.inputs import Input, lagged
 from sindyjoint.limits import DISCOVERY
-from sindyjoint.states.record import ForceStates
+from sindyjoint.states import ForceStates
 
 # Time constants that are tried, s; the best is refined between its neighbours.
 TRIED = np.geomspace(1e-3, 3.0, 22)

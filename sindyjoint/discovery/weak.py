@@ -22,8 +22,7 @@ from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, MissingExtraError
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
-from sindyjoint.states import ForceStates
-from sindyjoint.states.record import group_labels
+from sindyjoint.states import ForceStates, group_labels
 
 
 def weak_evidence(

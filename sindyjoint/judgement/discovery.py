@@ -30,9 +30,7 @@ from sindyjoint.response.output_error_runs import Nuisance as Kind
 from sindyjoint.response.refinement import Refinement, refine
 from sindyjoint.soundness.check import Check
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.states import ForceStates
-from sindyjoint.states.build import content_hash, run_hash, with_later_motion
-from sindyjoint.states.record import group_labels
+from sindyjoint.states import ForceStates, content_hash, group_labels, run_hash, with_later_motion
 from sindyjoint.text import in_words_of, spelled
 from sindyjoint.trust import Light, Trust
 

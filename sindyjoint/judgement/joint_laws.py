@@ -35,8 +35,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
 from sindyjoint.soundness.warnings import list_warnings
-from sindyjoint.states import ForceStates, regression_rows
-from sindyjoint.states.build import signals_hash
+from sindyjoint.states import ForceStates, regression_rows, signals_hash
 from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors
 from sindyjoint.substructure.recovery import Recovery, Update, recover, with_numbers
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part

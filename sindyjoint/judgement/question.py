@@ -24,8 +24,7 @@ from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.over_inputs import changed_term
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.parallel import side_by_side
-from sindyjoint.states import regression_rows
-from sindyjoint.states.build import with_later_motion
+from sindyjoint.states import regression_rows, with_later_motion
 
 
 def wanted_terms(found: Discovery) -> tuple[str, ...]:

@@ -14,8 +14,7 @@ from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.record import Campaign
-from sindyjoint.states import ForceStates, regression_rows
-from sindyjoint.states.floor import moment_floor
+from sindyjoint.states import ForceStates, moment_floor, regression_rows
 
 # Rounds of completion and choice, at most, and the change in standard errors below which coefficients stay the same.
 ROUNDS, STAYS = 6, 0.1

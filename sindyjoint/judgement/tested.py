@@ -22,8 +22,7 @@ from sindyjoint.response.compared import corrected
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.verify_campaign import seen_runs
 from sindyjoint.soundness.check import Check
-from sindyjoint.states import campaign_states
-from sindyjoint.states.build import content_hash, with_lags
+from sindyjoint.states import campaign_states, content_hash, with_lags
 from sindyjoint.text import spelled
 from sindyjoint.trust import Trust
 

@@ -28,9 +28,15 @@ from sindyjoint.response.completion import completed_states
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.run import along_motion, cut_states, settling
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.states import ForceStates, one_after_another, states_of
-from sindyjoint.states.floor import Floor, larger_moment, moment_floor
-from sindyjoint.states.record import group_labels
+from sindyjoint.states import (
+    Floor,
+    ForceStates,
+    group_labels,
+    larger_moment,
+    moment_floor,
+    one_after_another,
+    states_of,
+)
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import Colour, Light
 

@@ -23,10 +23,16 @@ from sindyjoint.limits import DISCOVERY, STATES
 from sindyjoint.numeric import Array, partials
 from sindyjoint.planning.runs import POINTS, PlannedRun, motion
 from sindyjoint.response.laws import model_law
-from sindyjoint.states import Harmonics
-from sindyjoint.states.harmonics import significant_harmonics
-from sindyjoint.states.periodic import BAND_SHARE, MAXIMUM_HARMONICS, REPLICATES, reversal_guard
-from sindyjoint.states.record import moving_mask, rate_limit
+from sindyjoint.states import (
+    BAND_SHARE,
+    MAXIMUM_HARMONICS,
+    REPLICATES,
+    Harmonics,
+    moving_mask,
+    rate_limit,
+    reversal_guard,
+    significant_harmonics,
+)
 
 
 @dataclass(frozen=True)

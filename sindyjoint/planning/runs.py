@@ -16,7 +16,7 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, prescribed_motion, simulate
 from sindyjoint.mechanics.virtual import LEVELS, PHASE
 from sindyjoint.numeric import Array
-from sindyjoint.states.periodic import REPLICATES
+from sindyjoint.states import REPLICATES
 
 POINTS = 400  # samples per period, at least
 PERIODS, MOST_PERIODS = 3, 48

@@ -18,9 +18,16 @@ from sindyjoint.record import Campaign, Run
 from sindyjoint.response.drive import Drive, prescribed
 from sindyjoint.response.laws import Instant, LawInRun, law_in_run, parts_of, sum_law, with_added
 from sindyjoint.response.run import WINDOW, SimulatedRun, along_motion, pooled_nrmse, simulate_run
-from sindyjoint.states import ForceStates, force_states, one_after_another, states_of
-from sindyjoint.states.build import Choice, aligned_run, content_hash
-from sindyjoint.states.floor import mean_slope
+from sindyjoint.states import (
+    Choice,
+    ForceStates,
+    aligned_run,
+    content_hash,
+    force_states,
+    mean_slope,
+    one_after_another,
+    states_of,
+)
 
 LawOf = Callable[[ForceStates], Law]
 

@@ -26,10 +26,14 @@ from sindyjoint.record import Run
 from sindyjoint.response.drive import steady_start
 from sindyjoint.response.laws import held_laws
 from sindyjoint.response.run import RTOL, angle_limits, simulate_motion, span_of
-from sindyjoint.states import ForceStates, Harmonics
-from sindyjoint.states.broadband import smoothing_kernels
-from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
-from sindyjoint.states.periodic import BAND_SHARE
+from sindyjoint.states import (
+    BAND_SHARE,
+    ForceStates,
+    HarmonicBasis,
+    Harmonics,
+    significant_harmonics,
+    smoothing_kernels,
+)
 
 Complex = NDArray[np.complex128]
 # Points of a simulated period, and of the moment that drives it.

@@ -18,8 +18,7 @@ from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, root_of
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Campaign
-from sindyjoint.states import ForceStates
-from sindyjoint.states.build import with_lags
+from sindyjoint.states import ForceStates, with_lags
 from sindyjoint.text import in_words_of
 
 # The softening limit of a general law is searched up to this multiple of the largest angle tested.

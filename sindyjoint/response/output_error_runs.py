@@ -34,8 +34,7 @@ from sindyjoint.response.run import (
     span_of,
     window_of,
 )
-from sindyjoint.states import ForceStates
-from sindyjoint.states.broadband import smoothing_kernels
+from sindyjoint.states import ForceStates, smoothing_kernels
 
 MANY = 6  # periods from which on one is simulated for all
 

@@ -32,8 +32,7 @@ from sindyjoint.response.drive import (
     steady_start,
 )
 from sindyjoint.response.laws import LawInRun
-from sindyjoint.states import ForceStates, force_states
-from sindyjoint.states.record import rate_limit, without_noise_travel
+from sindyjoint.states import ForceStates, force_states, rate_limit, without_noise_travel
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0

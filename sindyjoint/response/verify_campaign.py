@@ -25,8 +25,7 @@ from sindyjoint.response.verification import (
     judged,
     seen_words,
 )
-from sindyjoint.states import ForceStates
-from sindyjoint.states.build import run_hash
+from sindyjoint.states import ForceStates, run_hash
 from sindyjoint.text import Quantities, in_words_of, quantities
 
 

@@ -24,7 +24,7 @@ from sindyjoint.soundness.finding import (
 from sindyjoint.soundness.law import filters, motions, odd_runs
 from sindyjoint.soundness.masking import fill_test, leave_out_standstill, mask_campaign
 from sindyjoint.soundness.record import Record, record_of, record_of_structure
-from sindyjoint.states.build import force_states
+from sindyjoint.states import force_states
 from sindyjoint.text import list_some, spelled
 
 

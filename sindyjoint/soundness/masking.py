@@ -15,7 +15,7 @@ from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.record import Mask, marked_of, spans_of
-from sindyjoint.states.build import force_states
+from sindyjoint.states import force_states
 from sindyjoint.text import list_some
 
 SATURATION, ENDS = "saturation", ("dead_start", "dead_tail")

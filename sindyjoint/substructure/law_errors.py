@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.numeric import Array
-from sindyjoint.states.record import ForceStates
+from sindyjoint.states import ForceStates
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.states import kept_of, slow_orders
 from sindyjoint.substructure.unseen import LawRows, Slow

@@ -20,14 +20,14 @@ from sindyjoint.limits import STATES, SUBSTRUCTURE
 from sindyjoint.measurement.noise import signal_end
 from sindyjoint.mechanics.rig_test import RigRun
 from sindyjoint.numeric import Array, partials
-from sindyjoint.states.harmonics import (
+from sindyjoint.states import (
     FIRST_ORDERS,
     HarmonicBasis,
+    cut_blocks,
     local_noise,
     refine_frequency,
     steady_start,
 )
-from sindyjoint.states.periodic import cut_blocks
 
 
 @lru_cache(maxsize=16)

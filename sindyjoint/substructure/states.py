@@ -12,10 +12,18 @@ from sindyjoint.described import same
 from sindyjoint.limits import MEASUREMENT, STATES, SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array, scaled_least_squares
-from sindyjoint.states.broadband import BLOCKS, dwells
-from sindyjoint.states.harmonics import HarmonicBasis, significant_harmonics
-from sindyjoint.states.periodic import reversal_guard
-from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, moving_mask, rate_limit
+from sindyjoint.states import (
+    BLOCKS,
+    ForceStates,
+    HarmonicBasis,
+    Harmonics,
+    NoiseFloor,
+    dwells,
+    moving_mask,
+    rate_limit,
+    reversal_guard,
+    significant_harmonics,
+)
 from sindyjoint.substructure.recovery import Recovery, solved
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.transfer import open_joints

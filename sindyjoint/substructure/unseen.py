@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.numeric import DIFFERENCE, Array, partials, scaled_least_squares
-from sindyjoint.states.record import ForceStates
+from sindyjoint.states import ForceStates
 
 Complex = NDArray[np.complex128]
 

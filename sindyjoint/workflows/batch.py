@@ -28,7 +28,7 @@ from sindyjoint.numeric import seed_of
 from sindyjoint.parallel import Lost, executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
-from sindyjoint.states.build import check_bandwidth
+from sindyjoint.states import check_bandwidth
 from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.joints.record import (
     CAMPAIGNS,

@@ -41,8 +41,7 @@ from sindyjoint.parallel import spread
 from sindyjoint.record import Campaign
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 from sindyjoint.soundness.check import require_sound
-from sindyjoint.states import campaign_states
-from sindyjoint.states.floor import moment_floor
+from sindyjoint.states import campaign_states, moment_floor
 from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.discover import discover, regressor_options
 from sindyjoint.workflows.verify import given_model

@@ -48,8 +48,7 @@ from sindyjoint.soundness.check import (
     require_sound,
 )
 from sindyjoint.soundness.warnings import list_warnings
-from sindyjoint.states import ForceStates, campaign_states, regression_rows
-from sindyjoint.states.build import content_hash, with_lags
+from sindyjoint.states import ForceStates, campaign_states, content_hash, regression_rows, with_lags
 from sindyjoint.workflows.check import the_campaign
 
 if TYPE_CHECKING:

@@ -45,7 +45,7 @@ from sindyjoint.planning.separating_runs import (
     simulate_hypotheses,
 )
 from sindyjoint.record import Campaign
-from sindyjoint.states.periodic import REPLICATES
+from sindyjoint.states import REPLICATES
 from sindyjoint.workflows.check import the_campaign
 from sindyjoint.workflows.diagnose import diagnose as diagnosed
 from sindyjoint.workflows.discover import discover

@@ -35,8 +35,7 @@ from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
 from sindyjoint.soundness.check import check_data, require_sound
 from sindyjoint.soundness.finding import Soundness
-from sindyjoint.states import ForceStates, campaign_states, one_after_another, transfer_noise
-from sindyjoint.states.build import content_hash
+from sindyjoint.states import ForceStates, campaign_states, content_hash, one_after_another, transfer_noise
 from sindyjoint.text import percent
 from sindyjoint.trust import Trust
 from sindyjoint.workflows.check import the_campaign

@@ -15,8 +15,7 @@ from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.mechanics import FunctionLaw, transfer_moment
 from sindyjoint.record import Run
 from sindyjoint.response import rest_of
-from sindyjoint.states import campaign_states, force_states
-from sindyjoint.states.record import group_labels
+from sindyjoint.states import campaign_states, force_states, group_labels
 from tests.diagnosis.hidden_effects import hide
 
 ZERO = ("constant_moment", "angle_offset")

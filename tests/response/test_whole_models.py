@@ -10,8 +10,7 @@ from sindyjoint.equation import Drift, Nuisance, TestNuisances, Value, range_war
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics import FunctionLaw, SumLaw, virtual_campaign
 from sindyjoint.response import draw_models, law_of_test, model_law
-from sindyjoint.states import force_states
-from sindyjoint.states.build import content_hash, run_hash
+from sindyjoint.states import content_hash, force_states, run_hash
 from tests.equation.test_formula_evaluation import JENKINS, MAXWELL, with_elements
 from tests.made_models import paper_model
 

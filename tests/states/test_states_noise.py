@@ -20,9 +20,14 @@ from sindyjoint.measurement import noise as states_noise
 from sindyjoint.numeric import without_line
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rig import SensorNoise
-from sindyjoint.states import force_states, states_of
-from sindyjoint.states.broadband import broadband_states, dwells, smoothing_kernels
-from sindyjoint.states.floor import moment_floor
+from sindyjoint.states import (
+    broadband_states,
+    dwells,
+    force_states,
+    moment_floor,
+    smoothing_kernels,
+    states_of,
+)
 
 RATE, N = 1000.0, 20_000
 

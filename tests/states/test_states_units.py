@@ -4,16 +4,19 @@ import numpy as np
 import pytest
 
 from sindyjoint.record import Run
-from sindyjoint.states import force_states
-from sindyjoint.states.floor import mean_period, repetition
-from sindyjoint.states.harmonics import (
+from sindyjoint.states import (
     HarmonicBasis,
+    force_states,
     local_noise,
+    mean_period,
+    moving_mask,
+    rate_limit,
     refine_frequency,
+    repetition,
     significant_harmonics,
     steady_start,
+    without_noise_travel,
 )
-from sindyjoint.states.record import moving_mask, rate_limit, without_noise_travel
 
 SAMPLING = 1000.0
 

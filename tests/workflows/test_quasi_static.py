@@ -17,8 +17,7 @@ from sindyjoint.diagnosis import load_effects
 from sindyjoint.equation import Form, is_rate_free, load_catalogue, rate_free, without_rate
 from sindyjoint.errors import InputError
 from sindyjoint.measurement import along_path, reversals, travelled, white_noise
-from sindyjoint.states import force_states
-from sindyjoint.states.record import group_labels
+from sindyjoint.states import force_states, group_labels
 
 K1, K3, M_F = 6066.0, -2.684e8, 0.9
 K_T, YIELD = 4000.0, 1.5e-4

@@ -14,7 +14,7 @@ from sindyjoint.diagnosis.campaign.refined import simulated_gap
 from sindyjoint.equation import Nuisance, TestNuisances, read_model
 from sindyjoint.errors import InputError
 from sindyjoint.files import write_campaign
-from sindyjoint.states.build import content_hash
+from sindyjoint.states import content_hash
 from sindyjoint.workflows import refine
 from tests.response.test_refine_elements import (
     LAW,

@@ -9,7 +9,7 @@ import pytest
 from sindyjoint import Campaign, Joint, Run, diagnose, discover, load_campaign, simulate, verify
 from sindyjoint.equation import Nuisance, TestNuisances, Value, channel_delay
 from sindyjoint.files import write_campaign
-from sindyjoint.states.build import content_hash
+from sindyjoint.states import content_hash
 from tests.equation.test_formula_evaluation import MAXWELL
 from tests.made_models import model_of, term
 

@@ -22,9 +22,7 @@ from sindyjoint.limits import STATES
 from sindyjoint.mechanics.excitation import TONES, Actuator, driven_at
 from sindyjoint.numeric import Array
 from sindyjoint.response.drive import prescribed
-from sindyjoint.states import ForceStates
-from sindyjoint.states.periodic import reversal_guard
-from sindyjoint.states.record import NoiseFloor, moving_mask, rate_limit
+from sindyjoint.states import ForceStates, NoiseFloor, moving_mask, rate_limit, reversal_guard
 
 #: Waveforms of an angle in words, and what a plan calls them.
 PLANNED: dict[str, str] = {

@@ -37,8 +37,7 @@ from sindyjoint.response.drive import prescribed
 from sindyjoint.response.laws import with_coefficients
 from sindyjoint.response.output_error import DRAWS
 from sindyjoint.response.run import SimulatedRun, moment_scale, pooled_nrmse
-from sindyjoint.states import ForceStates
-from sindyjoint.states.floor import moment_floor, moment_size
+from sindyjoint.states import ForceStates, moment_floor, moment_size
 from sindyjoint.text import in_words_of
 
 

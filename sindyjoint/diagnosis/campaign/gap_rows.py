@@ -29,9 +29,7 @@ from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.numeric import Array
 from sindyjoint.response.run import rest_of, settling
-from sindyjoint.states import ForceStates
-from sindyjoint.states.broadband import smoothing_kernels
-from sindyjoint.states.record import rate_limit, without_noise_travel
+from sindyjoint.states import ForceStates, rate_limit, smoothing_kernels, without_noise_travel
 
 PHASES = 240
 FEWEST_PHASES = 12

@@ -46,8 +46,7 @@ from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import DIFFERENCE, Array
 from sindyjoint.policy import SHARED
-from sindyjoint.states import ForceStates, regression_rows
-from sindyjoint.states.floor import moment_floor
+from sindyjoint.states import ForceStates, moment_floor, regression_rows
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.regression import TermRegression

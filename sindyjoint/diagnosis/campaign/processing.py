@@ -23,9 +23,7 @@ from sindyjoint.errors import SindyJointError
 from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, convolve, delayed
 from sindyjoint.record import Run
-from sindyjoint.states import ForceStates, force_states
-from sindyjoint.states.broadband import smoothing_kernels
-from sindyjoint.states.record import group_labels
+from sindyjoint.states import ForceStates, force_states, group_labels, smoothing_kernels
 
 
 def processing_errors(

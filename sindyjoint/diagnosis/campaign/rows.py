@@ -28,8 +28,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array, convolve
-from sindyjoint.states import ForceStates
-from sindyjoint.states.broadband import WIDEST, smoothing_kernels
+from sindyjoint.states import WIDEST, ForceStates, smoothing_kernels
 
 
 @dataclass(frozen=True, eq=False)

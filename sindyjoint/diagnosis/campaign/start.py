@@ -31,16 +31,17 @@ from sindyjoint.limits import STATES
 from sindyjoint.record import Campaign, Run
 from sindyjoint.states import (
     ForceStates,
+    HarmonicBasis,
     campaign_states,
+    group_labels,
+    kept_harmonics,
+    mean_slope,
+    moment_floor,
     one_after_another,
     regression_rows,
     states_of,
     transfer_noise,
 )
-from sindyjoint.states.floor import mean_slope, moment_floor
-from sindyjoint.states.harmonics import HarmonicBasis
-from sindyjoint.states.periodic import kept_harmonics
-from sindyjoint.states.record import group_labels
 
 # Rows of all runs that are searched; more of them hardly change what is found.
 SEARCHED = 6000

@@ -27,8 +27,7 @@ from sindyjoint.inputs import LongRecord, input_names
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.parallel import Executor, ordered_map
 from sindyjoint.record import Campaign
-from sindyjoint.states import ForceStates, force_states, regression_rows
-from sindyjoint.states.record import group_labels
+from sindyjoint.states import ForceStates, force_states, group_labels, regression_rows
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.regression import TermRegression

@@ -13,8 +13,7 @@ from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness.finding import Finding, Words
 from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
 from sindyjoint.soundness.record import Record
-from sindyjoint.states.build import force_states
-from sindyjoint.states.floor import moment_floor
+from sindyjoint.states import force_states, moment_floor
 
 # Of the inertia's moment over the measured one, from which it stops.
 ABSURD = 3.0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import ROUNDING, Array, rms
 from sindyjoint.soundness.record import Record
-from sindyjoint.states.record import ForceStates
+from sindyjoint.states import ForceStates
 
 Complex = NDArray[np.complex128]
 # Samples of a mean cycle, its harmonics, and the share of a run, from its end, that counts as steady.

@@ -32,7 +32,7 @@ from sindyjoint.response.verification import (
     seen_words,
 )
 from sindyjoint.response.verify_rig import place_by_kind
-from sindyjoint.states.build import signals_hash
+from sindyjoint.states import signals_hash
 from sindyjoint.substructure.recovery import Recovery, recover
 from sindyjoint.substructure.simulated.runs import SteadyRun
 from sindyjoint.substructure.simulated.segments import SegmentedRun
