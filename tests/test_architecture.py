@@ -49,6 +49,7 @@ ALLOWED = {
         "numeric",
         "inputs",
         "policy",
+        "limits",
         "rig",
         "record",
     },  # runs are made of what sensors measured
