@@ -14,7 +14,7 @@ from sindyjoint.diagnosis.structure.output_error import Fit, fit
 from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.headline import MOST_STEPS
+from sindyjoint.judgement.headlines import MOST_STEPS
 from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind
 from sindyjoint.judgement.trust import judge_soundness
 from sindyjoint.judgement.verdict import undecided_by_data

@@ -15,7 +15,7 @@ from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.inputs import fixed_notes
 from sindyjoint.judgement.discovery import fitted_to
-from sindyjoint.judgement.headline import judge_diagnosis
+from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.judgement.trust import assess
 from sindyjoint.record import Campaign
 from sindyjoint.response.compared import corrected

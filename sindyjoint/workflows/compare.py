@@ -22,7 +22,7 @@ from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.changed import Change, check_margin, compare_models
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison
 from sindyjoint.judgement.discovery import Discovery, frequency_tests, undetermined
-from sindyjoint.judgement.headline import judge_comparison
+from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.judgement.question import (
     WEAK,
     Question,

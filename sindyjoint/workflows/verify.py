@@ -19,7 +19,7 @@ from sindyjoint.errors import InputError, MissingInputError, checks_options, ref
 from sindyjoint.files import load_campaign
 from sindyjoint.judgement.comparison import GivenModel
 from sindyjoint.judgement.discovery import estimated_errors, fitted_to
-from sindyjoint.judgement.headline import judge_verification
+from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.judgement.trust import assess
 from sindyjoint.limits import JUDGEMENT
 from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_path, shipped_rigs

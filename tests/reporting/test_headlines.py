@@ -7,7 +7,7 @@ import pytest
 from handmade_results import comparison, diagnosis, verification
 
 from sindyjoint.diagnosis import Gap
-from sindyjoint.judgement.headline import (
+from sindyjoint.judgement.headlines import (
     judge_check,
     judge_comparison,
     judge_diagnosis,

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.markup import escape
 
-from sindyjoint.judgement.headline import judge_check
+from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion, Run
 from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label

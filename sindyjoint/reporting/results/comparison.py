@@ -13,7 +13,7 @@ from rich.markup import escape
 
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, GivenModel
-from sindyjoint.judgement.headline import judge_comparison
+from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.reporting.equation import interval_text, superscripted
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.verdict import reported_together
-from sindyjoint.judgement.headline import judge_diagnosis
+from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.mathml import effect_mathml, mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.judgement.headline import judge_verification
+from sindyjoint.judgement.headlines import judge_verification
 from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.figure import (
     Axes,
