@@ -103,6 +103,12 @@ def chunks(count: int, size: int) -> Iterator[slice]:
         yield slice(start, min(start + size, count))
 
 
+def norms_of(columns: Array, axis: int = 0) -> Array:
+    """Return the norms of columns along an axis; one for a column of zeros."""
+    norms = np.linalg.norm(columns, axis=axis)
+    return np.where(norms == 0, 1.0, norms)
+
+
 def scaled_least_squares(columns: Array, target: Array, rcond: float | None = None) -> Array:
     """Return least-squares coefficients, solved with columns and target of unit norm.
 
@@ -121,8 +127,7 @@ def scaled_least_squares(columns: Array, target: Array, rcond: float | None = No
     ndarray, shape (p,)
     """
     matrix = np.column_stack([columns, target])
-    norms = np.linalg.norm(matrix, axis=0)
-    norms[norms == 0] = 1.0
+    norms = norms_of(matrix)
     matrix = matrix / norms
     return np.linalg.lstsq(matrix[:, :-1], matrix[:, -1], rcond=rcond)[0] * norms[-1] / norms[:-1]
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, norms_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,8 +275,7 @@ def left_out_estimates(evidence: Evidence, columns: Sequence[int]) -> Array:
     if not evidence.training or not index:
         return np.empty((len(evidence.training), len(index)))
     triangles = evidence.training_triangles[:, :, [*index, -1]]
-    norms = np.linalg.norm(triangles, axis=1)
-    norms[norms == 0] = 1.0
+    norms = norms_of(triangles, axis=1)
     triangles = triangles / norms[:, None, :]
     left, singular, right = np.linalg.svd(triangles[:, :, :-1], full_matrices=False)
     least = 1e-12 * singular[:, :1]

@@ -27,7 +27,7 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import ROUNDING, Array, chunks
+from sindyjoint.numeric import ROUNDING, Array, chunks, norms_of
 from sindyjoint.parallel import side_by_side
 
 # Numbers of a matrix below which what NumPy does about its decomposition takes longer than the decomposition.
@@ -104,8 +104,7 @@ class Factor:
 
         A column of zeros keeps the norm 1.
         """
-        norms = np.linalg.norm(self.triangle, axis=0)
-        norms[norms == 0] = 1.0
+        norms = norms_of(self.triangle)
         return Factor(self.triangle / norms, self.rows), norms[:-1], float(norms[-1])
 
     def solve(self) -> Array:

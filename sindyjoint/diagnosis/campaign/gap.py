@@ -30,7 +30,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.laws import Law
-from sindyjoint.numeric import Array, rms
+from sindyjoint.numeric import Array, norms_of, rms
 from sindyjoint.record import Run
 from sindyjoint.response.compared import compare_run, compared_states, corrected, pooled_errors
 from sindyjoint.response.drive import prescribed
@@ -90,8 +90,7 @@ def kept_misfit(work: Work, model: JointModel, effects: Sequence[FittedEffect]) 
     fitted, other = (
         stack(rows, lambda run: number_columns(run, model, adding)) for rows in (work.plain, kept)
     )
-    scale = np.linalg.norm(fitted, axis=0)
-    scale[scale == 0] = 1.0
+    scale = norms_of(fitted)
     fitted, other = fitted / scale, other / scale
     along = other.T @ residual
     explained = along @ np.linalg.lstsq(fitted.T @ fitted + other.T @ other, along, rcond=None)[0]
@@ -355,7 +354,6 @@ def _covariance(runs: Sequence[GapRun], model: JointModel, adding: Sequence[Fitt
     """Return the covariance of numbers fitted to whitened rows, of whose variance a share is noise."""
     white = stack(runs, lambda run: number_columns(run, model, adding))
     share = np.concatenate([np.full(run.white_size, run.noise_share) for run in runs])
-    norm = np.linalg.norm(white, axis=0)
-    norm[norm == 0] = 1.0
+    norm = norms_of(white)
     inverse = np.linalg.pinv(white / norm, rcond=1e-9)
     return np.asarray((inverse * share) @ inverse.T / np.outer(norm, norm))

@@ -21,7 +21,7 @@ from sindyjoint.equation.formula import VARIABLES, compile_terms, made_by_shift
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.stickslip import STEPS_PER_SAMPLE
-from sindyjoint.numeric import Array, delayed, rising_zero
+from sindyjoint.numeric import Array, delayed, norms_of, rising_zero
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive, prescribed
 from sindyjoint.response.laws import with_coefficients
@@ -99,8 +99,7 @@ def _solve(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEf
 
 def least_squares(columns: Array, target: Array) -> tuple[Array, Array]:
     """Return coefficients of whitened rows and their covariance, widened by the residual beyond noise."""
-    norm = np.linalg.norm(columns, axis=0)
-    norm[norm == 0] = 1.0
+    norm = norms_of(columns)
     u, singular, right = np.linalg.svd(columns / norm, full_matrices=False)
     inverse = np.where(singular > 1e-9 * singular[0], 1 / np.maximum(singular, 1e-300), 0.0)
     coefficients = (right.T * inverse) @ (u.T @ target)

@@ -22,7 +22,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, norms_of
 
 # Length over which a discrepancy keeps its sign, in periods of the motion (of its main frequency).
 LENGTH = 0.05
@@ -184,8 +184,7 @@ class Evidence:
         first, self._count = self._count, self._count + columns.shape[1]
         if self._count > len(self._columns):
             self._columns = np.vstack([self._columns, np.empty((self._count, self.target.size))])
-        norm = np.linalg.norm(columns, axis=0)
-        norm[norm == 0] = 1.0
+        norm = norms_of(columns)
         self.norms += norm.tolist()
         self._columns[first : self._count] = (columns / norm).T
         return list(range(first, self._count))

@@ -186,6 +186,15 @@ def differences(
     return columns
 
 
+def covariance_of(jacobian: Array) -> Array:
+    """Return the covariance of the numbers of a fit, from its Jacobian in units of noise."""
+    normal = jacobian.T @ jacobian
+    scale = np.sqrt(np.diag(normal))
+    sizes = np.outer(scale, scale)
+    sizes[sizes == 0] = 1.0
+    return np.asarray(np.linalg.pinv(normal / sizes, hermitian=True) / sizes)
+
+
 def parted(sizes: Sequence[int]) -> NDArray[np.intp]:
     """Return labels of the rows of several pieces, which are cut so that there are enough parts in all."""
     parts = -(-GROUPS // max(len(sizes), 1))

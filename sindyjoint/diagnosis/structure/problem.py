@@ -20,7 +20,7 @@ from sindyjoint.diagnosis.problem import Problem, Say, add_effects
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.kinds import assemble_model, with_slopes
-from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, fit, score_of
+from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, covariance_of, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import PulseProblem, separating_pulses
 from sindyjoint.diagnosis.structure.search import rank_changes, search
 from sindyjoint.diagnosis.structure.start import (
@@ -268,7 +268,7 @@ def whole_model(problem: PulseProblem, best: Fit) -> tuple[JointModel, JointMode
     that of the fit, by linearisation.
     """
     changes = [change for change in problem.found if change.inside]
-    own, inverse = slice(2, problem.priors), _inverse(best)
+    own, inverse = slice(2, problem.priors), covariance_of(best.jacobian)
     after = problem.kind.with_numbers(best.x[own], inverse[own, own])
     if not changes:
         return after, after
@@ -277,15 +277,6 @@ def whole_model(problem: PulseProblem, best: Fit) -> tuple[JointModel, JointMode
         return assemble_model(problem.setup(x).numbers, problem.kind.laws, after, changes)
 
     return after, with_slopes(assembled, best.x, problem.bounds()[1], inverse)
-
-
-def _inverse(best: Fit) -> Array:
-    """Return the covariance of the numbers of a fit, from its Jacobian in units of noise."""
-    normal = best.jacobian.T @ best.jacobian
-    scale = np.sqrt(np.diag(normal))
-    scale[scale == 0] = 1.0
-    inverse: Array = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
-    return inverse
 
 
 def warnings_of(

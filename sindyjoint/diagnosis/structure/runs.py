@@ -22,7 +22,7 @@ from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
-from sindyjoint.diagnosis.structure.output_error import OutputError, differences, parted
+from sindyjoint.diagnosis.structure.output_error import OutputError, covariance_of, differences, parted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
@@ -283,11 +283,9 @@ class RunsProblem(OutputError):
         residual = self.residuals(x)
         assert residual is not None
         jacobian = self.derivatives(x, residual, 0.0, range(x.size))
-        normal = jacobian.T @ jacobian
-        scale = np.sqrt(np.diag(normal))
-        scale[scale == 0] = 1.0
-        inverse = np.linalg.pinv(normal / np.outer(scale, scale), hermitian=True) / np.outer(scale, scale)
-        return np.asarray(inverse * max(1.0, float(residual @ residual) / max(self.rows() - x.size, 1.0)))
+        return np.asarray(
+            covariance_of(jacobian) * max(1.0, float(residual @ residual) / max(self.rows() - x.size, 1.0))
+        )
 
     def models(self, x: Array, covariance: Array) -> dict[str, JointModel]:
         """Return the model of each kind with the numbers of the base, whose covariance is given."""

@@ -12,7 +12,7 @@ from sindyjoint.diagnosis.evidence.score import Ranking, rank
 from sindyjoint.diagnosis.policy import STRUCTURE
 from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, OutputError, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, norms_of
 from sindyjoint.parallel import side_by_side
 
 # All candidates get so many steps of the fit; those that then lie among the first get the rest.
@@ -136,8 +136,7 @@ def _promising(
 
 def _linear(columns: Array, residual: Array) -> tuple[float, Array]:
     """Return the least sum of squares of a residual beside columns, and the numbers that do it."""
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0] = 1.0
+    size = norms_of(columns)
     numbers, *_ = np.linalg.lstsq(columns / size, -residual, rcond=1e-9)
     least = residual + (columns / size) @ numbers
     return float(least @ least), numbers / size
