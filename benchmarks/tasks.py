@@ -253,7 +253,8 @@ def best_subset(n: int) -> dict[str, Any]:
 
     from sklearn.linear_model import LinearRegression
 
-    from sindyjoint.discovery.factors import Factor, best_subsets
+    from sindyjoint.discovery.best_subset import best_subsets
+    from sindyjoint.discovery.factors import Factor
 
     angle, rate, moment = rows(n)
     columns = np.column_stack([angle**i * rate**j for i, j in POWERS[:12]])

@@ -62,7 +62,7 @@ Method = Callable[[Asked], Path]
 
 def _best_subset(asked: Asked) -> Path:
     """Exact best subset of every size, by branch and bound."""
-    from sindyjoint.discovery.factors import best_subsets
+    from sindyjoint.discovery.best_subset import best_subsets
 
     return [subset.columns for subset in best_subsets(asked.factor, asked.forced, asked.signs)]
 

@@ -92,7 +92,7 @@ def inclusion(
     gram[:, :p, p] += pulls / norms / target
     scores, _ = block_scores(evidence, range(p), fit.coefficients)
     meat = scores.T @ scores / np.outer(norms, norms) / target**2
-    from sindyjoint.discovery.factors import replicate_subsets
+    from sindyjoint.discovery.best_subset import replicate_subsets
 
     subsets = replicate_subsets(triangles, min(DISCOVERY.largest_set, p))
     chosen = _largest_passing(subsets, triangles, gram, meat, fit.degrees, (significance, least_share))

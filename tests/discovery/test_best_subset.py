@@ -6,7 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.factors import Factor, best_subsets, replicate_subsets
+from sindyjoint.discovery.best_subset import best_subsets, replicate_subsets
+from sindyjoint.discovery.factors import Factor
 from sindyjoint.errors import InputError
 
 

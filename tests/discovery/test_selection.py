@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sindyjoint.discovery.best_subset import best_subsets
 from sindyjoint.discovery.evidence import Fit
-from sindyjoint.discovery.factors import best_subsets
 from sindyjoint.discovery.selection import (
     Step,
     backward_path,
