@@ -1,0 +1,288 @@
+"""Headlines of data, comparisons, diagnoses and verifications: the same two questions as of a discovery."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sindyjoint.judgement.headline import (
+    EXPORT,
+    SEE_FAULTS,
+    VERIFY,
+    Excitations,
+    advise_runs,
+)
+from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
+from sindyjoint.limits import JUDGEMENT
+from sindyjoint.soundness.check import Check
+from sindyjoint.soundness.finding import Soundness
+from sindyjoint.text import list_some, percent, quantities, spelled
+from sindyjoint.trust import ANSWERS, ORDER, Colour, Light, Trust
+
+if TYPE_CHECKING:
+    from sindyjoint.diagnosis.result import Diagnosis
+    from sindyjoint.judgement.comparison import Choice, Comparison
+    from sindyjoint.response.verification import Verification
+
+Step = tuple[str, str]
+DISCOVER = ("sindyjoint discover CAMPAIGN --out results", "find the terms of the joint’s equation")
+OWN_EFFECTS = (
+    "sindyjoint libraries copy effects/friction effects.toml",
+    "write effects of your own into the copy, and try them: sindyjoint diagnose CAMPAIGN --library effects.toml",
+)
+LACKING = ("sindyjoint diagnose CAMPAIGN", "find and name what the model lacks")
+# A step more than these is a list, not an advice.
+MOST_STEPS = 2
+NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown": "poor"}
+
+
+def judge_check(check: Check) -> Trust:
+    """Return whether a model can be made of some data, and what to do with them."""
+    soundness, runs = check.soundness, check.excitations
+    tested = Excitations(
+        tuple(frequency for frequency, _ in runs if frequency is not None),
+        tuple(level for _, level in runs if level is not None),
+        len(runs),
+    )
+    subject = "RIG" if check.words.structure else "CAMPAIGN"
+    stops, biases = _faults(soundness, "stops"), _faults(soundness, "biases")
+    left_out = all(f.masked for f in soundness.findings if f.severity == "biases")
+    accepted = "; accepted" if stops and not soundness.stopping else ""
+    lights = (
+        Light("faults", "poor" if soundness.stopping else "fair", f"{_named(stops, check.motion)}{accepted}")
+        if stops
+        else Light("faults", "good", "nothing found that stands against a model"),
+        Light(
+            "bias",
+            "fair",
+            f"{_named(biases, check.motion)}{'; the samples are left out' if left_out else ''}",
+        )
+        if biases
+        else Light("bias", "good", "nothing found that shifts a coefficient"),
+        judge_coverage([f for f, _ in runs], [level for _, level in runs]),
+    )
+    accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))
+    steps: list[Step] = [
+        *(
+            (one.remedy, f"settle what stands against {one.run or 'all runs'}")
+            for one in soundness.stopping[:1]
+        ),
+        (
+            f"sindyjoint discover {subject}{accept or ' --out results'}",
+            "go on all the same" if accept else DISCOVER[1],
+        ),
+    ]
+    if lights[-1].colour != "good":
+        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
+    return Trust(lights, tuple(steps[:MOST_STEPS]))
+
+
+def judge_verification(result: Verification, simulated: bool, soundness: Soundness | None) -> Trust:
+    """Return whether a model gives a response, and what to do with it.
+
+    Of a campaign the lights are those of campaign and model; of a structure those of its response.
+    """
+    if result.response_nrmse is None:
+        fit = Light("response", "poor", result.reason)
+    else:
+        known = result.noise_floor is not None
+        colour: Colour = "poor" if not result.passed else "good" if known else "fair"
+        floor = f"noise floor {percent(result.noise_floor)}" if known else "its noise is unknown"
+        tolerated = f"{percent(result.tolerance)} beyond the noise is tolerated"
+        fit = Light("response", colour, f"error {percent(result.response_nrmse)}, {floor}; {tolerated}")
+    own = [fit]
+    if result.kind == "campaign" or any(run.drive != "pulse" for run in result.runs):
+        from sindyjoint.response.verification import seen_words
+
+        # In a structure there is an entry for each sensor of a run.
+        cut = ", " if result.kind == "rig" else "\n"
+        words = seen_words({run.name.rsplit(cut, 1)[0]: run.seen for run in result.runs})
+        own.append(
+            Light("held out", "fair", "; ".join(words))
+            if words
+            else Light("held out", "good", "no fit of the model has seen the runs that are compared")
+        )
+    own.append(
+        Light("range", "fair", f"beyond what was tested: {list_some(result.beyond_range)}")
+        if result.beyond_range
+        else Light("range", "good", "within what the model was tested to")
+    )
+    if result.trust is not None:
+        lights, question = result.trust.lights, tuple(own)
+    else:
+        names = {"response": "explained", "held out": "predicts", "range": "determined"}
+        data = [] if soundness is None else [judge_soundness(soundness, simulated, result.model.joint.motion)]
+        lights, question = (*data, *(replace(light, name=names[light.name]) for light in own)), ()
+    weak = Trust(lights, (), question).weak
+    steps = [SEE_FAULTS] if "data" in weak else []
+    if not result.passed:
+        subject = "CAMPAIGN" if result.kind == "campaign" else "RIG"
+        steps.append((f"sindyjoint diagnose {subject} --model MODEL", "find and name what the model lacks"))
+    if any(run.seen is not False for run in result.runs) and weak & {"held out", "predicts"}:
+        steps.append(
+            (
+                f'write use = "validate" to a run in {result.kind}.toml',
+                "compare with a run that was not fitted to",
+            )
+        )
+    if result.beyond_range:
+        steps.append(
+            (
+                f"record runs that go as far as {list_some(result.beyond_range)}",
+                "fit the model where it is used",
+            )
+        )
+    return Trust(
+        lights, tuple((steps or [(EXPORT[0].replace("RESULTS", "MODEL"), EXPORT[1])])[:MOST_STEPS]), question
+    )
+
+
+def judge_diagnosis(result: Diagnosis, simulated: bool) -> Trust:
+    """Return whether to believe a diagnosis, and what to do next."""
+    own = []
+    pairs = ((quantities(result.model.joint.motion).moment.lower(), "moment"), ("response", "response"))
+    for name, field in pairs:
+        before, after, floor, unsure = (
+            getattr(gap, field)
+            for gap in (result.initial, result.final, result.noise_floor, result.uncertainty)
+        )
+        if math.isfinite(before) or math.isfinite(after):
+            first = f"{percent(before)} → " if result.steps and math.isfinite(before) else ""
+            # Of a campaign without validation runs the response is simulated over all runs.
+            left_out = " on data left out of the fit" * (field == "moment" or result.source == "structure")
+            what = f"gap {first}{percent(after)}{left_out}"
+            own.append(_gap(name, what, after, floor, unsure))
+    # The figures of the reason, behind its first clause, stand in the lights of the gaps.
+    words = result.reason if result.verdict == "undecided" else result.reason.partition(";")[0]
+    own.append(Light("effects", NAMED.get(result.verdict, "fair"), words))
+    if result.trust is not None:
+        lights, question = result.trust.lights, tuple(own)
+    else:
+        data = (
+            []
+            if result.soundness is None
+            else [judge_soundness(result.soundness, simulated, result.model.joint.motion)]
+        )
+        worst = max(own[:-1] or own, key=lambda light: ORDER.index(light.colour))
+        known = f"{ANSWERS[worst.colour].lower()}: see the gap of the {worst.name}"
+        lights, question = (*data, Light("explained", worst.colour, known)), tuple(own)
+    return Trust(lights, tuple(_steps_of_diagnosis(result, lights)[:MOST_STEPS]), question)
+
+
+def _gap(name: str, what: str, after: float, floor: float, unsure: float) -> Light:
+    """Return what a gap came to, as a light; where only the uncertainty of the law explains it, it says so."""
+    if not math.isfinite(after):
+        return Light(name, "poor", f"{what}: could not be simulated")
+    if not math.isfinite(floor):
+        colour: Colour = "fair" if after <= JUDGEMENT.large_part else "poor"
+        return Light(name, colour, f"{what}; its noise is unknown")
+    sentence, noise = f"{what}, noise floor {percent(floor)}", colour_of_misfit(after, floor)
+    if noise == "good" or not unsure > floor:
+        return Light(name, colour_of_misfit(after, math.hypot(floor, unsure)), sentence)
+    # What the uncertainty of the law explains is no fault of it, and no proof either.
+    sentence += f"; the uncertainty of the law's numbers leaves {percent(unsure)}"
+    colour = colour_of_misfit(after, math.hypot(floor, unsure))
+    return Light(name, "fair" if colour == "good" else colour, sentence)
+
+
+def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step]:
+    """Return what to do after a diagnosis, the most useful first."""
+    steps = [SEE_FAULTS] if lights[0].name == "data" and lights[0].colour != "good" else []
+    motion = result.model.joint.motion
+    for advice in result.advice[:1]:
+        if advice.frequency:
+            level = f"{advice.level:.3g} {result.level_unit}"
+            run = f"record a {advice.waveform} at {advice.frequency:.4g} Hz with a peak of {level}"
+            named = " and ".join(spelled(n, motion) for n in advice.separates)
+            certainty = f"the true one should then have a probability of {advice.expected_confidence:.2f}"
+            steps.append((run, f"tell {named} apart: {certainty}"))
+    if result.verdict in ("unknown", "partly_named"):
+        steps.append(OWN_EFFECTS)
+    if result.verdict == "undecided" and not math.isfinite(result.noise_floor.moment):
+        steps.append(
+            ('write noise = "0.02 N*m" to a channel in campaign.toml', "have a noise floor to judge by")
+        )
+    if not steps and result.verdict == "ambiguous":
+        fitted = result.model.fitted
+        steps.append(
+            (advise_runs(Excitations(fitted.frequencies, (), fitted.runs)), "tell the effects apart")
+        )
+    target = "CAMPAIGN" if result.source == "campaign" else "RIG"
+    if result.settled:
+        steps.append((VERIFY[0].replace("CAMPAIGN", target), "simulate the repaired model and compare"))
+    return [*steps, EXPORT] if result.verdict in ("named", "nothing_missing") else steps or [SEE_FAULTS]
+
+
+def judge_comparison(result: Comparison) -> Trust:
+    """Return whether methods, frequencies and resampled campaigns agree on the model, and what to do next."""
+    ids = set(result.model.ids)
+    share = dict(zip(result.ids, result.inclusion, strict=True))
+    lights = (
+        (judge_soundness(result.soundness, result.simulated, result.motion),)
+        if result.trust is None
+        else result.trust.lights
+    )
+    if not ids:
+        return Trust(lights, (SEE_FAULTS,), (Light("model", "poor", result.model.reason),))
+    own = [_agreement("methods", "methods", ids, result.methods)]
+    if result.frequencies:
+        own.append(_agreement("single", f"single {result.several}", ids, result.frequencies))
+    least = min((share[term] for term in ids if term in share), default=math.nan)
+    if math.isfinite(least):
+        colour: Colour = (
+            "good" if least >= JUDGEMENT.confident else "fair" if least >= JUDGEMENT.mostly else "poor"
+        )
+        own.append(
+            Light(
+                "resampled",
+                colour,
+                f"each term is chosen in at least {percent(least)} of resampled campaigns",
+            )
+        )
+    if result.tests:
+        own.append(_constancy(result))
+    weak = Trust(lights, (), tuple(own)).weak
+    steps = [SEE_FAULTS] if "data" in weak else []
+    if "explained" in weak:
+        steps.append(LACKING)
+    if "frequency" in weak:
+        steps.append(("sindyjoint diagnose CAMPAIGN", "find and name what makes coefficients change"))
+    if weak & {"methods", "single", "resampled"}:
+        found = result.discovery
+        tested = Excitations((), (), 0) if found is None else Excitations.of(found.campaign)
+        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
+    return Trust(
+        lights,
+        tuple((steps or [DISCOVER, (VERIFY[0].replace("RESULTS", "results"), VERIFY[1])])[:MOST_STEPS]),
+        tuple(own),
+    )
+
+
+def _constancy(result: Comparison) -> Light:
+    """Return whether the coefficients are the same at every frequency, as a light."""
+    answers = {test.name: test.answer for test in result.tests}
+    for answer, words in (
+        ("depends on frequency", "changes with frequency"),
+        ("cannot tell", "a change with frequency is not ruled out"),
+    ):
+        terms = [spelled(name, result.motion) for name, given in answers.items() if given == answer]
+        if terms:
+            return Light("frequency", "fair", f"{words}: {list_some(terms, 'terms')}")
+    return Light("frequency", "good", "every coefficient is the same at every frequency, within the margin")
+
+
+def _agreement(name: str, what: str, ids: set[str], choices: Sequence[Choice]) -> Light:
+    """Return how many choices lead to the model's terms, as a light."""
+    same = sum(set(choice.ids) - {"inertia"} == ids - {"inertia"} for choice in choices)
+    colour: Colour = "good" if same == len(choices) else "fair" if 2 * same >= len(choices) else "poor"
+    return Light(name, colour, f"{same} of {len(choices)} {what} lead to the model’s terms")
+
+
+def _faults(soundness: Soundness, severity: str) -> list[str]:
+    return [f.id for f in soundness.findings if f.severity == severity]
+
+
+def _named(faults: Sequence[str], motion: str) -> str:
+    return list_some([spelled(fault, motion) for fault in dict.fromkeys(faults)], "findings")
