@@ -37,8 +37,6 @@ FEWEST_PHASES = 12
 ROWS_PER_PERIOD = 5
 MOST_ROWS = 16_000
 STRETCH = 150
-# Internal states follow a motion that is interpolated within this share of its RMS.
-FOLLOWED_ERROR = 1e-4
 # The steps of a mean period, coarser than samples, are cut into this many where internal states are integrated.
 SUBSTEPS = 3
 LEAST_NOISE = 1e-6
@@ -186,7 +184,8 @@ def _strided_motion(
     angle, rate, acceleration = (s[::every] for s in (states.angle, states.rate, states.acceleration))
     moments = states.moment[::every] - (model.joint.inertia or 0.0) * acceleration
     coarse = _motion(states, model, (angle, rate, acceleration), step, rows, states.repeated)
-    between = min(int(np.ceil(coarse.steps_to_follow(FOLLOWED_ERROR))), 8)
+    # Internal states follow a motion that is interpolated within 1e-4 of its RMS.
+    between = min(int(np.ceil(coarse.steps_to_follow(1e-4))), 8)
     if between > 1:
         from scipy.interpolate import CubicHermiteSpline
 

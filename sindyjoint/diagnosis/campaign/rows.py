@@ -258,11 +258,6 @@ def kernel_noise_factor(
     return scipy.linalg.cholesky_banded(banded, lower=True, check_finite=False), banded[0]
 
 
-# A run alone is cut into this many stretches; those left out together are spread without a period (golden ratio).
-STRETCHES = 20
-GOLDEN = 0.6180339887
-
-
 @dataclass(frozen=True, eq=False)
 class GapRun:
     """One run as rows of independent unit noise.
@@ -383,8 +378,9 @@ def row_groups(runs: Sequence[GapRun], white: bool = False) -> NDArray[np.object
     """
     sizes = [run.white_size if white else run.target.size for run in runs]
     if len(runs) == 1:
-        stretch = np.arange(sizes[0]) * STRETCHES // sizes[0]
-        return (stretch * GOLDEN % 1 * 5).astype(int).astype(object)
+        # It is cut into twenty; those left out together are spread without a period (golden ratio).
+        stretch = np.arange(sizes[0]) * 20 // sizes[0]
+        return (stretch * 0.6180339887 % 1 * 5).astype(int).astype(object)
     alone = len({run.group for run in runs}) == 1
     return np.repeat(np.array([run.name if alone else run.group for run in runs], dtype=object), sizes)
 
