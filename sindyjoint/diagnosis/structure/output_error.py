@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +87,7 @@ class FittedChange:
         return self.change.report(self.own)
 
 
-class OutputError:
+class OutputError(Protocol):
     """A measured response, and a simulated one whose numbers are fitted: those that have a prior, then of effects."""
 
     found: tuple[Change, ...]
@@ -96,27 +96,22 @@ class OutputError:
     @property
     def priors(self) -> int:
         """Numbers of structure and laws, which come first."""
-        raise NotImplementedError
 
     @property
     def free(self) -> Array:
         """How far each of these may move."""
-        raise NotImplementedError
 
     @property
     def groups(self) -> NDArray[np.intp]:
         """Of each residual what is predicted together from the others, shape (rows,)."""
-        raise NotImplementedError
 
     def residuals(self, x: Array, duration: float, extra: Change | None = None) -> Array | None:
         """Return simulated less measured in units of noise up to a time, prior rows among them; None for no motion."""
-        raise NotImplementedError
 
     def derivatives(
         self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
     ) -> Array:
         """Return the columns of the Jacobian at some places, shape (rows, len(places))."""
-        raise NotImplementedError
 
     def near(self, x: Array) -> Self:
         """Return the problem for a first look round some numbers: itself, unless there is a quicker one."""
