@@ -56,10 +56,9 @@ STATED = {
 }
 #: Tables with rows of earlier code, or of hours, copied from what the command printed. None may join.
 COPIED = {
-    "Answers on faulty data", "Hidden effects", "Other excitations", "Times and memory", "Batches",
-    "Runs that repeat", "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors",
-    "Plans played", "Run by run", "Effects told apart", "Curves", "A saved model",
-    "Estimate: ten thousand joints on fifty workers",
+    "Hidden effects", "Other excitations", "Times and memory", "Runs that repeat",
+    "Prediction of another pulse", "Runs that do not repeat", "Noise and sensors", "Run by run",
+    "Effects told apart", "Estimate: ten thousand joints on fifty workers",
 }  # fmt: skip
 
 
