@@ -244,6 +244,14 @@ def convolve(signal: Array, kernel: Array, mode: Literal["full", "valid"] = "val
     return np.asarray(product if mode == "full" else product[least - 1 : most])
 
 
+def analytic(signal: Array) -> NDArray[np.complex128]:
+    """Return a signal with its Hilbert transform as imaginary part."""
+    spectrum = np.fft.fft(signal)
+    spectrum[1 : (signal.size + 1) // 2] *= 2
+    spectrum[signal.size // 2 + 1 :] = 0
+    return np.asarray(np.fft.ifft(spectrum))
+
+
 def root_of(covariance: Array) -> Array:
     """Return L with L·Lᵀ a covariance of numbers of any sizes, worked out in units of their standard errors.
 

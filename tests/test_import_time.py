@@ -29,7 +29,7 @@ STRUCTURE = {"sindyjoint.substructure.recovery"}
 MAY_LOAD = {
     "check CAMPAIGN": ANSWER,
     "discover CAMPAIGN": MODEL,
-    "verify MODEL CAMPAIGN": MODEL | PEAKS,
+    "verify MODEL CAMPAIGN": MODEL,
     "diagnose CAMPAIGN": MODEL | {"scipy.optimize"} | STRUCTURE,
     "plan --campaign CAMPAIGN --time 20s": MODEL | STRUCTURE,
     # The selectors are those of pysindy; the splits and paths of some are scikit-learn's, and bring what it imports.

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.described import same
 from sindyjoint.limits import RESPONSE
-from sindyjoint.numeric import Array, main_frequency, noise_by_differences
+from sindyjoint.numeric import Array, analytic, convolve, main_frequency, noise_by_differences
 
 # Span of the local cubic that finds turning points, in periods: noise averages out, a turning point stays.
 CUBIC_SPAN = 0.35
@@ -81,14 +81,13 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     width = max(5, int(CUBIC_SPAN * sample_rate / frequency) | 1)
     if width >= values.size:
         return None
-    smooth = scipy.signal.savgol_filter(values, width, 3)
+    smooth = _local_cubic(values, width)
     # A cubic over w points keeps 9/(4w) of the noise's variance (its value in the middle).
     least = max(
         RESPONSE.stands_out * noise_by_differences(values, 4) * np.sqrt(2.25 / width),
         RESPONSE.accuracy * float(np.ptp(smooth)),
     )
-    maxima, _ = scipy.signal.find_peaks(smooth, prominence=least)
-    minima, _ = scipy.signal.find_peaks(-smooth, prominence=least)
+    maxima, minima = _prominent(smooth, least), _prominent(-smooth, least)
     indices = np.concatenate([maxima, minima])
     signs = np.concatenate([np.ones(maxima.size), -np.ones(minima.size)])
     order = np.argsort(indices, kind="stable")
@@ -99,6 +98,44 @@ def oscillation(signal: ArrayLike, sample_rate: float, frequency: float | None =
     bend = left - 2 * middle + right
     shift = np.where(bend != 0, 0.5 * (left - right) / np.where(bend != 0, bend, 1.0), 0.0)
     return Oscillation((indices + shift) / sample_rate, middle - 0.25 * (left - right) * shift, int(signs[0]))
+
+
+def _local_cubic(signal: Array, width: int) -> Array:
+    """Return a signal smoothed by cubics over ``width`` samples, an odd number; the outermost ones hold to the ends."""
+    half = width // 2
+    basis = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, width), 4))[0]
+    head, tail = (basis @ (basis.T @ part) for part in (signal[:width], signal[-width:]))
+    middle = convolve(signal, basis @ basis[half])
+    return np.concatenate([head[:half], middle, tail[half + 1 :]])
+
+
+def _prominent(signal: Array, least: float) -> NDArray[np.intp]:
+    """Return the maxima that stand ``least`` above the higher one of the valleys beside them.
+
+    A valley ends where the signal is higher than the maximum. That of a plateau is its middle.
+    """
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(signal)) + 1])
+    level = signal[begins]
+    rises = np.diff(level) > 0
+    tops = np.flatnonzero(rises[:-1] & ~rises[1:]) + 1
+    valleys = np.minimum.reduceat(level, np.concatenate([[0], tops])) if tops.size else level[:0]
+    bases = np.maximum(
+        _valley_before(level[tops], valleys), _valley_before(level[tops][::-1], valleys[::-1])[::-1]
+    )
+    ends = np.append(begins, signal.size)
+    found = tops[level[tops] - bases >= least]
+    return (begins[found] + ends[found + 1] - 1) // 2
+
+
+def _valley_before(heights: Array, valleys: Array) -> Array:
+    """Return the lowest signal between each maximum and the last higher one, of the valley before each maximum."""
+    bases, open_ones = np.empty(heights.size), []
+    for place, (height, base) in enumerate(zip(heights.tolist(), valleys.tolist(), strict=False)):
+        while open_ones and open_ones[-1][0] <= height:
+            base = min(base, open_ones.pop()[1])
+        open_ones.append((height, base))
+        bases[place] = base
+    return bases
 
 
 def _keep_alternating(
@@ -120,17 +157,17 @@ def hilbert_envelope(signal: ArrayLike, sample_rate: float) -> tuple[Array, Arra
     period = max(3, round(sample_rate / main_frequency(values, sample_rate)))
     width = max(5, int(CUBIC_SPAN * period) | 1)
     if width < values.size:
-        values = scipy.signal.savgol_filter(values, width, 3)
+        values = _local_cubic(values, width)
     vibration = values - scipy.ndimage.uniform_filter1d(values, period, mode="nearest")
     # Odd continuation at both ends: the transform of a record that breaks off has large end errors.
     n = min(2 * period, values.size - 1)
     padded = np.concatenate([-vibration[n:0:-1], vibration, -vibration[-2 : -n - 2 : -1]])
-    analytic = scipy.signal.hilbert(padded)[n : n + values.size]
-    phase = np.unwrap(np.angle(analytic))
+    turned = analytic(padded)[n : n + values.size]
+    phase = np.unwrap(np.angle(turned))
     frequency = scipy.ndimage.uniform_filter1d(
         np.gradient(phase) * sample_rate / (2 * np.pi), period, mode="nearest"
     )
-    envelope = scipy.ndimage.uniform_filter1d(np.abs(analytic), max(3, period // 2), mode="nearest")
+    envelope = scipy.ndimage.uniform_filter1d(np.abs(turned), max(3, period // 2), mode="nearest")
     return envelope, frequency
 
 

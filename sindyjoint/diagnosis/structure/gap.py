@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from sindyjoint.diagnosis.parts import Place, Regions, most_informative
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
@@ -15,7 +14,7 @@ from sindyjoint.diagnosis.structure.output_error import Fit, fit
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.numeric import Array, main_frequency, rms
+from sindyjoint.numeric import Array, analytic, main_frequency, rms
 from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 
@@ -146,7 +145,7 @@ def _phase(
     cut = round(sample_rate / main_frequency(measured, sample_rate))
     if measured.size < 4 * cut:
         return []
-    mine, other = (scipy.signal.hilbert(x - x.mean())[cut:-cut] for x in (simulated, measured))
+    mine, other = (analytic(x - x.mean())[cut:-cut] for x in (simulated, measured))
     amplitude = float(np.sum((np.abs(mine) - np.abs(other)) ** 2))
     total = float(np.sum(np.abs(mine - other) ** 2))
     if not total > 0:
