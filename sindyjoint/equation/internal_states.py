@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sindyjoint.equation.operations import pointer, program, run_lanes, shifted
+from sindyjoint.equation.evaluation import program
+from sindyjoint.equation.operations import pointer, run_lanes, shifted
 from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class StateProgram(NamedTuple):
     Parameters
     ----------
     constants, operations, outputs : ndarray
-        See :func:`sindyjoint.equation.operations.program`.
+        See :func:`sindyjoint.equation.evaluation.program`.
     fixed, moving : ndarray of int
         Operations that rest on parameters alone; those that rest on motion or states.
     by_state, ends : ndarray of int

@@ -18,7 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError, refuse
-from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
+from sindyjoint.mechanics.compiled import (
+    PAPER,
+    CompiledLaw,
+    ScalarLaw,
+    evaluate_law,
+    interpreted_law,
+    program_of_expressions,
+    sum_of,
+)
 from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
@@ -54,15 +62,12 @@ class Law(ABC):
             object.__setattr__(self, name, getattr(law, name))
 
     def _evaluate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any) -> Array:
-        from sindyjoint.mechanics.kernels import evaluate_law
-
         theta, omega, s = np.broadcast_arrays(
             *(np.asarray(x, dtype=np.float64) for x in (angle, rate, direction))
         )
         z = np.zeros((self.n_states, theta.size)) if state is None else np.array(state, dtype=np.float64)
-        out = np.empty((1 + self.n_states, theta.size))
         law, flat = self.compiled(), (theta.ravel(), omega.ravel(), s.ravel())
-        evaluate_law(law.address, *flat, z.reshape(self.n_states, theta.size), law.numbers, out)
+        out = evaluate_law(law.address, flat, z.reshape(self.n_states, theta.size), law.numbers)
         return out.reshape(1 + self.n_states, *theta.shape)
 
     def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
@@ -151,9 +156,7 @@ class PaperLaw(Law):
 
     def compiled(self) -> CompiledLaw:
         """Compiled form, shared by every set of coefficients."""
-        from sindyjoint.mechanics.kernels import PAPER_CALLBACK
-
-        return CompiledLaw(PAPER_CALLBACK, self.parameters, 0)
+        return CompiledLaw(PAPER, self.parameters, 0)
 
 
 # Averages over 3, 4, 5 and 6 Hz printed in the last but one row of the paper's Tables 1 and 2. The paper gives no
@@ -261,8 +264,6 @@ class FormulaLaw(Law):
 
     @cached_property
     def _interpreted(self) -> CompiledLaw:
-        from sindyjoint.mechanics.kernels import interpreted_law, program_of_expressions
-
         formulas = (self.expression, *self.state_rates.values())
         program = program_of_expressions(formulas, tuple(self.state_rates), tuple(self.parameters))
         return interpreted_law(
@@ -292,8 +293,6 @@ class SumLaw(Law):
 
     def compiled(self) -> CompiledLaw:
         """Compiled form; once both laws have theirs, there is nothing more to compile."""
-        from sindyjoint.mechanics.kernels import sum_of
-
         return sum_of(self.first.compiled(), self.second.compiled())
 
 
