@@ -21,21 +21,21 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).parent
-#: What the code rests on, in files of the package; those with functions to call name them in ``ENTRIES``.
-SOURCES = (
-    "machine_code.py",
-    "equation/operations.py",
-    "mechanics/kernels.py",
-    "mechanics/stickslip_kernel.py",
+#: Modules whose ``ENTRIES`` are functions to call, and the files of the package that all code rests on.
+MODULES = (
+    "mechanics.kernels",
+    "mechanics.stickslip_kernel",
+    "equation.states_kernel",
+    "discovery.best_subset_kernel",
 )
-MODULES = ("mechanics.kernels", "mechanics.stickslip_kernel")
+SOURCES = ("machine_code.py", "equation/operations.py", *(f"{each.replace('.', '/')}.py" for each in MODULES))
 #: LLVM ends the process where a function of C is missing: elsewhere than where this is tested numba loads.
 LOADS = sys.platform == "linux"
-#: What numba's code calls where an error is raised in it, which none of these functions does: without numba it ends the
-#: process.
+#: What numba's code calls where an error is raised in it, or an array is freed that it has made. None of these
+#: functions does either: without numba it ends the process.
 NEVER_CALLED = (
-    "NRT_Free", "numba_do_raise", "numba_gil_ensure", "numba_gil_release", "numba_runtime_build_excinfo_struct",
-    "numba_unpickle",
+    "NRT_Free", "NRT_MemInfo_call_dtor", "numba_do_raise", "numba_gil_ensure", "numba_gil_release",
+    "numba_runtime_build_excinfo_struct", "numba_unpickle",
 )  # fmt: skip
 #: Engines own the code that they have loaded.
 ENGINES: list[Any] = []
@@ -127,15 +127,16 @@ def _stored() -> dict[str, tuple[str, bytes]]:
                 old.unlink()
             handle, temporary = tempfile.mkstemp(dir=folder, suffix=".npz")
             with os.fdopen(handle, "wb") as file:
-                codes = {f"{name}.o": np.frombuffer(code, dtype=np.uint8) for name, (_, code) in made.items()}
-                np.savez(file, **codes, **{name: np.array(symbol) for name, (symbol, _) in made.items()})
+                kept: dict[str, Any] = {name: np.array(symbol) for name, (symbol, _) in made.items()}
+                kept |= {f"{name}.o": np.frombuffer(code, dtype=np.uint8) for name, (_, code) in made.items()}
+                np.savez(file, **kept)
             os.replace(temporary, folder / f"kernels-{key}.npz")
             break
     return made
 
 
 def _folders() -> list[Path]:
-    """Return where code may be kept: where numba is told to, or else beside the compiled Python, or the user's cache."""
+    """Return where code may be kept: where numba is told to; beside the compiled Python, or in the user's cache."""
     told = os.environ.get("NUMBA_CACHE_DIR")
-    cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return [Path(told)] if told else [HERE / "__pycache__", cache_home / "sindyjoint"]
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return [Path(told)] if told else [HERE / "__pycache__", Path(home) / "sindyjoint"]

@@ -129,7 +129,8 @@ def _prominent(signal: Array, least: float) -> NDArray[np.intp]:
 
 def _valley_before(heights: Array, valleys: Array) -> Array:
     """Return the lowest signal between each maximum and the last higher one, of the valley before each maximum."""
-    bases, open_ones = np.empty(heights.size), []
+    bases = np.empty(heights.size)
+    open_ones: list[tuple[float, float]] = []
     for place, (height, base) in enumerate(zip(heights.tolist(), valleys.tolist(), strict=False)):
         while open_ones and open_ones[-1][0] <= height:
             base = min(base, open_ones.pop()[1])
