@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +36,22 @@ class HarmonicBasis:
 
     @classmethod
     def build(cls, time: Array, frequency: float, orders: NDArray[np.intp]) -> HarmonicBasis:
-        """Return the basis of the given harmonic orders of ``frequency`` (Hz) at ``time`` (s)."""
+        """Return the basis of the given harmonic orders of ``frequency`` (Hz) at ``time`` (s).
+
+        Runs of one frequency and length follow one another, and have one basis.
+        """
         angular = np.asarray(2 * np.pi * frequency * orders, dtype=np.float64)
-        if np.array_equal(orders, np.arange(1, len(orders) + 1)):
-            cosine, sine = _compute_multiples(angular[0] * time, len(orders))
-            return cls(cosine.T, sine.T, angular, complete=True)
-        phase = np.outer(angular, time)
-        return cls(np.cos(phase).T, np.sin(phase).T, angular)
+        if not np.array_equal(orders, np.arange(1, len(orders) + 1)):
+            phase = np.outer(angular, time)
+            return cls(np.cos(phase).T, np.sin(phase).T, angular)
+        for instants, made in LATEST:
+            if np.array_equal(made.angular, angular) and np.array_equal(instants, time):
+                return made
+        cosine, sine = _compute_multiples(angular[0] * time, len(orders))
+        made = cls(cosine.T, sine.T, angular, complete=True)
+        if cosine.size <= KEPT:
+            LATEST.append((time, made))
+        return made
 
     def take(self, keep: NDArray[np.bool_]) -> HarmonicBasis:
         """Return the basis of the harmonics marked in ``keep``."""
@@ -58,7 +69,7 @@ class HarmonicBasis:
     def fit_all(self, signals: Array) -> tuple[Array, Array, Array]:
         """Return the same of several signals, shape (m, n), at once: shapes (m,), (m, h), (m, h)."""
         if self.complete:
-            gram = self._complete_gram()
+            gram = self._complete_gram
         else:
             design = np.vstack([np.ones((1, signals.shape[1])), self.cosine.T, self.sine.T])
             gram = design @ design.T
@@ -68,6 +79,7 @@ class HarmonicBasis:
         h = self.angular.size
         return coefficients[0], coefficients[1 : h + 1].T, coefficients[h + 1 :].T
 
+    @cached_property
     def _complete_gram(self) -> Array:
         """Return the products of all columns from the sums of harmonics up to twice the highest.
 
@@ -102,6 +114,11 @@ class HarmonicBasis:
         """Return the exact second time derivative of the series."""
         square = self.angular**2
         return -(self.cosine @ (a * square)) - self.sine @ (b * square)
+
+
+#: The latest bases with their instants, of at most so many cosines each: 40 MB in all.
+LATEST: deque[tuple[Array, HarmonicBasis]] = deque(maxlen=2)
+KEPT = 1_250_000
 
 
 def _compute_multiples(phase: Array, count: int) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.limits import STATES
-from sindyjoint.numeric import SAME, Array
+from sindyjoint.numeric import SAME, Array, kept
 from sindyjoint.record import Run
 from sindyjoint.states.floor import Pair, scatter_of
 from sindyjoint.states.harmonics import (
@@ -56,17 +56,9 @@ def periodic_states(
     """
     if run.frequency is None:
         raise InputError(f"{run.label}: no frequency; the periodic method needs one, use method='broadband'")
-    frequency = refine_frequency(run.angle, run.sample_rate, run.frequency)
-    per = run.sample_rate / frequency
-    start, stop, periods = steady_span(run, frequency)
-    time = np.arange(stop - start) / run.sample_rate
-    edges = cut_blocks(periods, per, time.size)
-    angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
-    rate = None
-    if run.rate is not None:
-        rate = _Series.fit(run.rate[start:stop], time, run.sample_rate, frequency, bandwidth)
-    made = _Motion.of(angle, rate, edges, frequency)
-    guard = reversal_guard(run.sample_rate, frequency, angle.highest)
+    found = _found_motion(run, bandwidth)
+    frequency, start, stop, made = found.frequency, found.start, found.stop, found.motion
+    guard = reversal_guard(run.sample_rate, frequency, found.highest)
     slowest = rate_limit(
         made.motion[1], made.rate_noise, STATES.periodic_rate_share if rate_share is None else rate_share
     )
@@ -86,23 +78,23 @@ def periodic_states(
         frequency=frequency,
         level=run.level,
         sample_rate=run.sample_rate,
-        time=time + start / run.sample_rate,
+        time=np.arange(stop - start) / run.sample_rate + start / run.sample_rate,
         angle=made.motion[0],
         rate=made.motion[1],
         acceleration=made.motion[2],
         moment=moment,
         moving=moving,
-        block=np.repeat(np.arange(edges.size - 1), np.diff(edges)),
+        block=np.repeat(np.arange(found.edges.size - 1), np.diff(found.edges)),
         replicate=made.replicate,
         noise=NoiseFloor(
             moment_noise,
-            max(angle.noise, declared),
+            max(found.noise, declared),
             made.rate_noise,
             made.acceleration_noise,
             source="periods",
         ),
         method="periodic",
-        bandwidth=angle.highest,
+        bandwidth=found.highest,
         dropped=start / run.sample_rate,
         slowest=slowest,
         guard=guard,
@@ -110,6 +102,34 @@ def periodic_states(
         inputs=inputs,
         fusion=run.fusion,
     )
+
+
+class _Found(NamedTuple):
+    """What the whole steady periods of a run show, whichever of their samples count as motion."""
+
+    frequency: float
+    start: int
+    stop: int
+    edges: NDArray[np.intp]
+    motion: _Motion
+    highest: float
+    noise: float
+
+
+# A diagnosis counts more of the samples as motion than a discovery.
+@kept
+def _found_motion(run: Run, bandwidth: float | None) -> _Found:
+    assert run.frequency is not None
+    frequency = refine_frequency(run.angle, run.sample_rate, run.frequency)
+    start, stop, periods = steady_span(run, frequency)
+    time = np.arange(stop - start) / run.sample_rate
+    edges = cut_blocks(periods, run.sample_rate / frequency, time.size)
+    angle = _Series.fit(run.angle[start:stop], time, run.sample_rate, frequency, bandwidth)
+    rate = None
+    if run.rate is not None:
+        rate = _Series.fit(run.rate[start:stop], time, run.sample_rate, frequency, bandwidth)
+    motion = _Motion.of(angle, rate, edges, frequency)
+    return _Found(frequency, start, stop, edges, motion, angle.highest, angle.noise)
 
 
 def kept_harmonics(states: ForceStates, highest: int | None = None) -> HarmonicBasis:
