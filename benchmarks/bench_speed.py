@@ -3,7 +3,8 @@
     python -m benchmarks.bench_speed                     # imports, verbs, the estimator
     python -m benchmarks.bench_speed --only verbs
     python -m benchmarks.bench_speed --profile discover  # what the time of one verb goes to
-    python -m benchmarks.bench_speed --only growth       # how the time grows; writes results/growth.json
+    python -m benchmarks.bench_speed --only growth       # how the time grows
+    python -m benchmarks.bench_speed --only imports verbs estimator growth --json benchmarks/results/speed.json
 
 The campaign is the virtual test of the paper's joint: twelve runs of 10 s as CSV files. Verbs are counted beyond a
 process that imports numpy and scipy.linalg. Processor time is user and system time of the process and its children.
@@ -12,7 +13,6 @@ process that imports numpy and scipy.linalg. Processor time is user and system t
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -24,6 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.resumed import with_rows, write_rows
+
+ROWS: list[dict[str, str]] = []  # what is printed, as rows of the guide's page
 COUNT = 5
 BASE = ("-c", "import numpy, scipy.linalg")
 PEER = ("-c", "import pysindy, sklearn")
@@ -111,10 +114,12 @@ class Spent(NamedTuple):
 def spent(arguments: Sequence[str], count: int = COUNT) -> Spent:
     """Return what a whole Python process takes with some arguments."""
     seconds, peaks = [], []
+    command, quiet = [sys.executable, *arguments], subprocess.DEVNULL
+    # As where it is installed: compiled Python is kept.
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    subprocess.run(command, env=environment, stdout=quiet, stderr=quiet)
     for _ in range(count):
-        process = subprocess.Popen(
-            [sys.executable, *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-        )
+        process = subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet)
         _, status, used = os.wait4(process.pid, 0)
         assert status == 0, f"{' '.join(arguments)}: exit status {os.waitstatus_to_exitcode(status)}"
         seconds.append(used.ru_utime + used.ru_stime)
@@ -123,6 +128,7 @@ def spent(arguments: Sequence[str], count: int = COUNT) -> Spent:
 
 
 def line(name: str, value: float, limit: str, of: str) -> None:
+    ROWS.append({"task": name.strip(), "value": f"{value:.2f}", "of": of, "limit": limit})
     print(f"{name:<44}{value:>9.2f}  {of:<32} {limit}", flush=True)
 
 
@@ -147,7 +153,7 @@ def verbs(folder: Path, names: Sequence[str]) -> None:
         command = ["-m", "sindyjoint", *(files.get(word, word) for word in words.split()), "--quiet"]
         plain, paged = spent(command), spent([*command, "--out", str(folder / f"out-{name}"), "--force"])
         line(name, plain.seconds - base, f"≤ {limit:g}", f"s beyond it; {plain.peak:.0f} MB")
-        line("  its page", paged.seconds - plain.seconds, "≤ 1", "s more")
+        line(f"  {name}: page", paged.seconds - plain.seconds, "≤ 1", "s more")
 
 
 def make_campaign(folder: Path) -> dict[str, str]:
@@ -183,29 +189,18 @@ def estimator(rows: int) -> None:
 
 
 def growth(kinds: Sequence[str]) -> None:
-    """Print by which power of a size the time of its work grows, over all sizes and the last two; keep them of all."""
-    found = []
+    """Print by which power of a size the time of its work grows, over all sizes and the last two."""
     for kind in kinds:
         seconds = []
         for size in SIZES[kind]:
             command = [sys.executable, "-c", GROWTH, kind, str(size)]
             done = subprocess.run(command, check=True, capture_output=True, text=True)
             seconds.append(float(done.stdout.split()[-1]))
-            line(f"{size} {kind}", seconds[-1], "", "s")
+            print(f"{size} {kind}: {seconds[-1]:.2f} s", flush=True)
         slopes = np.diff(np.log(seconds)) / np.diff(np.log(SIZES[kind]))
         power = float(np.polyfit(np.log(SIZES[kind]), np.log(seconds), 1)[0])
-        line(f"{kind}: power", power, "≤ 1.1", f"{slopes[-1]:.2f} between the last two")
-        found.append(
-            {
-                "kind": kind,
-                "sizes": SIZES[kind],
-                "seconds": seconds,
-                "power": power,
-                "last": float(slopes[-1]),
-            }
-        )
-    if len(kinds) == len(SIZES):
-        (Path(__file__).parent / "results" / "growth.json").write_text(json.dumps(found, indent=1) + "\n")
+        sizes = f"{SIZES[kind][0]} to {SIZES[kind][-1]} {kind}: power of the time"
+        line(sizes, power, "≤ 1.1", f"between the last two {slopes[-1]:.2f}")
 
 
 def profile(name: str, folder: Path) -> None:
@@ -230,7 +225,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rows", type=int, default=2_000_000, help="of the estimator's fit [2e6]")
     parser.add_argument("--profile", choices=[*VERBS], help="print where the time of one verb goes")
     parser.add_argument("--growth", nargs="+", choices=[*SIZES], default=[*SIZES])
-    given = parser.parse_args(arguments)
+    given = with_rows(parser).parse_args(arguments)
     wanted = given.only or ["imports", "verbs", "estimator"]
     with tempfile.TemporaryDirectory() as folder:
         if given.profile:
@@ -244,6 +239,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             estimator(given.rows)
         if "growth" in wanted:
             growth(given.growth)
+    write_rows(given.json, ROWS)
 
 
 if __name__ == "__main__":

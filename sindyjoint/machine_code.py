@@ -55,6 +55,10 @@ class Entry:
         self.name = name
         self.arguments = [ctypes.c_void_p if each is None else each for each in arguments]
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leave the address to this process."""
+        return Entry, (self.name, *self.arguments)
+
     @cached_property
     def address(self) -> int:
         """Address of the function."""
