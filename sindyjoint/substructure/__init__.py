@@ -9,7 +9,7 @@ __getattr__ = fetched(
         "harmonic_balance": "Balance",
         "joint_curves": "MEASURES loop_measures model_curve",
         "modes": "mode_over_amplitude slip_amplitudes",
-        "period": "steady_states",
+        "spectra": "steady_states",
         "recovery": "held_spectra held_warnings recover update_structure with_numbers",
         "simulated.segment_parts": "slow_lines",
         "simulated.segments": "SegmentedRun",
