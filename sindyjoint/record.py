@@ -29,6 +29,7 @@ MINIMUM_SAMPLES = 32
 SIMULATED = "the campaign is simulated (a virtual test), not measured"
 # Channels of a run with an accelerometer, beside which its angle is that of all sensors.
 MEASURED_ANGLE, MEASURED_RATE = "measured angle", "measured rate"
+LARGEST = 1e50  # value of a channel: no unit makes one larger, and its powers are still numbers
 WITHOUT_TIME = (
     "the samples have no time: candidates are terms and elements without rate; inertia, damping, frequency and delay "
     "are not judged"
@@ -36,15 +37,15 @@ WITHOUT_TIME = (
 
 
 def checked_signal(name: str, values: ArrayLike, run: str) -> NDArray[np.float64]:
-    """Return a read-only float64 copy of a one-dimensional finite signal."""
+    """Return a read-only float64 copy of a one-dimensional signal of finite values that squares of squares allow."""
     array = np.array(values, dtype=np.float64)
     if array.ndim != 1:
         raise InputError(f"run {run!r}: {name} has shape {array.shape}; expected a one-dimensional signal")
-    bad = np.flatnonzero(~np.isfinite(array))
+    bad = np.flatnonzero(~(np.abs(array) <= LARGEST))
     if bad.size:
         raise InputError(
-            f"run {run!r}: {name} holds {bad.size} value(s) that are not finite, the first at sample {bad[0]}"
-            "; remove or repair them before the run is used"
+            f"run {run!r}: {name} holds {bad.size} value(s) that are not finite or beyond {LARGEST:g}, the first at "
+            f"sample {bad[0]}; remove or repair them before the run is used"
         )
     array.flags.writeable = False
     return array

@@ -193,7 +193,9 @@ def _with_last_numbers(
     best: Explained[P], refined: Callable[[P, bool], tuple[P, tuple[str, ...]]], stages: Stages
 ) -> tuple[P, Gap, tuple[str, ...]]:
     """Return the last problem with the numbers that are handed on, its gap, and notes on them."""
-    found, known = best.progress.problem, best.gaps.final
+    found, known = best.progress.problem.without_needless(), best.gaps.final
+    if found is not best.progress.problem:
+        known = found.gap
 
     def fitted() -> tuple[P, Gap, tuple[str, ...]]:
         later, notes = refined(found.finished(), best.whole)
@@ -236,7 +238,8 @@ def _best_search(
 
 def _best_of(first: P, ends: Sequence[Explained[P]]) -> Explained[P]:
     """Return the end that costs least, of those whose gap is no larger than that of the model as it was given."""
-    kept = [each for each in ends if not grows(first.initial_gap, each.gaps.final)]
+    alike = first.policy.trivial_share
+    kept = [each for each in ends if not grows(first.initial_gap, each.gaps.final, alike)]
     return min(kept, key=lambda each: each.cost, default=ends[0])
 
 
@@ -246,19 +249,24 @@ def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[
     before = start.steps[-1].gap_after if start.steps else initial
     begun = Progress(straight, before, start.steps)
     progress = straight.searched(begun, most + start.free, stages.say, stages.search)
-    if grows(initial, progress.gap):
+    if grows(initial, progress.gap, first.policy.trivial_share):
         progress = begun  # what predicts the runs left out worse than nothing is no answer
     return _judged(first, start, progress, stages)
 
 
 def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) -> Explained[P]:
     """Return what a search has come to; *undecided* where the verdict is not reached."""
-    final = progress.steps[-1].gap_after if progress.steps else start.problem.gap
+    final = progress.steps[-1].gap_after if progress.steps else progress.problem.gap
     straight, problem = start.before or start.problem, progress.problem
 
     def judged() -> Explained[P]:
         gaps = Gaps(
-            first.initial_gap, final, problem.noise_floor, problem.uncertainty(), problem.floor_is_bound
+            first.initial_gap,
+            final,
+            problem.noise_floor,
+            problem.uncertainty(),
+            problem.floor_is_bound,
+            problem.moves_freely,
         )
         residual = problem.residual(straight)
         verdict, reason = judge(progress.steps, residual, gaps, first.policy)

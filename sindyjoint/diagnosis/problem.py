@@ -119,6 +119,15 @@ class Problem(Protocol):
     def units(self, fitted: Any) -> dict[str, str]:
         """Return the units of an effect's parameters."""
 
+    @property
+    def moves_freely(self) -> bool:
+        """Whether no moment was measured, so that only the motion tells what is missing."""
+        return False
+
+    def without_needless(self) -> Self:
+        """Return the problem without terms that nobody asked for and the data do not need."""
+        return self
+
     def finished(self) -> Self:
         """Return the problem after a last refinement of its numbers."""
         return self

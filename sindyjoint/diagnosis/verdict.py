@@ -68,6 +68,8 @@ class Gaps:
         Of the response, by noise of the law's numbers and of its drive, beside the floor.
     bound : bool
         Whether the floor is an upper bound: a gap below it may be noise, or not.
+    moving : bool
+        Whether the motion alone was measured, that of a free joint.
     """
 
     initial: Gap
@@ -75,6 +77,7 @@ class Gaps:
     floor: Gap
     uncertainty: Gap = Gap(0.0, 0.0)
     bound: bool = False
+    moving: bool = False
 
     def figures(self) -> tuple[float, float, float]:
         """Return initial gap, final gap and floor of the moment, or of the response where no moment is measured."""
@@ -84,7 +87,7 @@ class Gaps:
     @property
     def of_response(self) -> bool:
         """Whether there is no moment to judge by."""
-        return bool(np.isnan(self.final.moment))
+        return self.moving or bool(np.isnan(self.final.moment))
 
     def floors(self, policy: DiagnosisPolicy) -> float:
         """Return the final gap in units of the floor, and of a small share of it by which the processing errs."""
@@ -246,15 +249,15 @@ def discount(steps: Sequence[Step], verdict: str, gaps: Gaps, policy: DiagnosisP
     return tuple(later)
 
 
-def grows(before: Gap, after: Gap) -> bool:
-    """Return whether a gap of the moment grows, or that of the response where no moment is measured.
+def grows(before: Gap, after: Gap, by: float = 0.0) -> bool:
+    """Return whether a gap of the moment grows by more than a share, or of the response where no moment is measured.
 
     Where the response falls to a fraction of what it was, the moment may grow: that of a free motion is its inertia's.
     """
     if before.moment == before.moment and after.moment == after.moment:
         falls = after.response <= CAMPAIGN.little_help * before.response
-        return after.moment > before.moment and not falls
-    return after.response > before.response
+        return after.moment > (1 + by) * before.moment and not falls
+    return after.response > (1 + by) * before.response
 
 
 def with_falling_gaps(steps: Sequence[Step], initial: Gap) -> tuple[Step, ...]:

@@ -27,6 +27,7 @@ from sindyjoint.response.laws import law_terms
 from sindyjoint.response.run import (
     along_motion,
     angle_limits,
+    averaged,
     followed_motion,
     measured_drive,
     rest_of,
@@ -249,7 +250,7 @@ def record_of(
     prescribed is the drive. Where the states are a mean period, a law with internal states runs through it twice:
     these are not known at its start.
     """
-    law, span = law_of_test(test, model, states), span_of(run, states)
+    law, span, run = law_of_test(test, model, states), span_of(run, states), averaged(run, states)
     window = window_of(states, window)
     drive = "motion" if prescribed(states, spurious=True) else choose_drive(law, states)
     skip, moment = settling(states), run.moment[span]

@@ -235,7 +235,9 @@ def simulate_run(
     drive = choose_drive(law, states) if drive is None else drive
     span = span_of(run, states)
     first = span.start + settling(states)
-    if free_run is not None:
+    if free_run is None:
+        run = averaged(run, states)
+    else:
         _check_samples(run, free_run, span.stop)
         drive = "motion" if drive == "motion" or not law.inertia > 0 else "free run"
         first = max(free_run, span.start)
@@ -300,6 +302,18 @@ def span_of(run: Run, states: ForceStates) -> slice:
     """Return the samples of a run that its states are of."""
     first = round(states.time[0] * run.sample_rate)
     return slice(first, first + states.n_samples)
+
+
+def averaged(run: Run, states: ForceStates) -> Run:
+    """Return a run whose samples in the span of its states are the mean of its periods, where these are."""
+    if not states.repeated:
+        return run
+    span, size = span_of(run, states), states.n_samples
+    end = span.start + (run.n_samples - span.start) // size * size
+    angle, moment = run.angle.copy(), run.moment.copy()
+    for values in (angle, moment):
+        values[span] = values[span.start : end].reshape(-1, size).mean(axis=0)
+    return replace(run, source=None, angle=angle, moment=moment)
 
 
 def along_motion(

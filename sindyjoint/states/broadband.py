@@ -93,7 +93,8 @@ def broadband_states(
         acceleration=acceleration,
         moment=run.moment[middle],
         moving=moving,
-        block=np.minimum(np.arange(angle.size) * BLOCKS // angle.size, BLOCKS - 1),
+        # As many moving samples in each: a decay that ends soon has them all at its beginning.
+        block=np.minimum(np.cumsum(moving) * BLOCKS // max(int(moving.sum()), 1), BLOCKS - 1),
         replicate=None,
         noise=noise,
         method="broadband",

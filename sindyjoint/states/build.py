@@ -86,11 +86,12 @@ def _make_states(run: Run, method: Choice, bandwidth: float | None, rate_share: 
     count = int(np.count_nonzero(states.moving))
     # Pure noise exceeds four of its standard errors now and then.
     if count < MINIMUM_SAMPLES:
+        aside = f", {states.dropped:.2g} s at either end aside that smoothing takes" if states.dropped else ""
         raise StandstillError(
             f"{run.label}: {count or 'no'} moving samples: the velocity hardly rises above its noise "
-            f"({states.noise.rate:.2g} rad/s or m/s); expected a larger excitation, a less noisy motion "
-            "channel, its [[run]] taken out of the manifest, or time = 'none' where the samples were not taken at a "
-            "known rate"
+            f"({states.noise.rate:.2g} rad/s or m/s){aside}; expected a larger excitation, a longer record, a less "
+            "noisy motion channel, its [[run]] taken out of the manifest, or time = 'none' where the samples were not "
+            "taken at a known rate"
         )
     return states
 

@@ -118,7 +118,7 @@ def mean_slope(signal: Array, sample_rate: float, states: ForceStates) -> tuple[
     edges = np.round(np.arange(0, part.size + 1, sample_rate / states.frequency)).astype(int)
     edges = edges[edges <= part.size]
     means = np.add.reduceat(part[: edges[-1]], edges[:-1]) / np.diff(edges)
-    if means.size < 4:
+    if means.size < 4 or not np.ptp(part):
         return 0.0, np.inf, 0.0, 0.0
     time = (edges[:-1] + edges[1:]) / 2 / sample_rate
     centred = time - time.mean()

@@ -86,6 +86,7 @@ class Based(Made):
     numbers: int = 0
     initial_gap = Gap(1.0, 1.0)
     floor_is_bound = False
+    moves_freely = False
 
     def corrected(self):
         return self, ()
@@ -101,6 +102,9 @@ class Based(Made):
 
     def uncertainty(self):
         return Gap(0.0, 0.0)
+
+    def without_needless(self):
+        return self
 
     def finished(self):
         return self

@@ -124,3 +124,33 @@ def test_a_step_of_the_linearised_motion_is_the_exponential_of_its_matrix(dampin
     for k, matrix in zip(stiffness, found, strict=True):
         rates = np.array([[0.0, angular], [-k / (inertia * angular), -damping / inertia]])
         assert np.allclose(matrix, expm(rates * step), rtol=1e-12, atol=1e-12)
+
+
+def stopped(level, damping, friction, duration=10.0, steps=20):
+    """Angle of I·θ̈ = −k·θ − c·θ̇ − M_F·sign θ̇ from rest: leapfrog steps, friction at most what stops the joint."""
+    count = int(duration * RATE)
+    angle, rate, step = level, 0.0, 1 / (RATE * steps)
+    found = np.empty(count)
+    for i in range(count * steps):
+        if i % steps == 0:
+            found[i // steps] = angle
+        free = rate - step * (STIFFNESS * angle + damping * rate) / INERTIA
+        rate = np.sign(free) * max(abs(free) - step * friction / INERTIA, 0.0)
+        angle += step * rate
+    return found
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_nothing_is_missing_where_friction_ends_the_swing(seed):
+    """Smoothing rounds off what friction bends at each reversal; simulated the motion is as it was measured.
+
+    With noise of 0.1 % of the amplitude that was "unknown", in four of six joints made otherwise.
+    """
+    rng = np.random.default_rng(seed)
+    runs = []
+    for level in (1.0, 0.8, 0.6):
+        angle = stopped(level, 0.3, 2.5) + 1e-3 * rng.standard_normal(int(10 * RATE))
+        runs.append(Run(f"{level:g}", np.zeros(angle.size), angle, RATE))
+    result = diagnose(Campaign(Joint("stopped", inertia=INERTIA), tuple(runs)), advise=False)
+    assert result.verdict == "nothing_missing" and not result.steps
+    assert set(result.model.ids) == {"linear_stiffness", "linear_damping", "coulomb_friction"}

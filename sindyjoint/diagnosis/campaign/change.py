@@ -57,6 +57,8 @@ def stiffness_change(run: Run, states: ForceStates) -> tuple[float, float]:
     error = np.sqrt(np.sum(np.abs(residual) ** 2) / (2 * freedom) * 2 / min(p.size for p in parts))
     spread = float(np.max(np.abs(mean[:, None] - mean[None, :])))
     scale = float(np.abs(np.mean(stiffness)))
+    if scale == 0:  # no moment: nothing drives it at that frequency
+        return 0.0, 0.0
     return spread / (float(error) + 1e-9 * scale), spread / scale
 
 

@@ -36,7 +36,7 @@ def fitted_together(
     work, shifts, others = _settled(work, shifts, others)
     folded = all(run.folded for run in work.rows)
     # Under weights of the model before, whose error the effect was, its terms do not stand out of their errors.
-    repaired = refit(work.rows, work.model, others, drops=folded)
+    repaired = refit(work.rows, work.model, others, drops=folded and bool(others))
     work = work.again(repaired.model, repaired.effects)
     if not folded:
         # The rows are weighted anew by the residual, and with them the nonlinear parameters.

@@ -36,7 +36,7 @@ from sindyjoint.response.compared import compare_run, compared_states, corrected
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.laws import with_coefficients
 from sindyjoint.response.output_error import DRAWS
-from sindyjoint.response.run import SimulatedRun, moment_scale, pooled_nrmse
+from sindyjoint.response.run import SimulatedRun, averaged, moment_scale, pooled_nrmse, span_of
 from sindyjoint.states import ForceStates, moment_floor, moment_size
 from sindyjoint.text import in_words_of
 
@@ -316,16 +316,23 @@ def _simulations(work: Work, model: JointModel, effects: Sequence[FittedEffect])
 
 def _noisier(work: Work, rng: np.random.Generator) -> Work:
     """Return the work with noise added to the measured moments as large as what they hold already."""
-    noise = {s.run: s.noise.moment for s in (*work.states, *work.kept_states)}
 
-    def noisier(run: Run) -> Run:
-        own = float(np.nan_to_num(noise.get(run.name, 0.0)))
+    def noisier(run: Run, states: ForceStates) -> Run:
+        # A mean of periods has the noise of the mean.
+        periods = run.n_samples // states.n_samples if states.repeated else 1
+        own = float(np.nan_to_num(states.noise.moment)) * np.sqrt(periods)
         return replace(run, moment=run.moment + own * rng.standard_normal(run.moment.size), source=None)
 
-    campaign = work.campaign
+    campaign, kept = work.campaign, {states.run: states for states in work.kept_states}
     if campaign.validation_runs:
-        return replace(work, campaign=campaign.with_runs(tuple(noisier(r) for r in campaign.runs)))
-    return replace(work, runs=tuple(noisier(run) for run in work.runs))
+        runs = (noisier(run, kept[run.name]) if run.name in kept else run for run in campaign.runs)
+        return replace(work, campaign=campaign.with_runs(tuple(runs)))
+    made = tuple(map(noisier, work.runs, work.states))
+    states = (
+        replace(s, moment=averaged(run, s).moment[span_of(run, s)]) if s.repeated else s
+        for run, s in zip(made, work.states, strict=True)
+    )
+    return replace(work, runs=made, states=tuple(states))
 
 
 def _drawn(

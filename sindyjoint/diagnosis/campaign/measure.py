@@ -105,7 +105,7 @@ class CampaignEvidence:
                     found.append(
                         Candidate(
                             effect.id, form, values, place, len(mix) > 1 or signs[0],
-                            effect.enters != "moment", mix,
+                            effect.enters != "moment", bool(variant.states), mix,
                         )
                     )  # fmt: skip
         return found

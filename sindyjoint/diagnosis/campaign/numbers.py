@@ -259,7 +259,7 @@ def _indices(places: slice) -> range:
 
 
 def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return how far the rest of each run is from what a fit to its first part says of it, relative RMS.
+    """Return how far the rest of each run is from what a fit to its first part says of it, RMS relative to the whole.
 
     Coefficients and nonlinear parameters come from the first part; the simulation starts from the measured state where
     that part ends. NaN where no run can be simulated.
@@ -273,12 +273,12 @@ def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffe
     fitted = refit(rows, model, refit_nonlinear(rows, model, effects, policy))
     fitted = refined(work.campaign, training, rows, fitted)
     gap = own = 0.0
-    for run, (_, rest) in zip(work.runs, parts, strict=True):
+    for run, states, (_, rest) in zip(work.runs, work.states, parts, strict=True):
         result = simulated(run, rest, fitted.model, fitted.effects)
         if result is None or result.simulated_angle is None:
             continue
         gap += float(np.mean((result.angle - result.simulated_angle) ** 2))
-        own += float(np.mean((result.angle - np.mean(result.angle)) ** 2))
+        own += float(np.var(states.angle))
     return float(np.sqrt(gap / own)) if own > 0 else float("nan")
 
 

@@ -110,7 +110,10 @@ def _delay(problem: Problem) -> ChannelDelay | None:
     if lag is None or not lag.stands_out:
         found = _regressed(problem)
         terms = [] if found is None else [term for term in found.terms_ if term.id in found.model_]
-        lag = competing_delay(work.states, columns_of(terms), inertia) if terms else None
+        try:
+            lag = competing_delay(work.states, columns_of(terms), inertia) if terms else None
+        except np.linalg.LinAlgError:  # terms that depend on each other
+            return None
         if (
             lag is None
             or not lag.residual_rms <= SHARED.clearly * moment_floor(work.states, inertia or 0.0).moment

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import numpy as np
@@ -25,7 +25,7 @@ from sindyjoint.diagnosis.campaign.numbers import from_whole, is_element, nuisan
 from sindyjoint.diagnosis.campaign.other_starts import ZERO, other_starts, zero_start
 from sindyjoint.diagnosis.campaign.processing import processing_error
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.repair import Repaired
+from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
 from sindyjoint.diagnosis.campaign.start import (
     ChannelDrift,
@@ -156,8 +156,9 @@ class CampaignProblem(Problem):
 
     @cached_property
     def gap(self) -> Gap:
-        """On runs left out of the fit."""
-        return gap_of(self.work, self.repaired.model, self.found)
+        """On runs left out of the fit; of free motion its numbers are those of :meth:`finished`."""
+        found = self.finished().repaired
+        return gap_of(self.work, found.model, found.effects)
 
     @property
     def noise_floor(self) -> Gap:
@@ -172,15 +173,36 @@ class CampaignProblem(Problem):
     def uncertainty(self) -> Gap:
         """Return the gap of the response that the true law leaves by its numbers and its drive."""
         floor = self.noise_floor.response
-        if is_free(self.work.campaign) or not self.gap.response > self.policy.clearly * floor:
+        if self.moves_freely or not self.gap.response > self.policy.clearly * floor:
             return Gap(0.0, 0.0)
         return Gap(0.0, response_error(self.work, self.repaired.model, self.found))
 
     corrected = without_drift_found
 
     def searched(self, begun: Any, most: int, say: Say, search: Portion) -> Any:
-        """Return the progress with the set of effects that predicts best, as far as the portion goes."""
-        return search.do(lambda: with_found(begun, most, say), begun, "the search")
+        """Return the progress with the set of effects that predicts best, as far as the portion goes.
+
+        A free motion that goes on as simulated lacks nothing: its rows hold the corners that smoothing rounded off.
+        """
+        if not self.moves_freely:
+            return search.do(lambda: with_found(begun, most, say), begun, "the search")
+        fewer = self.without_needless()
+        found = replace(begun, problem=fewer) if fewer._goes_on_as_simulated else begun
+        for count in range(1, most + 1):
+            if len(found.steps) < count - 1 or found.problem._goes_on_as_simulated:
+                break
+            found = search.do(partial(with_found, begun, count, say), found, "the search")
+        return found
+
+    @property
+    def moves_freely(self) -> bool:
+        """Whether no run has a measured moment."""
+        return is_free(self.work.campaign)
+
+    @property
+    def _goes_on_as_simulated(self) -> bool:
+        """Whether a free motion does, within what its noise is known to."""
+        return bool(self.gap.response <= self.policy.clearly * self.noise_floor.response)
 
     def cost(self) -> float:
         """Return the negative score of the set found, and what its members must win at least, nats."""
@@ -193,6 +215,13 @@ class CampaignProblem(Problem):
     def units(self, fitted: FittedEffect) -> dict[str, str]:
         """Return the units of an effect's parameters."""
         return fitted.variant.units(self.work.campaign.joint.motion)
+
+    def without_needless(self) -> Self:
+        """Return the problem without needless terms of the default library, where no effect was added to it."""
+        if self.found or not self.may_start_anew:
+            return self
+        repaired = refit(self.work.rows, self.repaired.model, (), drops=True)
+        return replace(self, repaired=repaired) if repaired.dropped else self
 
     def finished(self) -> Self:
         """Return the problem; the coefficients of free motion are refined on the simulated response."""
@@ -242,6 +271,14 @@ class CampaignProblem(Problem):
 
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
+        if self.moves_freely:
+            # A small error of a number grows over many cycles.
+            known = np.hypot(self.noise_floor.response, self.uncertainty().response)
+            before, after = (
+                gap.response**2 - (self.policy.clearly * known) ** 2 for gap in (straight.gap, self.gap)
+            )
+            share = min(after / before, 1.0) if after > 0 else 0.0
+            return Residual(share, self.policy.unexplained, misfit=float(self.gap.response / known))
         if self.search is None:
             return Residual(1.0, self.policy.unexplained)
         before, after, rows = self.search.before, self.search.after, self.search.rows

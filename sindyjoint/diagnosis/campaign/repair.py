@@ -59,15 +59,16 @@ def refit(
     runs: Sequence[GapRun],
     model: JointModel,
     effects: Sequence[FittedEffect],
-    drops: bool = True,
+    drops: bool | None = None,
 ) -> Repaired:
-    """Estimate terms and effects together; drop terms that the effects made needless, the least first, if any may go.
+    """Estimate terms and effects together; drop needless terms, the least first; default: where there are effects.
 
-    A term is needless that carries no share of the moment beside them, and does not stand out of its error or is
-    friction that pushes. Beside a zero error no term is that a shift of the displacement makes of another one: it may
+    A term is needless that does not stand out of its error or is friction that pushes, and beside effects carries no
+    share of the moment. Beside a zero error no term is that a shift of the displacement makes of another one: it may
     be small by where the zero is.
     """
     dropped: list[str] = []
+    drops = bool(effects) if drops is None else drops
     shifted = any(each.name in ZERO_ERRORS for each in effects)
     while True:
         coefficients, covariance = _solve(runs, model, effects)
@@ -75,10 +76,12 @@ def refit(
         ratio = np.abs(coefficients[:size]) / np.sqrt(np.diag(covariance)[:size])
         share = np.abs(coefficients[:size]) * _own_rms(runs, model) / model.fitted.moment_rms
         pushing = coefficients[:size] < [0.0 if t.family == FRICTION else -np.inf for t in model.terms]
-        weak = np.flatnonzero((pushing | (ratio < CAMPAIGN.significant)) & (share < CAMPAIGN.column_error))
+        # Columns of effects have errors of their own, which a term may have taken up.
+        small = share < CAMPAIGN.column_error if effects else True
+        weak = np.flatnonzero((pushing | (ratio < CAMPAIGN.significant)) & small)
         if shifted:
             weak = weak[~np.array(made_by_shift([term.expression for term in model.terms]))[weak]]
-        if not drops or not effects or not weak.size or size <= 1:
+        if not drops or not weak.size or size <= 1:
             break
         least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
@@ -199,7 +202,8 @@ def held_out_gap(
 
     Each group of runs is left out in turn; coefficients and nonlinear
     parameters come from the others.
-    The noise of single samples, which a mean period averages away, is added back: a perfect model has the noise floor.
+    The noise of single samples that a mean period averages away, or that lies beyond the band, is added back: a perfect
+    model has the noise floor.
     So is what the processing leaves of the model's own simulation.
     """
     labels, white_labels = row_groups(runs), row_groups(runs, white=True)
@@ -248,13 +252,16 @@ def whitened(runs: Sequence[GapRun], rows: Array) -> Array:
 
 
 def _rms(runs: Sequence[GapRun], residual: Array, noise: dict[str, float]) -> float:
-    """Return the RMS of a residual, within the band in which accelerations are known."""
+    """Return the RMS of a residual, within the band in which accelerations are known, and of noise beyond it."""
     ends = np.cumsum([run.target.size for run in runs])[:-1]
     square = []
     for run, part in zip(runs, np.split(residual, ends), strict=True):
         part = part if run.processing is None else part + run.processing
         within = part if run.band is None else run.band.within(part)
-        square.append(within**2 + (noise[run.name] ** 2 if run.folded else 0.0))
+        beyond = noise[run.name] ** 2 if run.folded else 0.0
+        if run.band is not None:
+            beyond = min(float(np.mean((part - within) ** 2)), (1 - run.band.passed) * noise[run.name] ** 2)
+        square.append(within**2 + beyond)
     return float(np.sqrt(np.mean(np.concatenate(square))))
 
 
@@ -367,8 +374,8 @@ def simulated(
     if drift:
         run = replace(run, angle=run.angle - drift * _drifting_time(states, run.time), source=None)
         states = replace(states, angle=states.angle - drift * _drifting_time(states, states.time))
-    law = law_of(model, effects, states)
     try:
+        law = law_of(model, effects, states)
         drive: Drive = "motion" if motion else choose_drive(law, states)
         if by not in (None, drive):
             return None
@@ -377,7 +384,7 @@ def simulated(
             law, run, states, drive=drive, substeps=substeps, response_only=response_only, most_steps=most
         )
     except SindyJointError:
-        # Snap-through, or a law that no simulation can follow: the gap says so by having no figure.
+        # Snap-through, a negative inertia, or a law that no simulation can follow: the gap says so by having no figure.
         return None
 
 

@@ -363,6 +363,11 @@ class Band:
     kernel: Array
     places: NDArray[np.intp]
 
+    @property
+    def passed(self) -> float:
+        """Share of the variance of white noise that lies within the band."""
+        return float(self.kernel @ self.kernel)
+
     def within(self, residual: Array) -> Array:
         """Return a residual at the rows within the band, shape (m,); gaps between rows are bridged."""
         grid = np.interp(np.arange(self.places[0], self.places[-1] + 1), self.places, residual)

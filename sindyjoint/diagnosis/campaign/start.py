@@ -118,8 +118,11 @@ class Work:
 
     @property
     def noise(self) -> dict[str, float]:
-        """Noise of a single sample of the transfer moment, per run, N·m."""
-        return {s.run: transfer_noise(s, self.model.inertia) for s in self.states}
+        """Noise per run, N·m: of a single sample of the transfer moment, of runs that do not repeat of the sensor."""
+        return {
+            s.run: transfer_noise(s, self.model.inertia) if s.method == "periodic" else s.noise.moment
+            for s in self.states
+        }
 
 
 def is_free(campaign: Campaign) -> bool:
@@ -235,7 +238,7 @@ def first_model(
     for _ in range(2):
         own = gap_runs(states, start.model, group_labels(states), policy)
         later = refit_nonlinear(own, start.model, start.effects, policy) if effects else ()
-        start = refit(own, start.model, later, drops=not effects)
+        start = refit(own, start.model, later, drops=False)
     return start
 
 

@@ -124,11 +124,15 @@ class Variant(Form):
         return motions.states(parameters, self.limits(parameters), self.state_program)
 
     def along(self, motion: MeasuredMotion | JoinedMotions, values: Array) -> Array:
-        """Return the columns at the kept samples of a motion, or of several, shape (m, n_columns)."""
+        """Return the columns at the kept samples of a motion, or of several, shape (m, n_columns).
+
+        A state that grows beyond all numbers along the motion explains nothing: its columns are zero.
+        """
         motions = motion if isinstance(motion, JoinedMotions) else motion.joined
         states = self.states_along(motions, values) if self.states else ()
         inputs = (motions.inputs[name] for name in self.inputs)
-        return self._function(*motions.signals, *inputs, *states, *map(float, values))
+        columns = self._function(*motions.signals, *inputs, *states, *map(float, values))
+        return columns if np.isfinite(columns).all() else np.zeros_like(columns)
 
 
 @dataclass(frozen=True)

@@ -63,6 +63,8 @@ class Candidate:
         Whether a negative coefficient would make no sense.
     corrects : bool
         Whether it corrects a channel, so that the states are made again.
+    hysteretic : bool
+        Whether its column follows internal states.
     mix : tuple of float
         Of a form with several columns the combination of them that the column is.
     """
@@ -73,6 +75,7 @@ class Candidate:
     place: int
     positive: bool
     corrects: bool = False
+    hysteretic: bool = False
     mix: tuple[float, ...] = (1.0,)
 
     @property
@@ -230,7 +233,7 @@ class Search:
                 break
             rise = leading[0].score.total - best.score.total
             beam = self.with_numbers(leading, best.score.total + max(0.5 * rise, 0.4 * self.limits[0]))[:BEAM]
-            if self.wins(beam[0], best) and not self.enough(best, start):
+            if self.wins(beam[0], best) and not self.enough(best, beam[0], start):
                 best, idle = self.without_needless(beam[0]), 0
                 if len(best.members) < len(beam[0].members):
                     beam[0] = best
@@ -260,20 +263,29 @@ class Search:
         """Return whether a set misses groups left out by more than noise makes expected."""
         return bool(found.score.chi_square.sum() > POLICY.clearly**2 * self.evidence.target.size)
 
-    def enough(self, best: Chosen, start: Chosen) -> bool:
+    def enough(self, best: Chosen, later: Chosen, start: Chosen) -> bool:
         """Return whether a set leaves no more than noise and the errors of its columns, so that nothing is to be added.
 
-        Columns err by a share of what they explain.
+        Columns err by a share of what they explain. Where only noise is left, or next to it beside hysteresis, whose
+        columns err at every reversal, a larger set must add more than that to the score, too.
         """
+        if not (best.members or self.before):
+            return False
         left, rows = best.score.chi_square.sum(), self.evidence.target.size
-        error = POLICY.column_error**2 * (start.score.chi_square.sum() - left)
-        return bool((best.members or self.before) and left - rows < error)
+        if left - rows < POLICY.column_error**2 * (start.score.chi_square.sum() - left):
+            return True
+        if self.remains(best):
+            return False
+        if left > rows:
+            start = self.chosen([each for each in best.members if not each.hysteretic])
+        won = best.score.total - start.score.total + self.before
+        return bool(later.score.total - best.score.total < POLICY.tolerated * won)
 
     def without_needless(self, found: Chosen) -> Chosen:
         """Return a set without the members that win nothing beside the others."""
         for each in found.members:
             fewer = self.chosen([m for m in found.members if m is not each])
-            if not self.wins(found, fewer) or self.enough(fewer, self.chosen(())):
+            if not self.wins(found, fewer) or self.enough(fewer, found, self.chosen(())):
                 return self.without_needless(fewer)
         return found
 

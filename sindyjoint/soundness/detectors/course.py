@@ -106,9 +106,10 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
     lines = {name: periods[name].line / size[name] for name in size if size[name] > 0 and name != "rate"}
     if clock not in lines or len(lines) < 2 or lines[clock].size <= SOUNDNESS.few_periods:
         return
-    # Periods in which every channel is quiet.
-    quiet = np.logical_and.reduce([np.abs(line) < SOUNDNESS.tolerated for line in lines.values()])
-    alive = np.flatnonzero(~quiet)
+    # Periods in which every channel is quiet, and those in which one is, as the motion while a joint sticks.
+    still = [np.abs(line) < SOUNDNESS.tolerated for line in lines.values()]
+    quiet, some = np.logical_and.reduce(still), np.logical_or.reduce(still)
+    alive, moving = np.flatnonzero(~quiet), np.flatnonzero(~some)
     first, last = int(alive[0]), int(alive[-1]) + 1
     # Of a single period the excitation may be a part.
     if first > 1:
@@ -117,6 +118,9 @@ def find_course(record: Record, words: Words) -> Iterator[Finding]:
         yield _end_finding(
             record, "dead_tail", quiet.size - last, (record.at(last - 1), record.n_samples), words
         )
+    if not moving.size:
+        return
+    first, last = int(moving[0]), int(moving[-1]) + 1
     if words.structure:
         # A channel in which the line is no more than noise has no course.
         lines = {

@@ -236,8 +236,8 @@ def _describe(index: int, held: Held, words: Words) -> Finding:
     name, gain, left = min(
         ("moment", gain, rms(target - gain * expected)), ("angle", turned, left), key=lambda each: each[2]
     )
-    # Of the RMS: a single number is to account for a single run.
-    explained = SOUNDNESS.explains * min(departure, 1.0)
+    # Of the RMS: a single number is to account for a single run. Beside as much again its size would be unknown.
+    explained = min(SOUNDNESS.explains * departure, SOUNDNESS.unknown)
     said = f"(it departs by {100 * departure:.3g} %, they do by {100 * held.common:.2g} %)"
     if left > explained:
         time, after = _best_delay(run, held)
