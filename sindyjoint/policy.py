@@ -205,7 +205,7 @@ def policies() -> dict[str, Any]:
         See :func:`sindyjoint.policy.described` for what each field says.
     """
     found = {}
-    for place in ("policy", "limits", "diagnosis.evidence.search", "diagnosis.policy"):
+    for place in ("policy", "limits", "diagnosis.policy"):
         *folders, _ = place.split(".")
         for name, record in vars(import_module(f"sindyjoint.{place}")).items():
             if _is_policy(record):

@@ -19,8 +19,8 @@ HEAVY = (
 )  # fmt: skip
 # The table of pydantic's fields, that of a terminal, and linear algebra are in every answer.
 ANSWER = {"scipy.linalg", "pydantic", "rich"}
-# A formula is parsed by sympy, an interval is of Student's t; what numba compiled once is loaded without it.
-MODEL = ANSWER | {"sympy", "scipy.special"}
+# A formula is parsed by sympy, an interval is of Student's t; joints are simulated by numba.
+MODEL = ANSWER | {"sympy", "scipy.special", "numba"}
 PEAKS = {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"}
 PAGE = {"matplotlib", "jinja2"}
 # A diagnosis has the records of joint and structure in one.
@@ -33,11 +33,9 @@ MAY_LOAD = {
     "diagnose CAMPAIGN": MODEL | {"scipy.optimize"} | STRUCTURE,
     "plan --campaign CAMPAIGN --time 20s": MODEL | STRUCTURE,
     # The selectors are those of pysindy; the splits and paths of some are scikit-learn's, and bring what it imports.
-    "compare CAMPAIGN": {n for n in HEAVY if "." not in n or n in PEAKS | MODEL}
-    - PAGE
-    - {"plotly", "h5py", "numba"},
+    "compare CAMPAIGN": {n for n in HEAVY if "." not in n or n in PEAKS | MODEL} - PAGE - {"plotly", "h5py"},
     "libraries list": {"pydantic", "rich"},
-    "libraries show paper": MODEL | {"pint"},
+    "libraries show paper": MODEL - {"numba"} | {"pint"},
     "schema": {"pydantic", "scipy.linalg"},
 }
 

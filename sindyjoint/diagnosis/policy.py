@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
-from sindyjoint.diagnosis.evidence.search import EvidencePolicy
+from sindyjoint.limits import EvidencePolicy
 from sindyjoint.policy import limit
 
 calibrated = partial(limit, source="calibrated on simulated campaigns and structures with hidden effects")

@@ -13,20 +13,17 @@ Wilson, Technometrics 16(4), 1974.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from ctypes import c_int64
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.errors import InputError
-from sindyjoint.machine_code import Entry
 from sindyjoint.numeric import Array, chunks
 from sindyjoint.parallel import side_by_side
 
-_SEARCH = Entry("best subsets", c_int64, c_int64, c_int64, *[None] * 6)
 # The search is exact and its worst case is 2^p: beyond this many columns it is refused.
 MOST_COLUMNS = 40
 # Replicates searched in one task: some tens of milliseconds.
@@ -118,7 +115,7 @@ def _subsets_of(order: list[int], largest: int, triangles: Array) -> NDArray[np.
     expected = np.zeros(p, dtype=np.int64)
     marks = np.zeros((replicates, largest + 1, p), dtype=bool)
     for index in range(replicates):
-        start: Any = np.linalg.qr(triangles[index][:, [*order, p]], mode="r")
+        start = np.linalg.qr(triangles[index][:, [*order, p]], mode="r")
         marks[index][:, order] = _search(start, 0, expected, largest)[1][: largest + 1]
     return marks
 
@@ -134,12 +131,100 @@ def _search_order(scaled: Factor, forced: list[int]) -> list[int]:
     return [*forced, *kept, *reversed(weakest)]
 
 
-def _search(
-    start: Array, fixed: int, expected: NDArray[np.int64], top: int
-) -> tuple[Array, NDArray[np.bool_]]:
+@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def _drop(triangle, n, index, out):
+    """Factor of the n columns of ``triangle`` less one: shift left, rotate the subdiagonal away."""
+    for j in range(n):  # columns of the result, the last being the target
+        source = j if j < index else j + 1
+        for i in range(n + 1):
+            out[i, j] = triangle[i, source]
+    for j in range(index, n):
+        a, b = out[j, j], out[j + 1, j]
+        if b == 0.0:
+            continue
+        radius = np.hypot(a, b)
+        c, s = a / radius, b / radius
+        for k in range(j, n):
+            upper, lower = out[j, k], out[j + 1, k]
+            out[j, k] = c * upper + s * lower
+            out[j + 1, k] = c * lower - s * upper
+
+
+@njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def _obeys(triangle, n, size, expected, names):
+    """Whether the least-squares coefficients of the leading ``size`` columns have the expected signs."""
+    needed = False
+    for i in range(size):
+        if expected[names[i]] != 0:
+            needed = True
+    if not needed:
+        return True
+    solved = np.empty(size)
+    for i in range(size - 1, -1, -1):
+        value = triangle[i, n]
+        for j in range(i + 1, size):
+            value -= triangle[i, j] * solved[j]
+        solved[i] = value / triangle[i, i]
+        if expected[names[i]] * solved[i] < 0:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True, no_cfunc_wrapper=True)
+def _search(start, fixed, expected, top):
     """Return least squared errors by size, and the sets as marks on the columns' positions."""
-    p = len(start) - 1
-    best, sets = np.full(p + 1, np.inf), np.zeros((p + 1, p), dtype=np.int8)
-    room, integer_room = np.zeros((p + 1) ** 3 + p), np.zeros((p + 1) * (p + 2), dtype=np.int64)
-    _SEARCH(p, fixed, top, np.ascontiguousarray(start), expected, best, sets, room, integer_room)
-    return best, sets.view(np.bool_)
+    p = start.shape[0] - 1
+    best = np.full(p + 1, np.inf)
+    sets = np.zeros((p + 1, p), dtype=np.bool_)
+    # Depth-first: a node at depth d has p - d columns, so one matrix for each depth is room enough.
+    triangles = np.zeros((p + 1, p + 1, p + 1))
+    names = np.zeros((p + 1, p), dtype=np.int64)
+    lowest = np.zeros(p + 1, dtype=np.int64)  # columns before this one are not dropped below a node
+    following = np.zeros(p + 1, dtype=np.int64)  # the next column to drop at a depth
+    for i in range(p + 1):  # the assignment of a slice takes seconds to compile
+        for j in range(p + 1):
+            triangles[0, i, j] = start[i, j]
+    for i in range(p):
+        names[0, i] = i
+    lowest[0] = fixed
+    depth, entering = 0, True
+    while depth >= 0:
+        n = p - depth
+        here = triangles[depth]
+        if entering:
+            error = here[n, n] ** 2
+            for size in range(n, 0, -1):
+                if size < n:
+                    error += here[size, n] ** 2
+                # Leading parts shorter than this were met at the parent.
+                if size < max(lowest[depth], 1):
+                    break
+                if size <= top and error < best[size] and _obeys(here, n, size, expected, names[depth]):
+                    best[size] = error
+                    sets[size, :] = False
+                    for i in range(size):
+                        sets[size, names[depth, i]] = True
+            following[depth] = n - 1
+            entering = False
+        index = following[depth]
+        if index < lowest[depth] or n <= 1:
+            depth -= 1
+            continue
+        following[depth] = index - 1
+        # Below the child that drops ``index`` lie models of max(index, 1) to n - 1 columns; none fits better than
+        # all n columns here do.
+        worst = 0.0
+        for size in range(max(index, 1), min(n - 1, top) + 1):
+            worst = max(worst, best[size])
+        if here[n, n] ** 2 >= worst:
+            continue
+        _drop(here, n, index, triangles[depth + 1])
+        child = 0
+        for i in range(n):
+            if i != index:
+                names[depth + 1, child] = names[depth, i]
+                child += 1
+        lowest[depth + 1] = index
+        depth += 1
+        entering = True
+    return best, sets

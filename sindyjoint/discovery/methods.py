@@ -1,4 +1,4 @@
-"""Ways to make a path of models: this package's, those of pysindy written out, and its optimisers behind one door.
+"""Ways to make a path of models: the sequential thresholding of this package, and pysindy's optimisers behind one door.
 
 Every method sees the same thing: the triangular factors of the candidates and the target, scaled to unit norm,
 which pose the same least-squares problem as the samples at the same conditioning. Every call builds its optimiser
@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,8 +29,6 @@ THRESHOLDS = np.geomspace(1e-3, 1.0, 43)
 # A resampled fit costs as many fits as there are replicates: coarser steps, twenty replicates as pysindy's default.
 ENSEMBLE_THRESHOLDS = np.geomspace(2e-3, 0.5, 12)
 ENSEMBLE_MODELS = 20
-# Defaults of pysindy's STLSQ; what its SR3 is given here, for on collinear terms it goes on for long.
-STLSQ_PASSES, SR3_PASSES, SR3_CLOSE = 20, 300, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,60 +67,44 @@ def _best_subset(asked: Asked) -> Path:
     return [subset.columns for subset in best_subsets(asked.factor, asked.forced, asked.signs)]
 
 
-def stlsq_of(asked: Asked) -> Callable[[float], Array]:
-    """Return STLSQ as pysindy has it, by threshold: all scaled coefficients below it are removed at once.
+def _of_pysindy(name: str, **settings: Any) -> Any:
+    """Return a fresh optimiser of pysindy."""
+    import pysindy.optimizers
 
-    Written out, as are SR3 and the ensemble: in pysindy nine tenths of the time of such small fits are checks.
-    """
-    return partial(_thresholded, *asked.problem, {})
-
-
-def _thresholded(columns: Array, target: Array, known: dict[bytes, Any], threshold: float) -> Array:
-    """Return the coefficients that sequential thresholding leaves, shape (p,); ``known`` holds solved sets."""
-    kept, found = np.ones(columns.shape[1], dtype=bool), np.zeros(columns.shape[1])
-    for _ in range(STLSQ_PASSES):
-        key, found = kept.tobytes(), np.zeros_like(found)
-        if key not in known:
-            known[key] = np.linalg.lstsq(columns[:, kept], target[:, 0], rcond=None)[0]
-        found[kept] = known[key]
-        large = np.abs(found) >= threshold
-        found[~large] = 0.0
-        if np.array_equal(large, kept):
-            break
-        kept = large
-    return found
+    return getattr(pysindy.optimizers, name)(unbias=False, **settings)
 
 
-def sr3_of(asked: Asked) -> Callable[[float], Array]:
-    """Return SR3 as pysindy has it, by threshold: l0 penalty of weight threshold²/2, ν = 1.
+def _pysindy_stlsq(threshold: float) -> Any:
+    """STLSQ of pysindy on scaled columns, all coefficients below the threshold removed at once."""
+    return _of_pysindy("STLSQ", threshold=threshold, alpha=0.0)
 
-    Zheng, Askham, Brunton, Kutz and Aravkin, IEEE Access 7, 2019.
-    """
-    columns, target = asked.problem
-    start = np.asarray(np.linalg.lstsq(columns, target[:, 0], rcond=None)[0], dtype=np.float64)
-    step = np.linalg.inv(columns.T @ columns + np.eye(start.size))
-    fixed: Array = step @ (columns.T @ target[:, 0])
 
-    def relaxed(threshold: float) -> Array:
-        sparse = start
-        for _ in range(SR3_PASSES):
-            before, full = sparse, fixed + step @ sparse
-            sparse = np.where(np.abs(full) > threshold, full, 0.0)
-            moved = sparse - before
-            if moved @ moved < SR3_CLOSE**2:
-                break
-        return sparse
-
-    return relaxed
+def _pysindy_sr3(threshold: float) -> Any:
+    """SR3 of pysindy with the l0 penalty; its threshold is √(2·weight/ν) on scaled coefficients."""
+    settings = {"regularizer": "L0", "relax_coeff_nu": 1.0, "max_iter": 300, "tol": 1e-9}
+    return _of_pysindy("SR3", reg_weight_lam=threshold**2 / 2, **settings)
 
 
 def _ensemble(asked: Asked) -> Path:
-    """Give pysindy's ensemble: STLSQ fits, median of the coefficients; blocks resampled rather than rows."""
-    triangles = [_resampled_blocks(asked).triangle for _ in range(ENSEMBLE_MODELS)]
-    fits = [partial(_thresholded, each[:, :-1], each[:, -1:], {}) for each in triangles]
-    return _threshold_path(
-        asked, lambda threshold: np.median([fit(threshold) for fit in fits], axis=0), ENSEMBLE_THRESHOLDS
-    )
+    """EnsembleOptimizer of pysindy: STLSQ fits, median of the coefficients, over resampled blocks rather than rows."""
+    from pysindy.optimizers import EnsembleOptimizer
+
+    resampled = [_resampled_blocks(asked) for _ in range(ENSEMBLE_MODELS)]
+
+    class BlockEnsemble(EnsembleOptimizer):
+        """The ensemble with its resampling handed in: the base class draws single rows from the global generator."""
+
+        def _reduce(self, x: Any, y: Any) -> None:
+            for factor in resampled:
+                optimiser = _pysindy_stlsq(self.opt.threshold)
+                optimiser.fit(factor.triangle[:, :-1], factor.triangle[:, -1:])
+                self.coef_list.append(optimiser.coef_)
+            self.coef_ = np.median(self.coef_list, axis=0)
+
+    def build(threshold: float) -> Any:
+        return BlockEnsemble(_pysindy_stlsq(threshold), bagging=True, n_models=ENSEMBLE_MODELS)
+
+    return _threshold_path(asked, build, ENSEMBLE_THRESHOLDS)
 
 
 def _lasso_lars(asked: Asked) -> Path:
@@ -150,8 +131,8 @@ METHODS: dict[str, Method] = {
     "best_subset": _best_subset,
     # Backward elimination: the term whose removal costs least goes, and does not come back.
     "backward": lambda asked: backward_path(asked.factor, asked.forced, asked.evidence.parents),
-    "coefficient_stlsq": lambda asked: _threshold_path(asked, stlsq_of(asked)),
-    "sr3": lambda asked: _threshold_path(asked, sr3_of(asked)),
+    "coefficient_stlsq": lambda asked: _threshold_path(asked, _pysindy_stlsq),
+    "sr3": lambda asked: _threshold_path(asked, _pysindy_sr3),
     # SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time.
     "ssr": lambda asked: _history_path(asked, "SSR"),
     # FROLS of pysindy, forward regression by error reduction ratio (Billings 2013).
@@ -300,7 +281,8 @@ def _resampled_blocks(asked: Asked) -> Factor:
 def _quiet(fit: Callable[[], Any]) -> Any:
     """Run a pysindy fit; its notices that a threshold removed everything are what a path is made of.
 
-    Of two dozen rows that are known to be sound, scikit-learn's checks took a third of the time.
+    A path is some hundred fits of two dozen rows: scikit-learn's checks of what is known to be sound took a third of
+    the time.
     """
     import warnings
 
@@ -311,20 +293,20 @@ def _quiet(fit: Callable[[], Any]) -> Any:
         return fit()
 
 
-def _threshold_path(asked: Asked, fit: Callable[[float], Array], thresholds: Array = THRESHOLDS) -> Path:
+def _threshold_path(asked: Asked, build: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
+    columns, target = asked.problem
     path: Path = [asked.all_columns]
     for threshold in thresholds:
-        path.append(_nonzero(fit(float(threshold)), asked))
+        optimiser = build(float(threshold))
+        _quiet(lambda optimiser=optimiser: optimiser.fit(columns, target))  # type: ignore[misc]
+        path.append(_nonzero(optimiser.coef_, asked))
         if len(path[-1]) <= max(1, len(asked.forced)):
             break
     return path
 
 
 def _history_path(asked: Asked, name: str) -> Path:
-    import pysindy.optimizers
-
-    kind = getattr(pysindy.optimizers, name)
-    optimiser = kind(unbias=False, alpha=0.0, max_iter=asked.factor.n_columns)
+    optimiser = _of_pysindy(name, alpha=0.0, max_iter=asked.factor.n_columns)
     _quiet(lambda: optimiser.fit(*asked.problem))
     return [asked.all_columns, *(_nonzero(c, asked) for c in optimiser.history_)]
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.errors import FormulaError, InputError
-from sindyjoint.numeric import BLOCK, Array, chunks
+from sindyjoint.numeric import BLOCK, chunks
 
 if TYPE_CHECKING:
     import sympy
@@ -297,32 +297,3 @@ _NAMES = {
     "Max": "maximum",
     "Heaviside": "heaviside",
 }
-
-
-Integers = NDArray[np.int64]
-
-CODES = {
-    name: code
-    for code, name in enumerate(
-        (
-            "abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "tanh", "atan",
-            "add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "heaviside",
-        )
-    )
-}  # fmt: skip
-
-
-def program(function: TermFunction) -> tuple[Array, Integers, Integers]:
-    """Return constants, operations (code, first, second) and output registers as arrays.
-
-    Where an operation has one operand only, that stands for the second, too.
-    """
-    operations = np.array(
-        [(CODES[name], first, first if second < 0 else second)
-         for name, first, second in function.operations], dtype=np.int64,
-    ).reshape(-1, 3)  # fmt: skip
-    return (
-        np.array(function.constants, dtype=np.float64),
-        operations,
-        np.array(function.outputs, dtype=np.int64),
-    )

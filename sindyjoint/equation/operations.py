@@ -1,12 +1,21 @@
-"""The interpreter of numbered operations that compiled loops call for a formula, and pointers."""
+"""A formula as a short list of numbered operations, the interpreter that compiled loops call for one, and pointers."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sindyjoint.numeric import Array
+
+if TYPE_CHECKING:
+    from sindyjoint.equation.evaluation import TermFunction
+from typing import Any
+
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic as numba_intrinsic
 
 # Its annotations describe the Python function, which takes a typing context first; callers do not give that.
@@ -62,9 +71,38 @@ def stacked(typingctx, count):
     return _pointer(types.intp), codegen
 
 
+Integers = NDArray[np.int64]
+
+CODES = {
+    name: code
+    for code, name in enumerate(
+        (
+            "abs", "sign", "sqrt", "exp", "log", "sin", "cos", "tan", "tanh", "atan",
+            "add", "subtract", "multiply", "divide", "power", "minimum", "maximum", "heaviside",
+        )
+    )
+}  # fmt: skip
+
+
+def program(function: TermFunction) -> tuple[Array, Integers, Integers]:
+    """Return constants, operations (code, first, second) and output registers as arrays.
+
+    Where an operation has one operand only, that stands for the second, too.
+    """
+    operations = np.array(
+        [(CODES[name], first, first if second < 0 else second)
+         for name, first, second in function.operations], dtype=np.int64,
+    ).reshape(-1, 3)  # fmt: skip
+    return (
+        np.array(function.constants, dtype=np.float64),
+        operations,
+        np.array(function.outputs, dtype=np.int64),
+    )
+
+
 @njit(cache=True, error_model="numpy", inline="always")
 def operated(code, a, b):
-    """Return the result of one operation by its number in :data:`sindyjoint.equation.evaluation.CODES`."""
+    """Return the result of one operation."""
     if code == 12:
         value = a * b
     elif code == 10:

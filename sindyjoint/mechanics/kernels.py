@@ -14,9 +14,11 @@ from numba import cfunc, njit, types
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
-from sindyjoint.equation.operations import integer_at, intrinsic, operated, shifted, stacked
+from sindyjoint.equation.evaluation import compile_terms
+from sindyjoint.equation.operations import integer_at, intrinsic, operated, pointer, program, shifted, stacked
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
+from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 
 HALVINGS = 30  # of a step in which a slider reaches its limit
 _pointer = types.CPointer(types.float64)
@@ -41,20 +43,31 @@ def call_law(typingctx, address, theta, omega, direction, state, parameters, out
     return signature, codegen
 
 
-def _paper_law(theta, omega, direction, state, parameters, out):
+@njit(cache=True, error_model="numpy")
+def paper_law(theta, omega, direction, state, parameters, out):
     """Five-term law (paper Eq. 6); parameters k1, k2, k3, c1, M_F."""
     elastic = theta * (parameters[0] + theta * (parameters[1] + theta * parameters[2]))
     out[0] = elastic + parameters[3] * omega + parameters[4] * direction
 
 
-def _evaluate_law(address, theta, omega, direction, state, parameters, out, states, samples):
-    z, row = stacked(states), stacked(1 + states)
-    for i in range(samples):
-        for j in range(states):
-            z[j] = state[j * samples + i]
-        call_law(address, theta[i], omega[i], direction[i], z, parameters, row)
-        for j in range(1 + states):
-            out[j * samples + i] = row[j]
+@cfunc(LAW_SIGNATURE, cache=True, error_model="numpy")
+def PAPER_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802, D103
+    paper_law(theta, omega, direction, state, parameters, out)
+
+
+@njit(cache=True, nogil=True, no_cfunc_wrapper=True)
+def evaluate_law(address, theta, omega, direction, state, parameters, out):
+    """Fill `out`, shape (1 + n_states, n), with moment and state rates at n samples."""
+    # Number by number, here and below: the assignment of a slice takes seconds to compile, for the text of an error.
+    row = np.empty(out.shape[0])
+    z = np.empty(max(state.shape[0], 1))
+    arguments, results, numbers = pointer(z), pointer(row), pointer(parameters)
+    for i in range(theta.size):
+        for j in range(state.shape[0]):
+            z[j] = state[j, i]
+        call_law(address, theta[i], omega[i], direction[i], arguments, numbers, results)
+        for j in range(row.size):
+            out[j, i] = row[j]
 
 
 @lru_cache(maxsize=256)
@@ -86,10 +99,12 @@ def compile_scalar_law(function: ScalarLaw, parameters: NDArray[np.float64], n_s
     return CompiledLaw(_compile(function), np.array(parameters, dtype=np.float64), n_states)
 
 
-SUM_HEADER, HEADER = 4, 4  # numbers in front of what a law reads; see sindyjoint.mechanics.compiled
+# In front of the numbers of both, by their bits: addresses of the laws, numbers of states and numbers of the first.
+SUM_HEADER = 4
 
 
-def _sum_of_laws(theta, omega, direction, state, parameters, out):
+@cfunc(LAW_SIGNATURE, cache=True, error_model="numpy")
+def SUM_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802, D103
     first, second = integer_at(parameters), integer_at(shifted(parameters, 1))
     n, p = integer_at(shifted(parameters, 2)), integer_at(shifted(parameters, 3))
     own = shifted(parameters, SUM_HEADER)
@@ -100,13 +115,27 @@ def _sum_of_laws(theta, omega, direction, state, parameters, out):
     out[0] += moment
 
 
-@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True)
-def _state_step(address, cubic, u, width, step, parameters, n, room):
+def sum_of(first: CompiledLaw, second: CompiledLaw) -> CompiledLaw:
+    """Return the sum of two laws, states and parameters of the first one first; there is nothing to compile."""
+    header = np.array([first.address, second.address, first.n_states, first.numbers.size], dtype=np.int64)
+    end = SUM_HEADER + first.numbers.size
+    return CompiledLaw(
+        SUM_CALLBACK,
+        np.concatenate([header.view(np.float64), first.numbers, second.numbers]),
+        first.n_states + second.n_states,
+        np.concatenate([SUM_HEADER + first.places, end + second.places]),
+        (first, second),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+def _state_step(address, cubic, u, width, step, parameters, z, k, moved):
     """Fill `moved` with the states a share `width` of a step after `u` (Runge–Kutta, order 4); tell whether one stops.
 
     `cubic` is the angle over the step; one stops whose rate is zero at the end only: a slider at its limit.
     """
-    z, moved, k, trial, out = room
+    n = z.shape[0]
+    trial, out = np.empty(n), np.empty(1 + n)
     nodes = (0.0, 0.5, 0.5, 1.0)
     h = width * step
     for stage in range(4):
@@ -114,62 +143,122 @@ def _state_step(address, cubic, u, width, step, parameters, n, room):
         theta = cubic[0] + at * (cubic[1] + at * (cubic[2] + at * cubic[3]))
         omega = (cubic[1] + at * (2.0 * cubic[2] + 3.0 * at * cubic[3])) / step
         for j in range(n):
-            trial[j] = z[j] + (nodes[stage] * h * k[(stage - 1) * n + j] if stage else 0.0)
+            trial[j] = z[j] + (nodes[stage] * h * k[stage - 1, j] if stage else 0.0)
         direction = 1.0 if omega > 0.0 else (-1.0 if omega < 0.0 else 0.0)
-        call_law(address, theta, omega, direction, trial, parameters, out)
+        call_law(address, theta, omega, direction, pointer(trial), pointer(parameters), pointer(out))
         for j in range(n):
-            k[stage * n + j] = out[1 + j]
+            k[stage, j] = out[1 + j]
     stops = False
     for j in range(n):
-        k0, k1, k2, k3 = k[j], k[n + j], k[2 * n + j], k[3 * n + j]
-        moved[j] = z[j] + h * (k0 + 2.0 * k1 + 2.0 * k2 + k3) / 6.0
-        stops = stops or (k0 != 0.0 and (k1 == 0.0 or k2 == 0.0 or k3 == 0.0))
+        moved[j] = z[j] + h * (k[0, j] + 2.0 * k[1, j] + 2.0 * k[2, j] + k[3, j]) / 6.0
+        stops = stops or (k[0, j] != 0.0 and (k[1, j] == 0.0 or k[2, j] == 0.0 or k[3, j] == 0.0))
     return stops
 
 
-def _integrate_states(address, angle, rate, parameters, step, substeps, n, samples, state, room):
-    # Seven numbers of each state, a law's answer behind them, and which states stopped.
-    z, moved, k = room, shifted(room, n), shifted(room, 2 * n)
-    held = (z, moved, k, shifted(room, 6 * n), shifted(room, 7 * n))
-    stopped = shifted(room, 8 * n + 1)
-    for j in range(n):
-        z[j] = state[j * samples]
-        stopped[j] = 0.0
-    for i in range(samples - 1):
+@njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+def integrate_states(address, angle, rate, parameters, step, substeps, state):
+    """Fill `state`, shape (n_states, n), from its first column along a prescribed motion (Runge–Kutta, order 4).
+
+    Between samples the angle is the cubic through angles and rates, and the rate its derivative. The instant at which a
+    slider reaches its limit is found by halving, so that where it stops follows the motion without jumps.
+    """
+    n = state.shape[0]
+    z, moved, k = state[:, 0].copy(), np.empty(n), np.zeros((4, n))
+    cubic, stopped = np.empty(4), np.zeros(n, np.bool_)
+    for i in range(angle.size - 1):
         d = angle[i + 1] - angle[i]
         v0, v1 = step * rate[i], step * rate[i + 1]
-        cubic = (angle[i], v0, 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d)
+        cubic[:] = (angle[i], v0, 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d)
         for part in range(substeps):
             u, width = part / substeps, 1.0 / substeps
             for _ in range(1 + n):
-                if not _state_step(address, cubic, u, width, step, parameters, n, held):
+                if not _state_step(address, cubic, u, width, step, parameters, z, k, moved):
                     break
                 low, high = 0.0, width
                 for _ in range(HALVINGS):
                     middle = (low + high) / 2
-                    if _state_step(address, cubic, u, middle, step, parameters, n, held):
+                    if _state_step(address, cubic, u, middle, step, parameters, z, k, moved):
                         high = middle
                     else:
                         low = middle
-                _state_step(address, cubic, u, high, step, parameters, n, held)
+                _state_step(address, cubic, u, high, step, parameters, z, k, moved)
                 for j in range(n):
-                    still = k[n + j] == 0.0 or k[2 * n + j] == 0.0 or k[3 * n + j] == 0.0
-                    stopped[j] = 1.0 if still else 0.0
-                _state_step(address, cubic, u, low, step, parameters, n, held)
+                    stopped[j] = k[1, j] == 0.0 or k[2, j] == 0.0 or k[3, j] == 0.0
+                _state_step(address, cubic, u, low, step, parameters, z, k, moved)
                 for j in range(n):
                     # Just past its limit a slider stays there; the rest of the step is the others'.
-                    beyond = 2.0 * (high - low) * step * k[3 * n + j]
-                    z[j] = moved[j] + (beyond if stopped[j] != 0.0 else 0.0)
+                    z[j] = moved[j] + (2.0 * (high - low) * step * k[3, j] if stopped[j] else 0.0)
                 u, width = u + high, width - high
             else:
-                _state_step(address, cubic, u, width, step, parameters, n, held)
-            for j in range(n):
-                z[j] = moved[j]
-        for j in range(n):
-            state[j * samples + i + 1] = z[j]
+                _state_step(address, cubic, u, width, step, parameters, z, k, moved)
+            z[:] = moved
+        state[:, i + 1] = z
 
 
-def _program(theta, omega, direction, state, parameters, out):
+def fastest_decay(address, angle, rate, direction, parameters, state):
+    """Return the largest |∂ż/∂z| of the internal states along a motion, 1/s.
+
+    The smaller one of the differences on either side: a slider that stops does not settle.
+    """
+    known = np.isfinite(state).all(axis=0)
+    motion = angle[known], rate[known], direction[known]
+
+    def rates(there):
+        out = np.zeros((1 + len(there), there.shape[1]))
+        evaluate_law(address, *motion, there, parameters, out)
+        return out[1:]
+
+    largest, own = 0.0, np.ascontiguousarray(state[:, known])
+    middle = rates(own)
+    for place, size in enumerate(np.abs(own).max(axis=1, initial=0.0)):
+        step = COARSE_DIFFERENCE * size
+        if not 0 < step < np.inf:
+            continue
+        sides = []
+        for sign in (-1.0, 1.0):
+            moved = own.copy()
+            moved[place] += sign * step
+            sides.append(np.abs(rates(moved)[place] - middle[place]))
+        slope = np.minimum(*sides) / step
+        largest = max(largest, float(slope[np.isfinite(slope)].max(initial=0.0)))
+    return largest
+
+
+Integers = NDArray[np.int64]
+
+
+@lru_cache(maxsize=256)
+def program_of_expressions(
+    expressions: tuple, states: tuple[str, ...], parameters: tuple[str, ...]
+) -> tuple[Array, Integers, Integers]:
+    """Return the program of sympy expressions (moment, then state rates); ``sign(omega)`` is the direction of slip.
+
+    Raises
+    ------
+    FormulaError
+        For a function that formulas do not have.
+    """
+    from sympy import Heaviside, Symbol, sign
+
+    direction = Symbol("direction", real=True)
+
+    def directed(expression: Any) -> Any:
+        jumps: dict[Any, Any] = {}
+        for symbol in expression.free_symbols:
+            if symbol.name == "omega":
+                jumps |= {sign(symbol): direction, Heaviside(symbol): (1 + direction) / 2}
+        return expression.xreplace(jumps)
+
+    arguments = ("theta", "omega", "direction", *states, *parameters)
+    return program(compile_terms([directed(each) for each in expressions], arguments))
+
+
+# Integers in front of the program, by their bits: numbers of states, of values, of constants, of operations.
+HEADER = 4
+
+
+@cfunc(LAW_SIGNATURE, cache=True, error_model="numpy")
+def PROGRAM_CALLBACK(theta, omega, direction, state, parameters, out):  # noqa: N802, D103
     states, values = integer_at(parameters), integer_at(shifted(parameters, 1))
     known, count = values + integer_at(shifted(parameters, 2)), integer_at(shifted(parameters, 3))
     numbers = shifted(parameters, HEADER)
@@ -190,15 +279,12 @@ def _program(theta, omega, direction, state, parameters, out):
         out[i] = registers[integer_at(shifted(outputs, i))]
 
 
-#: Functions, signatures and options by the names that :mod:`sindyjoint.mechanics.compiled` calls them by.
-ENTRIES: dict[str, Any] = {
-    "paper law": (_paper_law, LAW_SIGNATURE, {}),
-    "sum of laws": (_sum_of_laws, LAW_SIGNATURE, {}),
-    "program": (_program, LAW_SIGNATURE, {}),
-    "evaluate law": (_evaluate_law, types.void(types.intp, *[_pointer] * 6, types.intp, types.intp), {}),
-    "integrate states": (
-        _integrate_states,
-        types.void(types.intp, *[_pointer] * 3, types.float64, *[types.intp] * 3, *[_pointer] * 2),
-        {},
-    ),
-}
+def interpreted_law(
+    program: tuple[Array, Integers, Integers], n_states: int, parameters: Array
+) -> CompiledLaw:
+    """Return a law of a program: moment and rates of its states, interpreted."""
+    constants, operations, outputs = program
+    plan = np.concatenate([operations.ravel(), outputs]).astype(np.int64)
+    header = np.array([n_states, parameters.size, constants.size, len(operations)], dtype=np.int64)
+    numbers = np.concatenate([header.view(np.float64), parameters, constants, plan.view(np.float64)])
+    return CompiledLaw(PROGRAM_CALLBACK, numbers, n_states, HEADER + np.arange(parameters.size))

@@ -18,15 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError, refuse
-from sindyjoint.mechanics.compiled import (
-    PAPER,
-    CompiledLaw,
-    ScalarLaw,
-    evaluate_law,
-    interpreted_law,
-    program_of_expressions,
-    sum_of,
-)
+from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
@@ -62,12 +54,15 @@ class Law(ABC):
             object.__setattr__(self, name, getattr(law, name))
 
     def _evaluate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any) -> Array:
+        from sindyjoint.mechanics.kernels import evaluate_law
+
         theta, omega, s = np.broadcast_arrays(
             *(np.asarray(x, dtype=np.float64) for x in (angle, rate, direction))
         )
         z = np.zeros((self.n_states, theta.size)) if state is None else np.array(state, dtype=np.float64)
+        out = np.empty((1 + self.n_states, theta.size))
         law, flat = self.compiled(), (theta.ravel(), omega.ravel(), s.ravel())
-        out = evaluate_law(law.address, flat, z.reshape(self.n_states, theta.size), law.numbers)
+        evaluate_law(law.address, *flat, z.reshape(self.n_states, theta.size), law.numbers, out)
         return out.reshape(1 + self.n_states, *theta.shape)
 
     def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
@@ -156,7 +151,9 @@ class PaperLaw(Law):
 
     def compiled(self) -> CompiledLaw:
         """Compiled form, shared by every set of coefficients."""
-        return CompiledLaw(PAPER, self.parameters, 0)
+        from sindyjoint.mechanics.kernels import PAPER_CALLBACK
+
+        return CompiledLaw(PAPER_CALLBACK, self.parameters, 0)
 
 
 # Averages over 3, 4, 5 and 6 Hz printed in the last but one row of the paper's Tables 1 and 2. The paper gives no
@@ -264,6 +261,8 @@ class FormulaLaw(Law):
 
     @cached_property
     def _interpreted(self) -> CompiledLaw:
+        from sindyjoint.mechanics.kernels import interpreted_law, program_of_expressions
+
         formulas = (self.expression, *self.state_rates.values())
         program = program_of_expressions(formulas, tuple(self.state_rates), tuple(self.parameters))
         return interpreted_law(
@@ -293,6 +292,8 @@ class SumLaw(Law):
 
     def compiled(self) -> CompiledLaw:
         """Compiled form; once both laws have theirs, there is nothing more to compile."""
+        from sindyjoint.mechanics.kernels import sum_of
+
         return sum_of(self.first.compiled(), self.second.compiled())
 
 

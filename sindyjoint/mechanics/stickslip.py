@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import sindyjoint.mechanics.compiled as kernel
 from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
@@ -61,6 +60,8 @@ class Motion:
 
 
 def _describe_failure(status: int, time: float, limits: Array, where: str) -> SimulationError:
+    import sindyjoint.mechanics.stickslip_kernel as kernel
+
     texts = {
         kernel.LIMIT: (
             f"the joint left its range ({limits[0]:.4g} to {limits[1]:.4g}) at t = {time:.6g} s: past a "
@@ -161,8 +162,11 @@ def simulate_many(
     SimulationError
         When a run leaves the range where its law holds; carries the time.
     """
+    import sindyjoint.mechanics.stickslip_kernel as kernel
+    from sindyjoint.mechanics.kernels import PAPER_CALLBACK
+
     compiled = law.compiled()
-    address = 0 if compiled.callback is kernel.PAPER else compiled.address
+    address = 0 if compiled.callback is PAPER_CALLBACK else compiled.address
     excitations = list(excitations)
     runs = max(len(excitations), 1 if parameters is None else np.atleast_2d(np.asarray(parameters)).shape[0])
     if not excitations or len(excitations) not in (1, runs):
@@ -191,7 +195,7 @@ def simulate_many(
     bounds = np.ascontiguousarray(np.broadcast_to(_find_limits(law, limits), (runs, 2)))
     drives = excitations * runs if len(excitations) < runs else excitations
     most = max(STEPS_PER_SAMPLE * n_samples, LEAST_STEPS) if most_steps is None else int(most_steps)
-    steps = 1.0 / sample_rate, float(rtol), float(max_step)
+    steps = 1.0 / sample_rate, float(rtol), float(max_step), most
     angle, rate, acceleration = (np.empty((runs, n_samples)) for _ in range(3))
     states, stuck = np.empty((runs, compiled.n_states, n_samples)), np.zeros((runs, n_samples), dtype=np.int8)
 
@@ -200,12 +204,10 @@ def simulate_many(
         sizes = np.full(y.shape[1], 1e-300)
         sizes[1] += 1e-6 * np.abs(e.pieces[:, 0]).max() * abs(e.scale) / total[r] * e.step
         sizes[0] += sizes[1] * e.step
-        return kernel.integrate_run(
-            address,
-            (compiled.n_states, n_samples, len(e.pieces), e.periodic, e.smooth, most),
-            (total[r], e.step, e.scale, e.ramp, *steps, *bounds[r]),
-            (sets[r], np.ascontiguousarray(e.pieces), y[r], sizes,
-             angle[r], rate[r], acceleration[r], states[r], stuck[r]),
+        return kernel.integrate(
+            address, sets[r], total[r], e.pieces, (e.step, e.periodic, e.smooth, e.scale, e.ramp), y[r], sizes,
+            np.zeros(11 * compiled.n_states + 6), *steps, (bounds[r, 0], bounds[r, 1]),
+            (angle[r], rate[r], acceleration[r], states[r], stuck[r]),
         )  # fmt: skip
 
     if threads == 1 or runs == 1:
@@ -265,6 +267,8 @@ def brought_from_rest(law: Law, angle: Array, rate: Array, rest: float = 0.0) ->
 
     A state that changes at standstill is no memory of the motion but a clock, which the approach does not advance.
     """
+    from sindyjoint.mechanics.kernels import evaluate_law, integrate_states
+
     compiled = law.compiled()
     state = np.zeros((compiled.n_states, APPROACH))
     fastest = float(np.abs(rate).max()) if rate.size else 0.0
@@ -274,10 +278,12 @@ def brought_from_rest(law: Law, angle: Array, rate: Array, rest: float = 0.0) ->
     duration = 0.5 * np.pi * abs(way) / fastest
     phase = np.linspace(0.0, np.pi, APPROACH)
     approach, speed = rest + 0.5 * way * (1 - np.cos(phase)), 0.5 * way * np.sin(phase) * np.pi / duration
-    step, zero = duration / (APPROACH - 1), np.zeros(1)
-    kernel.integrate_states(compiled.address, (approach, speed), compiled.numbers, step, 1, state)
-    rest_of_states = np.zeros((compiled.n_states, 1))
-    still = kernel.evaluate_law(compiled.address, (zero, zero, zero), rest_of_states, compiled.numbers)
+    integrate_states(compiled.address, approach, speed, compiled.numbers, duration / (APPROACH - 1), 1, state)
+    still = np.zeros((1 + compiled.n_states, 1))
+    zero = np.zeros(1)
+    evaluate_law(
+        compiled.address, zero, zero, zero, np.zeros((compiled.n_states, 1)), compiled.numbers, still
+    )
     return np.where(still[1:, 0] == 0, state[:, -1], 0.0)
 
 
@@ -344,22 +350,24 @@ def internal_states(
 
     Parameters and what is raised: :func:`transfer_moment`.
     """
+    from sindyjoint.mechanics.kernels import fastest_decay, integrate_states
+
     theta, omega = np.asarray(angle, dtype=np.float64), np.asarray(rate, dtype=np.float64)
     if theta.shape != omega.shape or theta.ndim != 1:
         raise InputError(
             f"angle and rate have shapes {theta.shape} and {omega.shape}; expected equal one-dimensional shapes"
         )
+    direction = slip_direction(omega)
     compiled = law.compiled()
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
         state[:, 0] = brought_from_rest(law, theta, omega, rest)
         step, steps = 1.0 / sample_rate, int(substeps)
-        kernel.integrate_states(compiled.address, (theta, omega), compiled.numbers, step, steps, state)
-        along = theta, omega, slip_direction(omega)
-        decay = kernel.fastest_decay(compiled.address, along, compiled.numbers, state) * step
+        integrate_states(compiled.address, theta, omega, compiled.numbers, step, steps, state)
+        decay = fastest_decay(compiled.address, theta, omega, direction, compiled.numbers, state) * step
         if decay > STIFF * steps and steps < MOST_SUBSTEPS:
             steps = int(min(np.ceil(decay), MOST_SUBSTEPS))
-            kernel.integrate_states(compiled.address, (theta, omega), compiled.numbers, step, steps, state)
+            integrate_states(compiled.address, theta, omega, compiled.numbers, step, steps, state)
         spend(float(theta.size * steps))
         bad = np.flatnonzero(~np.isfinite(state).all(axis=0))
         if bad.size:

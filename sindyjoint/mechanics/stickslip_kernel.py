@@ -11,20 +11,14 @@ unmoved, until the instant M leaves that interval.
 import math
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 
-from sindyjoint.equation.operations import shifted
-from sindyjoint.mechanics.compiled import (
-    ACTIVE_FRICTION,
-    DONE,
-    LIMIT,
-    NOT_FINITE,
-    STEP_TOO_SMALL,
-    TOO_MANY_STEPS,
-)
+from sindyjoint.equation.operations import pointer, shifted
 from sindyjoint.mechanics.kernels import call_law
 
-# Only the entry is called from Python: wrappers of the others would cost a tenth of the compilation.
+DONE, LIMIT, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, ACTIVE_FRICTION = range(6)
+
+# Only `integrate` is called from Python: wrappers of the others would cost a tenth of the compilation.
 _options = {
     "cache": True,
     "nogil": True,
@@ -284,18 +278,47 @@ def _stick(t, sample, step_sizes, theta, states, law, drive, motion):
     return t, sample, 1.0 if excitation_at(t, drive) > interval[1] else -1.0
 
 
-@_inner
-def _integrate(law, drive, y, states, size, step_sizes, settings, motion):
-    """Integrate one run and fill its samples; return status, time reached and steps taken."""
-    n, n_samples = motion[5], motion[6]
-    step, smooth = drive[2], drive[4]
-    z, z1, kz, _, _ = states
-    sample_step, max_step, tiny = step_sizes
-    rtol, low_limit, high_limit, most_steps = settings
+@njit(**_options)
+def integrate(
+    address, p, inertia, pieces, tone, y, sizes, room, sample_step, rtol, max_step, most_steps, limits, arrays
+):
+    """Integrate one run and fill its samples.
+
+    Parameters
+    ----------
+    address : int
+        Of the law; zero means the paper's five-term law.
+    p : ndarray, shape (n_parameters,)
+    inertia : float
+    pieces : ndarray, shape (count, 4)
+    tone : (step, periodic, smooth, scale, ramp)
+    y, sizes : ndarray, shape (2 + n_states,)
+        Angle, rate and states at time zero; values below which no relative accuracy is asked for (overwritten).
+    room : ndarray, shape (11·n_states + 6,)
+        To work in.
+    arrays : (angle, rate, acceleration, states, stuck)
+        Filled; states have shape (n_states, n_samples), the others (n_samples,).
+
+    Returns
+    -------
+    status, time reached, steps taken
+    """
+    n, n_samples = arrays[3].shape[0], arrays[0].size
+    step, periodic, smooth, scale, ramp = tone
+    law = (address, pointer(p), 1.0 / inertia, n)
+    drive = (pointer(pieces), pieces.shape[0], step, periodic, smooth, scale, ramp)
+    motion = (pointer(arrays[0]), pointer(arrays[1]), pointer(arrays[2]), pointer(arrays[3]), pointer(arrays[4]),
+              n, n_samples)  # fmt: skip
+    # The states, their values at the end of a step, a sum, seven rates, a law's answer and five moments.
+    z, size = pointer(room), pointer(sizes)
+    z1, kz = shifted(z, n), shifted(z, 3 * n)
+    states = (z, z1, kz, shifted(z, 10 * n), shifted(z, 2 * n))
     x, v, a = y[0], y[1], 0.0
     for j in range(n):
         z[j] = y[2 + j]
         z1[j] = z[j]
+    tiny = 1e-14 * n_samples * sample_step
+    step_sizes = (sample_step, max_step, tiny)
     # np.int64: a literal would be another type, and every function taking it compiled twice.
     t, sample, steps, log_old = 0.0, np.int64(0), 0, -9.0
     h_next = min(0.1 * step, max_step)
@@ -345,8 +368,8 @@ def _integrate(law, drive, y, states, size, step_sizes, settings, motion):
             v1 = 0.0
             for j in range(n):
                 z1[j] = _hermite(u_end, h, z[j], kz[j], z1[j], kz[6 * n + j])
-        if x1 < low_limit or x1 > high_limit:
-            edge = low_limit if x1 < low_limit else high_limit
+        if x1 < limits[0] or x1 > limits[1]:
+            edge = limits[0] if x1 < limits[0] else limits[1]
             return LIMIT, t + u_end * h * (edge - x) / (x1 - x), steps
         x, v, a = x1, v1, a1
         size[0], size[1] = max(size[0], abs(x)), max(size[1], abs(v))
@@ -356,29 +379,3 @@ def _integrate(law, drive, y, states, size, step_sizes, settings, motion):
         t += u_end * h
         fresh = at_rest or not smooth
     return DONE, t, steps
-
-
-def _integrate_run(
-    address, counts, numbers, p, pieces, y, size, room, angle, rate, acceleration, recorded, stuck, ended
-):
-    n, n_samples, count, periodic, smooth, most_steps = (
-        counts[0], counts[1], counts[2], counts[3] != 0, counts[4] != 0, counts[5],
-    )  # fmt: skip
-    inertia, step, scale, ramp, sample_step = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
-    rtol, max_step, low, high = numbers[5], numbers[6], numbers[7], numbers[8]
-    # The states, their values at the end of a step, a sum, seven rates, a law's answer and five moments.
-    z1, kz = shifted(room, n), shifted(room, 3 * n)
-    status, time, steps = _integrate(
-        (address, p, 1.0 / inertia, n), (pieces, count, step, periodic, smooth, scale, ramp), y,
-        (room, z1, kz, shifted(room, 10 * n), shifted(room, 2 * n)), size,
-        (sample_step, max_step, 1e-14 * n_samples * sample_step), (rtol, low, high, most_steps),
-        (angle, rate, acceleration, recorded, stuck, n, n_samples),
-    )  # fmt: skip
-    ended[0], ended[1], ended[2] = status, time, steps
-
-
-_pointer = types.CPointer(types.float64)
-SIGNATURE = types.void(
-    types.intp, types.CPointer(types.int64), *[_pointer] * 10, types.CPointer(types.int8), _pointer
-)
-ENTRIES = {"integrate run": (_integrate_run, SIGNATURE, {"fastmath": {"contract"}})}

@@ -147,12 +147,12 @@ def steady_states(law: Any, angle: Array, rate: Array, period: float) -> Array:
     states = np.zeros((compiled.n_states, angle.size + 1))
     if not compiled.n_states:
         return states[:, :-1]
-    from sindyjoint.mechanics.compiled import integrate_states
+    from sindyjoint.mechanics.kernels import integrate_states
 
     closed = np.append(angle, angle[0]), np.append(rate, rate[0])
     ends = [states[:, 0].copy()]
     for _ in range(PERIODS):
-        integrate_states(compiled.address, closed, compiled.numbers, period / angle.size, SUBSTEPS, states)
+        integrate_states(compiled.address, *closed, compiled.numbers, period / angle.size, SUBSTEPS, states)
         if not np.isfinite(states).all():
             raise SimulationError(
                 "an internal state of the joint is no longer finite over a period", time=0.0

@@ -1,15 +1,11 @@
 """A first use translates once, and is kept on disk; a new formula translates nothing."""
 
 import os
-import re
 import subprocess
 import sys
 from textwrap import indent
 
 import pytest
-
-from sindyjoint import machine_code
-from sindyjoint.machine_code import NEVER_CALLED
 
 JOINT = """
 from sindyjoint.mechanics.excitation import harmonic
@@ -54,20 +50,3 @@ def test_the_first_use_of_a_rig_translates_and_later_ones_do_not(tmp_path):
 def test_a_first_formula_translates_and_a_later_one_of_any_kind_does_not(tmp_path):
     assert translations(JOINT + FORMULA.format(formula="k * theta + c * omega"), tmp_path) > 0
     assert translations(FORMULA.format(formula="k * theta + c * omega * sympy.Abs(omega)"), tmp_path) == 0
-
-
-def test_machine_code_asks_for_nothing_that_only_numba_has():
-    known = {
-        each.encode() for each in (*NEVER_CALLED, "NRT_incref", "NRT_decref")
-    }  # the last two it holds itself
-    for symbol, code in machine_code._stored().values():
-        assert symbol.encode() in code and set(re.findall(rb"(?:NRT|numba)_\w+", code)) <= known
-
-
-def test_a_damaged_file_of_machine_code_is_made_again(tmp_path):
-    assert translations(JOINT, tmp_path) > 0
-    (kept,) = tmp_path.glob("kernels-*.npz")
-    whole = kept.read_bytes()
-    kept.write_bytes(whole[: len(whole) // 2])
-    assert translations(JOINT, tmp_path) > 0
-    assert translations(JOINT, tmp_path) == 0

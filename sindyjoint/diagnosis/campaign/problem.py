@@ -272,13 +272,14 @@ class CampaignProblem(Problem):
     def residual(self, straight: Self) -> Residual:
         """Return what the effects leave of the gap that channels put right had."""
         if self.moves_freely:
-            # A small error of a number grows over many cycles.
-            known = np.hypot(self.noise_floor.response, self.uncertainty().response)
-            before, after = (
-                gap.response**2 - (self.policy.clearly * known) ** 2 for gap in (straight.gap, self.gap)
+            # What cannot be simulated misses by any amount; a floor is known within a factor.
+            first, last = (
+                float(np.nan_to_num(gap.response / self.noise_floor.response, nan=1e9))
+                for gap in (straight.gap, self.gap)
             )
+            before, after = (ratio**2 - self.policy.clearly**2 for ratio in (first, last))
             share = min(after / before, 1.0) if after > 0 else 0.0
-            return Residual(share, self.policy.unexplained, misfit=float(self.gap.response / known))
+            return Residual(share, self.policy.unexplained, misfit=last)
         if self.search is None:
             return Residual(1.0, self.policy.unexplained)
         before, after, rows = self.search.before, self.search.after, self.search.rows

@@ -9,12 +9,12 @@ runs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from ctypes import c_double
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy
+from numba import njit
 from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
@@ -22,7 +22,6 @@ from sindyjoint.diagnosis.campaign.rows import GapRun, row_groups
 from sindyjoint.diagnosis.parts import Budget, divide_gap
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.equation.terms import Reference
-from sindyjoint.machine_code import Entry
 from sindyjoint.numeric import ROUNDING, Array
 
 # Knots of the surface: of each sheet over (|θ̇|, θ), and of what changes quickly along θ or along |θ̇| alone.
@@ -107,26 +106,35 @@ def stop_columns(run: GapRun, largest: float) -> Array:
     )
 
 
-_STOP = Entry("stop operators", *[None] * 5)
-_RELAX = Entry("relaxations", None, None, c_double, *[None] * 3)
-
-
-def stopped(angle: Array, thresholds: Array, repeats: bool) -> Array:
+@njit(cache=True, no_cfunc_wrapper=True)
+def stopped(angle, thresholds, repeats):
     """Return stop operators along an angle, z ← min(max(z + Δθ, −r), r), shape (n, thresholds), rad.
 
     An angle that ``repeats`` is one period, and is run through until its states have settled.
     """
     states = np.empty((angle.size, thresholds.size))
-    sizes = np.array([*states.shape, TURNS if repeats else 1])
-    _STOP(sizes, np.ascontiguousarray(angle), thresholds, states, np.empty(thresholds.size))
+    z = np.zeros(thresholds.size)
+    for turn in range(TURNS if repeats else 1):
+        for i in range(angle.size):
+            change = angle[i] - angle[i - 1] if i > 0 else (angle[0] - angle[-1] if turn > 0 else 0.0)
+            for j in range(thresholds.size):
+                z[j] = min(max(z[j] + change, -thresholds[j]), thresholds[j])
+                states[i, j] = z[j]
     return states
 
 
-def forgotten(angle: Array, step: float, times: Array, repeats: bool) -> Array:
+@njit(cache=True, no_cfunc_wrapper=True)
+def forgotten(angle, step, times, repeats):
     """Return relaxations along an angle, exact where it is linear between samples, shape (n, times), rad."""
     states = np.empty((angle.size, times.size))
-    sizes = np.array([*states.shape, TURNS if repeats else 1])
-    _RELAX(sizes, np.ascontiguousarray(angle), step, times, states, np.empty(times.size))
+    z = np.zeros(times.size)
+    for turn in range(TURNS if repeats else 1):
+        for i in range(angle.size):
+            change = angle[i] - angle[i - 1] if i > 0 else (angle[0] - angle[-1] if turn > 0 else 0.0)
+            for j in range(times.size):
+                kept = np.exp(-step / times[j])
+                z[j] = kept * z[j] + change * (1 - kept) * times[j] / step
+                states[i, j] = z[j]
     return states
 
 

@@ -14,29 +14,8 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.evidence.score import Evidence, Score
+from sindyjoint.limits import EVIDENCE
 from sindyjoint.numeric import Array
-from sindyjoint.policy import SharedPolicy, limit
-
-
-@dataclass(frozen=True)
-class EvidencePolicy(SharedPolicy):
-    """When a set of effects wins over one with less in it, and when two sets cannot be told apart."""
-
-    chance: float = limit(
-        0.001,
-        "probability that anything is added where there is nothing but noise, all candidates tried",
-        source="error rate, measured on simulated noise in the rows of the campaign itself",
-    )
-    column_error: float = limit(
-        0.02,
-        "relative error of an effect's column (motions are processed, nonlinear parameters rounded), and share of the "
-        "moment that a term of the model carries at least",
-        source="free decays with Coulomb friction leave 1 % of what it explains",
-    )
-
-
-POLICY = EvidencePolicy()
-
 
 # Simulated noise of which the chance is a quantile, and where its exponential tail begins.
 SHAMS, TAIL = 60, 0.95
@@ -90,7 +69,7 @@ Refine = Callable[[Candidate, Sequence[int], float], Candidate]
 def deviate(rises: Array) -> float:
     """Return signed roots of twice each group's rise, clipped, as one normal deviate."""
     roots = np.sign(rises) * np.sqrt(2 * np.abs(rises))
-    clipped = np.clip(roots, -POLICY.significant, POLICY.significant)
+    clipped = np.clip(roots, -EVIDENCE.significant, EVIDENCE.significant)
     return float(clipped.sum() / np.sqrt(rises.size))
 
 
@@ -140,15 +119,15 @@ class Search:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Rise in nats, and deviate, that the best candidate exceeds by chance with a probability of POLICY.chance."""
+        """Rise in nats, and deviate, that the best candidate exceeds by chance, with that probability."""
         if not self.candidates:
             return 0.0, 0.0
         if self._limits is None:
             places = [each.place for each in self.candidates]
             rises = self.evidence.chance_rises(self.base, places, SHAMS, 0)
-            total = np.quantile(rises.sum(axis=1), TAIL) + np.log((1 - TAIL) / POLICY.chance)
+            total = np.quantile(rises.sum(axis=1), TAIL) + np.log((1 - TAIL) / EVIDENCE.chance)
             self._limits = (
-                max(float(total), float(np.log((1 - TAIL) / POLICY.chance))),
+                max(float(total), float(np.log((1 - TAIL) / EVIDENCE.chance))),
                 float(np.quantile([deviate(each) for each in rises], TAIL)),
             )
         return self._limits
@@ -176,7 +155,7 @@ class Search:
         if any(value <= 0 for value, each in signs if each.positive):
             return False
         size = coefficients * np.array(self.evidence.norms)[places]
-        least = -POLICY.column_error * float(np.linalg.norm(self.evidence.target))
+        least = -EVIDENCE.column_error * float(np.linalg.norm(self.evidence.target))
         return all(
             value >= least for value, place in zip(size, places, strict=True) if place in self.positive
         )
@@ -255,13 +234,13 @@ class Search:
                 continue
             fewer = self.chosen([m for m in found.members if m is not each])
             ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
-            if ratio > (1 - POLICY.minor_share) ** 2:
+            if ratio > (1 - EVIDENCE.minor_share) ** 2:
                 return self.without_idle(fewer)
         return found
 
     def remains(self, found: Chosen) -> bool:
         """Return whether a set misses groups left out by more than noise makes expected."""
-        return bool(found.score.chi_square.sum() > POLICY.clearly**2 * self.evidence.target.size)
+        return bool(found.score.chi_square.sum() > EVIDENCE.clearly**2 * self.evidence.target.size)
 
     def enough(self, best: Chosen, later: Chosen, start: Chosen) -> bool:
         """Return whether a set leaves no more than noise and the errors of its columns, so that nothing is to be added.
@@ -272,14 +251,14 @@ class Search:
         if not (best.members or self.before):
             return False
         left, rows = best.score.chi_square.sum(), self.evidence.target.size
-        if left - rows < POLICY.column_error**2 * (start.score.chi_square.sum() - left):
+        if left - rows < EVIDENCE.column_error**2 * (start.score.chi_square.sum() - left):
             return True
         if self.remains(best):
             return False
         if left > rows:
             start = self.chosen([each for each in best.members if not each.hysteretic])
         won = best.score.total - start.score.total + self.before
-        return bool(later.score.total - best.score.total < POLICY.tolerated * won)
+        return bool(later.score.total - best.score.total < EVIDENCE.tolerated * won)
 
     def without_needless(self, found: Chosen) -> Chosen:
         """Return a set without the members that win nothing beside the others."""
@@ -301,5 +280,5 @@ class Search:
 
     def alike(self, found: Chosen, other: Chosen) -> bool:
         """Return whether a set loses less to another than chance makes, and predicts as well."""
-        worse = other.score.chi_square.sum() * (1 - POLICY.minor_share) ** 2 > found.score.chi_square.sum()
+        worse = other.score.chi_square.sum() * (1 - EVIDENCE.minor_share) ** 2 > found.score.chi_square.sum()
         return not self.wins(found, other) and not (worse and self.remains(other))
