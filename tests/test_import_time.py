@@ -13,12 +13,12 @@ from sindyjoint.files import write_campaign
 from sindyjoint.mechanics import virtual_campaign
 
 HEAVY = (
-    "pysindy", "sklearn", "scipy.linalg", "scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate",
+    "numpy", "pysindy", "sklearn", "scipy.linalg", "scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate",
     "scipy.special", "pandas", "matplotlib", "sympy", "numba", "pint", "pydantic", "plotly", "dask", "joblib", "jinja2",
     "pyarrow", "h5py", "rich", "sindyjoint.mechanics.transient", "sindyjoint.substructure.recovery",
 )  # fmt: skip
 # The table of pydantic's fields, that of a terminal, and linear algebra are in every answer.
-ANSWER = {"scipy.linalg", "pydantic", "rich"}
+ANSWER = {"numpy", "scipy.linalg", "pydantic", "rich"}
 # A formula is parsed by sympy, an interval is of Student's t; joints are simulated by numba.
 MODEL = ANSWER | {"sympy", "scipy.special", "numba"}
 PEAKS = {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"}
@@ -34,9 +34,9 @@ MAY_LOAD = {
     "plan --campaign CAMPAIGN --time 20s": MODEL | STRUCTURE,
     # The selectors are those of pysindy; the splits and paths of some are scikit-learn's, and bring what it imports.
     "compare CAMPAIGN": {n for n in HEAVY if "." not in n or n in PEAKS | MODEL} - PAGE - {"plotly", "h5py"},
-    "libraries list": {"pydantic", "rich"},
+    "libraries list": {"numpy", "pydantic", "rich"},
     "libraries show paper": MODEL - {"numba"} | {"pint"},
-    "schema": {"pydantic", "scipy.linalg"},
+    "schema": {"numpy", "pydantic", "scipy.linalg"},
 }
 
 
@@ -79,7 +79,7 @@ def test_import_of_the_package_is_light():
 
 
 def test_public_names_come_when_asked_for():
-    assert heavy_after("from sindyjoint import Campaign, Joint, Run, load_campaign") <= {"pydantic"}
+    assert heavy_after("from sindyjoint import Campaign, Joint, Run, load_campaign") <= {"numpy", "pydantic"}
     assert "sklearn" in heavy_after("from sindyjoint import JointRegressor")
 
 
