@@ -240,7 +240,7 @@ def test_the_rooms_of_a_diagnosis_look_down():
         }
         assert reached <= ROOMS[here] | {here}, path
         outside = {layer_of(name) for name in modules_of(path)} - {"diagnosis"}
-        assert here != "evidence" or outside <= {"numeric", "policy"}, path  # neither joints nor runs
+        assert here != "evidence" or outside <= {"limits", "numeric"}, path  # neither joints nor runs
 
 
 def test_figures_know_nothing_of_pages_and_files():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.limits import STATES
@@ -93,8 +94,7 @@ def broadband_states(
         acceleration=acceleration,
         moment=run.moment[middle],
         moving=moving,
-        # As many moving samples in each: a decay that ends soon has them all at its beginning.
-        block=np.minimum(np.cumsum(moving) * BLOCKS // max(int(moving.sum()), 1), BLOCKS - 1),
+        block=_blocks(moving),
         replicate=None,
         noise=noise,
         method="broadband",
@@ -108,6 +108,14 @@ def broadband_states(
         inputs=filtered_inputs(run.inputs, middle, cutoff, run.sample_rate, repeated),
         fusion=run.fusion,
     )
+
+
+def _blocks(moving: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the block of each sample: equal times, or as many moving samples where one block would hold them all."""
+    blocks = np.arange(moving.size) * BLOCKS // moving.size
+    if np.unique(blocks[moving]).size < 2:
+        blocks = np.minimum(np.cumsum(moving) * BLOCKS // max(int(moving.sum()), 1), BLOCKS - 1)
+    return blocks
 
 
 def _kernels_for(run: Run, bandwidth: float | None) -> tuple[float, tuple[Array, Array, Array]]:

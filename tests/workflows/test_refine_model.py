@@ -8,7 +8,7 @@ import pytest
 
 from sindyjoint import diagnose, verify
 from sindyjoint.diagnosis import load_effects, select_effects
-from sindyjoint.diagnosis.campaign.numbers import refined as refined_numbers
+from sindyjoint.diagnosis.campaign import refined as refined_numbers
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.campaign.refined import simulated_gap
 from sindyjoint.equation import Nuisance, TestNuisances, read_model
