@@ -102,7 +102,8 @@ def with_delay(problem: Problem) -> Aligned | None:
 def _delay(problem: Problem) -> ChannelDelay | None:
     """Return the delay that stands out under any joint's law, or else under the terms that discovery finds.
 
-    What these lack looks like a delay: with it they must leave little beside the noise.
+    What these lack looks like a delay: with it they must leave little beside the noise, or it stands out of what they
+    lack and of how runs differ.
     """
     work = problem.work
     inertia = work.campaign.joint.inertia
@@ -114,10 +115,8 @@ def _delay(problem: Problem) -> ChannelDelay | None:
             lag = competing_delay(work.states, columns_of(terms), inertia) if terms else None
         except np.linalg.LinAlgError:  # terms that depend on each other
             return None
-        if (
-            lag is None
-            or not lag.residual_rms <= SHARED.clearly * moment_floor(work.states, inertia or 0.0).moment
-        ):
+        known = SHARED.clearly * moment_floor(work.states, inertia or 0.0).moment
+        if lag is None or not (lag.significant or lag.residual_rms <= known):
             return None
     return lag if lag is not None and lag.stands_out and not lag.at_limit else None
 

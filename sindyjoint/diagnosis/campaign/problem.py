@@ -184,14 +184,16 @@ class CampaignProblem(Problem):
 
         A free motion that goes on as simulated lacks nothing: its rows hold the corners that smoothing rounded off.
         """
-        if not self.moves_freely:
-            return search.do(lambda: with_found(begun, most, say), begun, "the search")
-        fewer = self.without_needless()
-        found = replace(begun, problem=fewer) if fewer._goes_on_as_simulated else begun
-        for count in range(1, most + 1):
-            if len(found.steps) < count - 1 or found.problem._goes_on_as_simulated:
-                break
-            found = search.do(partial(with_found, begun, count, say), found, "the search")
+        fewer = self.without_needless() if self.moves_freely else self
+        if self.moves_freely and fewer._goes_on_as_simulated:
+            return replace(begun, problem=fewer)
+        found = search.do(lambda: with_found(begun, most, say), begun, "the search")
+        if not self.moves_freely or not found.problem._goes_on_as_simulated:
+            return found
+        for count in range(1, len(found.steps)):
+            smaller = search.do(partial(with_found, begun, count, say), found, "smaller sets")
+            if smaller.problem._goes_on_as_simulated:
+                return smaller
         return found
 
     @property
