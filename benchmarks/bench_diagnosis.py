@@ -30,6 +30,7 @@ from tests.diagnosis.hidden_effects import OUTSIDE  # noqa: E402
 # What the referee hides, under the name that the catalogue has for it.
 SAME = {
     "stop": "dead_zone",
+    "one_sided_stop": "dead_zone",
     "bouc_wen_general": "bouc_wen_hysteresis",
     "modulus_damping": "amplitude_dependent_damping",
     "stiffness_drift_on": "stiffness_drift",

@@ -271,8 +271,8 @@ class TermRegression:
         self.reference_, self.terms_, self.n_features_in_ = reference, terms, features
         if samples <= len(terms):
             raise InputError(
-                f"n_samples = {samples} for {len(terms)} candidate terms: too few samples; record more or "
-                "choose a smaller library"
+                f"n_samples = {samples} for {len(terms)} candidate terms: too few samples in motion; drive the "
+                "joint harder, record longer or faster, or choose a smaller library"
             )
         gathered = self._without_dependent(evidence)
         self._moment_rms = gathered.target_rms

@@ -182,7 +182,7 @@ def _gap(name: str, what: str, after: float, floor: float, unsure: float) -> Lig
     if noise == "good" or not unsure > floor:
         return Light(name, colour_of_misfit(after, math.hypot(floor, unsure)), sentence)
     # What the uncertainty of the law explains is no fault of it, and no proof either.
-    sentence += f"; the uncertainty of the law's numbers leaves {percent(unsure)}"
+    sentence += f"; the uncertainty of numbers and drive leaves {percent(unsure)}"
     colour = colour_of_misfit(after, math.hypot(floor, unsure))
     return Light(name, "fair" if colour == "good" else colour, sentence)
 

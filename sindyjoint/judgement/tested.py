@@ -26,6 +26,9 @@ from sindyjoint.states import campaign_states, content_hash, with_lags
 from sindyjoint.text import spelled
 from sindyjoint.trust import Trust
 
+# Where one of these says no, something is missing.
+DENYING = ("explained", "predicts")
+
 
 def followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
     """Return a campaign whose inputs are as the joint follows them, and the lags that were found for it."""
@@ -94,6 +97,11 @@ class Tested:
         if floor is not None and not self.campaign.validation_runs:
             # Of one campaign one floor: completed states lack none of the motion that their processing cuts off.
             result = replace(result, noise_floor=replace(result.noise_floor, moment=floor))
+        denied = next((each for each in lights if each.name in DENYING and each.colour == "poor"), None)
+        if result.verdict == "nothing_missing" and denied is not None:
+            # Of a free motion the response alone is judged, and few decays are followed by more than one law.
+            reason = f"{result.reason}, yet the law is not one to rely on: {denied.sentence}"
+            result = replace(result, verdict=UNDECIDED, reason=reason)
         result = replace(result, trust=trust)
         return replace(result, trust=judge_diagnosis(result, self.campaign.simulated))
 

@@ -19,7 +19,7 @@ import scipy
 from sindyjoint.diagnosis.policy import CAMPAIGN as DIAGNOSIS
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
-from sindyjoint.errors import InputError, SindyJointError
+from sindyjoint.errors import InputError, SindyJointError, StandstillError
 from sindyjoint.limits import JUDGEMENT
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
@@ -128,6 +128,8 @@ def assess(
             _explained(model, test, each, group) for each, group in zip(states, _groups(states), strict=True)
         ]
         gap = Gap.of(fitted)
+        if math.isnan(gap.value):
+            raise StandstillError("under it the joint moves in none of them")
         predicts = _predicts(model, campaign, test, seen, states, gap)
     except SindyJointError as error:
         lost = Light("explained", "poor", f"the model cannot be held against these runs: {error}")

@@ -1,5 +1,6 @@
 """Simulated against measured response of one run: the angle under the moment, or the moment of the motion."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -36,8 +37,8 @@ from sindyjoint.states import ForceStates, force_states, rate_limit, without_noi
 
 # Length of a multiple-shooting segment where the joint has no restoring moment, s.
 WINDOW = 1.0
-# Steps of internal states per sample along a measured motion.
-SUBSTEPS = 8
+# Steps of internal states along a measured motion: most in a sample, and enough in a cycle to place a reversal.
+SUBSTEPS, IN_A_CYCLE = 8, 500
 # Of the largest rate: one that is smaller is no motion.
 AT_REST = 0.05
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
@@ -215,7 +216,7 @@ def simulate_run(
         Samples to which the initial state is fitted, from which the run is simulated without restart. Where the motion
         is the drive, or inputs move the law within the run, they are only not compared.
     substeps : int
-        Steps of the internal states per sample along the measured motion; a slider overruns its limit by one at most.
+        Most steps of the internal states per sample along the measured motion.
     response_only : bool
         Leave out the moment along the measured motion where that is not the response and nothing starts from it.
     **options
@@ -326,6 +327,8 @@ def along_motion(
         np.concatenate([early, late]) for early, late in zip(before, (states.angle, states.rate), strict=True)
     )
     still = without_noise_travel(states, angle, rate, 1 / sample_rate) if law.n_states else (angle, rate)
+    fastest = states.frequency or states.bandwidth
+    substeps = max(1, min(substeps, math.ceil(IN_A_CYCLE * fastest / sample_rate)))
     inner = internal_states(law, still[0], still[1], sample_rate, substeps=substeps, rest=rest_of(states))
     moment = law.moment(angle, rate, slip_direction(rate), inner)[size:] + law.inertia * states.acceleration
     return moment + (law.added if isinstance(law, LawInRun) else 0.0), inner[:, size:]

@@ -74,6 +74,24 @@ def _jenkins(theta, omega, direction, state, p, out):
     out[1] = 0.0 if yielding else omega / p[1]
 
 
+def _iwan(theta, omega, direction, state, p, out):
+    """Twelve sliders, of yields even up to p[1] and stiffnesses by a power law of them: more than any model has."""
+    whole = 0.0
+    out[0] = 0.0
+    for i in range(12):
+        share = (i + 0.5) / 12
+        weight = share ** (p[2] - 1.0)
+        whole += weight * share
+        out[0] += weight * state[i]
+        yielding = (state[i] >= share and omega > 0) or (state[i] <= -share and omega < 0)
+        out[1 + i] = 0.0 if yielding else omega / p[1]
+    out[0] *= p[0] / whole
+
+
+def _one_sided_stop(theta, omega, direction, state, p, out):
+    out[0] = p[0] * max(p[2] * theta - p[1], 0.0) * p[2]
+
+
 def _lugre(theta, omega, direction, state, p, out):
     g = 1.0 + p[2] * np.exp(-((omega / p[3]) ** 2))
     out[0] = p[0] * state[0]
@@ -154,6 +172,7 @@ LAWS = {
     "bilinear_stiffness": (_bilinear, 0, lambda a, v, g: ()),
     "dead_zone": (_clearance, 0, lambda a, v, g: (a * g.uniform(0.04, 0.15),)),
     "stop": (_stop, 0, lambda a, v, g: (a * g.uniform(0.5, 0.75),)),
+    "one_sided_stop": (_one_sided_stop, 0, lambda a, v, g: (a * g.uniform(0.2, 0.7), g.choice([-1.0, 1.0]))),
     "constant_moment": (_constant, 0, lambda a, v, g: ()),
     "direction_dependent_damping": (_direction, 0, lambda a, v, g: ()),
     "quadratic_damping": (_quadratic, 0, lambda a, v, g: ()),
@@ -178,6 +197,7 @@ LAWS = {
         ),
     ),
     "jenkins_element": (_jenkins, 1, lambda a, v, g: (a * g.uniform(0.05, 0.4),)),
+    "iwan_microslip": (_iwan, 12, lambda a, v, g: (a * g.uniform(0.2, 1.0), g.uniform(0.2, 1.2))),
     "lugre_friction": (
         _lugre,
         1,

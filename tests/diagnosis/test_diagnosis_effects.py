@@ -75,6 +75,17 @@ def test_jenkins_loop_has_its_closed_area():
     assert work(column, motion) == pytest.approx(4 * yields * (AMPLITUDE - yields), rel=2e-3)
 
 
+@pytest.mark.parametrize("shape", [0.3, 1.0, 1.8])
+def test_iwan_sliders_dissipate_what_each_does_alone(shape):
+    """Σ 4·k·y·(A − y) over sliders that all yield, their stiffnesses y**(shape − 1) and one in sum (Iwan 1966)."""
+    motion, largest = sinusoid(), 8e-4
+    column = effect("iwan_microslip").variants[0].along(motion, np.array([largest, shape]))[:, 0]
+    place = np.arange(1, 8, 2) / 8
+    share = place ** (shape - 1) / np.sum(place ** (shape - 1))
+    yields = largest * place
+    assert work(column, motion) == pytest.approx(np.sum(4 * share * yields * (AMPLITUDE - yields)), rel=2e-3)
+
+
 def test_maxwell_branch_has_the_transfer_function_of_its_time():
     """q = θ·iωτ/(1 + iωτ) in the steady state."""
     motion, tau = sinusoid(), 0.03

@@ -230,6 +230,7 @@ def test_the_shipped_laws_name_special_cases_that_are_there():
     effects = {effect.id: effect for effect in load_effects()}
     nested = {e.id: e.contains for e in effects.values() if e.contains}
     assert nested == {
+        "dead_zone": ("bilinear_stiffness",),
         "bouc_wen_hysteresis": ("dahl_friction", "jenkins_element"),
         "lugre_friction": ("dahl_friction",),
         "backlash_play": ("jenkins_element",),

@@ -247,7 +247,7 @@ def test_bad_data_are_refused(rows):
         JointRegressor().fit(rows["X"], rows["y"], sample_weight=np.zeros(len(rows["y"])))
     with pytest.raises(InputError, match="X has 1 feature\\(s\\); 2 \\(angle, rate\\) or 3"):
         JointRegressor().fit(rows["X"][:, :1], rows["y"])
-    with pytest.raises(InputError, match="too few samples; record more or choose a smaller library"):
+    with pytest.raises(InputError, match="too few samples in motion; drive the joint harder"):
         JointRegressor().fit(rows["X"][:20], rows["y"][:20])
     with pytest.raises(InputError, match="groups has shape \\(3,\\)"):
         JointRegressor().fit(rows["X"], rows["y"], groups=[1, 2, 3])

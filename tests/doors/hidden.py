@@ -30,6 +30,18 @@ def _slider(t, a, v, z):
     return np.where(held, 0.0, v / (0.25 * A))
 
 
+# Twelve sliders of even yields, of equal stiffness.
+YIELDS = 0.6 * A * np.arange(1, 13) / 12
+
+
+def _sliders(a, v, t):
+    z, moments = np.zeros(12), []
+    for step in np.diff(np.concatenate([a[::-1], a]), prepend=a[-1]):
+        z = np.clip(z + step, -YIELDS, YIELDS)
+        moments.append(300 * z.sum())
+    return np.array(moments[a.size :])
+
+
 def _lugre(t, a, v, z):
     level = 1 + 0.35 * np.exp(-((v / (0.12 * V)) ** 2))
     return v / (0.08 * A) * (1 - np.sign(v) * z / level)
@@ -68,6 +80,7 @@ HIDDEN = {
     "dahl_friction": _states(1, _dahl, lambda a, v, z: 0.5 * z[0]),
     "bouc_wen_hysteresis": _states(1, _bouc_wen, lambda a, v, z: 0.5 * z[0]),
     "jenkins_element": _states(1, _slider, lambda a, v, z: 0.5 * z[0]),
+    "iwan_microslip": _sum(_sliders),
     "lugre_friction": _states(1, _lugre, lambda a, v, z: 0.5 * z[0]),
     "backlash_play": _states(1, _play, _play_moment),
     "maxwell_branch": _states(1, lambda t, a, v, z: v - z / 0.03, lambda a, v, z: 900 * z[0]),

@@ -4,11 +4,12 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from tests.doors.hidden import HIDDEN, LACKS, runs_of
+from tests.doors.hidden import HIDDEN, LACKS, A, runs_of
 from tests.doors.inventory import GOLDEN
-from tests.doors.truth import NOISE, write
+from tests.doors.truth import NOISE, Truth, write
 
 EFFECTS = json.loads(GOLDEN.read_text(encoding="utf-8"))["effects"]
 PAPER = Path(__file__).resolve().parents[2] / "libraries" / "paper.toml"
@@ -65,3 +66,16 @@ def test_an_effect_is_named(name, base, tmp_path, sindyjoint):
     # The gap falls to the noise of the moment, to which that of the angle adds; before it was twice that and more.
     assert record["gap"]["initial"]["moment"] > 2 * NOISE
     assert record["gap"]["final"]["moment"] < 1.5 * max(record["gap"]["noise_floor"]["moment"], NOISE)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_stop_on_one_side_is_found_with_its_gap_and_stiffness(side, tmp_path, sindyjoint):
+    stop = Truth(hidden=lambda a, v, t: side * 4000 * np.maximum(side * a - 0.4 * A, 0.0))
+    folder = write(tmp_path / "campaign", stop.runs(seed=5))
+    record = json.loads(sindyjoint("diagnose", folder, "--no-advice", "--json").stdout)
+    assert record["verdict"] == "named", record["reason"]
+    (step,) = record["steps"]
+    assert step["effect"] == "dead_zone"
+    # Three standard errors of either number are 2 %.
+    assert step["parameters"]["g"] == pytest.approx(0.4 * A, rel=0.03)
+    assert step["parameters"]["k_s"] == pytest.approx(4000, rel=0.03)

@@ -315,13 +315,23 @@ def _simulations(work: Work, model: JointModel, effects: Sequence[FittedEffect])
 
 
 def _noisier(work: Work, rng: np.random.Generator) -> Work:
-    """Return the work with noise added to the measured moments as large as what they hold already."""
+    """Return the work with moments that are as uncertain once more: by their noise, and between their samples.
+
+    Where friction jumps between two samples, straight lines place the jump by half a sample: half the difference of a
+    sample to the mean of its neighbours, the same in every period.
+    """
 
     def noisier(run: Run, states: ForceStates) -> Run:
         # A mean of periods has the noise of the mean.
         periods = run.n_samples // states.n_samples if states.repeated else 1
         own = float(np.nan_to_num(states.noise.moment)) * np.sqrt(periods)
-        return replace(run, moment=run.moment + own * rng.standard_normal(run.moment.size), source=None)
+        once = round(run.sample_rate / states.frequency) if states.frequency else states.n_samples
+        once = min(once, run.n_samples)
+        mean = run.moment[: run.n_samples // once * once].reshape(-1, once).mean(axis=0)
+        jump = np.convolve(np.pad(mean, 1, mode="edge"), [-0.25, 0.5, -0.25], mode="valid")
+        between = np.resize(rng.standard_normal(once) * jump, run.n_samples)
+        moment = run.moment + own * rng.standard_normal(run.n_samples) + between
+        return replace(run, moment=moment, source=None)
 
     campaign, kept = work.campaign, {states.run: states for states in work.kept_states}
     if campaign.validation_runs:
