@@ -128,7 +128,7 @@ class PaperLaw(Law):
         """(k1, k2, k3, c1, M_F) in SI."""
         return np.array([self.k1, self.k2, self.k3, self.c1, self.M_F])
 
-    @property
+    @cached_property
     def softening_limit(self) -> tuple[float, float]:  # type: ignore[override]
         """Angles where the tangent stiffness k1 + 2·k2·θ + 3·k3·θ² first vanishes on either side of zero, rad."""
         roots = np.roots([3 * self.k3, 2 * self.k2, self.k1])

@@ -17,7 +17,7 @@ from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import CompiledLaw, Law
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, kept
 
 # Runge-Kutta of order 4 is stable up to 2.8 of a step times the rate at which a state settles.
 STIFF, MOST_SUBSTEPS = 2.0, 512
@@ -221,9 +221,16 @@ def simulate_many(
         if status:
             raise _describe_failure(status, reached, bounds[r], f"run {r}: " if runs > 1 else "")
     time = np.arange(n_samples) / sample_rate
-    driven = np.broadcast_to(np.stack([e(time) for e in excitations]), (runs, n_samples))
+    drive = np.stack([_sampled(e, n_samples, sample_rate) for e in excitations])
+    driven = np.broadcast_to(drive, (runs, n_samples))
     moment = driven - beam[:, None] * acceleration if beam.any() else driven
     return Motion(time, angle, rate, acceleration, moment, stuck.view(np.bool_), states, taken)
+
+
+# Many laws are driven by one excitation.
+@kept
+def _sampled(excitation: Excitation, n_samples: int, sample_rate: float) -> Array:
+    return excitation(np.arange(n_samples) / sample_rate)
 
 
 def simulate(law: Law, excitation: Excitation, duration: float, sample_rate: float, **options: Any) -> Motion:
