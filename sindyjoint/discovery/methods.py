@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from difflib import get_close_matches
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -132,7 +133,7 @@ METHODS: dict[str, Method] = {
     # Backward elimination: the term whose removal costs least goes, and does not come back.
     "backward": lambda asked: backward_path(asked.factor, asked.forced, asked.evidence.parents),
     "coefficient_stlsq": lambda asked: _threshold_path(asked, _pysindy_stlsq),
-    "sr3": lambda asked: _threshold_path(asked, _pysindy_sr3),
+    "sr3": lambda asked: _halved_path(asked, _pysindy_sr3),
     # SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time.
     "ssr": lambda asked: _history_path(asked, "SSR"),
     # FROLS of pysindy, forward regression by error reduction ratio (Billings 2013).
@@ -294,15 +295,39 @@ def _quiet(fit: Callable[[], Any]) -> Any:
 
 
 def _threshold_path(asked: Asked, build: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
-    columns, target = asked.problem
     path: Path = [asked.all_columns]
     for threshold in thresholds:
-        optimiser = build(float(threshold))
-        _quiet(lambda optimiser=optimiser: optimiser.fit(columns, target))  # type: ignore[misc]
-        path.append(_nonzero(optimiser.coef_, asked))
+        path.append(_kept_at(asked, build(float(threshold))))
         if len(path[-1]) <= max(1, len(asked.forced)):
             break
     return path
+
+
+def _halved_path(asked: Asked, build: Callable[[float], Any]) -> Path:
+    """Return the sets at all thresholds of a method that keeps no more at a larger one, by halving.
+
+    Where two thresholds keep the same columns, so do those between them, which are not tried.
+    """
+
+    @cache
+    def at(place: int) -> tuple[int, ...]:
+        return _kept_at(asked, build(float(THRESHOLDS[place])))
+
+    def between(low: int, high: int) -> Path:
+        if at(low) == at(high) or high - low < 2:
+            return [at(low), at(high)]
+        middle = (low + high) // 2
+        return between(low, middle) + between(middle, high)
+
+    path = between(0, len(THRESHOLDS) - 1)
+    end = next((i for i, kept in enumerate(path) if len(kept) <= max(1, len(asked.forced))), len(path))
+    return [asked.all_columns, *path[: end + 1]]
+
+
+def _kept_at(asked: Asked, optimiser: Any) -> tuple[int, ...]:
+    """Return the columns that an optimiser keeps."""
+    _quiet(lambda: optimiser.fit(*asked.problem))
+    return _nonzero(optimiser.coef_, asked)
 
 
 def _history_path(asked: Asked, name: str) -> Path:
