@@ -10,11 +10,13 @@ import json
 import numpy as np
 import pytest
 
-from sindyjoint import diagnose
+from sindyjoint import Campaign, diagnose
 from sindyjoint.cli import main
+from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.files import write_campaign
 from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_effects import hide
+from tests.doors.hidden import runs_of
 
 NAMED = [
     ("dead_zone", 0, {"dead_zone"}),
@@ -89,3 +91,16 @@ def test_bad_input_is_one_line_and_status_2(arguments, message, capsys, tmp_path
         main(["diagnose", *arguments])
     error = capsys.readouterr().err
     assert leave.value.code == 2 and error.count("\n") == 1 and message in error
+
+
+def test_a_law_that_no_simulation_can_follow_has_a_moment_gap_all_the_same():
+    """Of an unknown inertia the model alone makes a negative one, for which it has no response."""
+    runs = runs_of("maxwell_branch")
+    campaign = Campaign.from_arrays(
+        moment=[r.moment for r in runs], angle=[r.angle for r in runs], rate="500 Hz",
+        frequency=[r.frequency for r in runs], names=[r.name for r in runs],
+    )  # fmt: skip
+    maxwell = select_effects(load_effects(), ["maxwell_branch"])
+    found = diagnose(campaign, hold_out=[runs[4].name], effects=maxwell, advise=False, max_effects=1)
+    assert np.isnan(found.initial.response)
+    assert found.final.moment < found.initial.moment < 0.1

@@ -51,7 +51,8 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     adding = [e for e in effects if not e.shifts]
     if work.campaign.validation_runs:
         moment, response = pooled_errors(kept_runs(work, model, effects))
-        return Gap(moment, response)
+        # A law that no simulation can follow has a moment along the measured motion.
+        return Gap(_kept_moment(work, model, effects) if np.isnan(moment) else moment, response)
     size = moment_size(work.states, work.campaign.joint.inertia)
     moment = held_out_gap(work.rows, model, adding, work.noise, work.policy, size=size)
     of_response = continuation_gap if is_free(work.campaign) else response_gap
@@ -71,6 +72,13 @@ def kept_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect]) ->
     states = [shifted(s, shift) for s in work.kept_states]
     rows = gap_runs(states, model, [s.run for s in states], work.policy)
     return tuple(about_zero(row, model, effects) for row in rows)
+
+
+def _kept_moment(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
+    """Return what the rows of the runs kept for validation leave of the moment, relative RMS."""
+    rows = kept_rows(work, model, effects)
+    left = np.concatenate([run.target - modelled(run, model, effects) for run in rows])
+    return rms(left) / rms(np.concatenate([run.target for run in rows]))
 
 
 def gap_rows(work: Work, model: JointModel, effects: Sequence[FittedEffect] = ()) -> tuple[GapRun, ...]:

@@ -17,6 +17,7 @@ from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
 from sindyjoint.diagnosis.campaign.repair import Repaired, refine_effect, refit
 from sindyjoint.diagnosis.campaign.rows import reference_scales
 from sindyjoint.equation.formula import formula_text
+from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
 from sindyjoint.response.compared import corrected, simulated_gap
@@ -64,7 +65,8 @@ def refined_problem(
         (form, refine(form.whole, campaign, states=states, test=test))
         for form in (problem, *_in_other_forms(problem))
     ]
-    done = [(form, each) for form, each in tried if each.refined]
+    # An element that would have to push the other way stands in for something else.
+    done = [(form, each) for form, each in tried if each.refined and _as_signed(form.whole, each.model)]
     if not done:
         return problem, tried[0][1].notes
     least = min(each.misfit for _, each in done)
@@ -79,6 +81,12 @@ def refined_problem(
         return problem, (note,)
     others = [form for form, _ in alike if form is not best]
     return best.with_whole(refinement.model), (*refinement.notes, *_undetermined(best, others))
+
+
+def _as_signed(before: JointModel, after: JointModel) -> bool:
+    """Return whether the coefficients of all elements kept their signs."""
+    pairs = zip(before.elements, after.elements, strict=True)
+    return all(np.array_equal(np.sign(a.coefficients), np.sign(b.coefficients)) for a, b in pairs)
 
 
 def _in_other_forms(problem: CampaignProblem) -> list[CampaignProblem]:
