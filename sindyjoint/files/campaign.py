@@ -189,7 +189,8 @@ class _RunLoader:
         if isinstance(frequency, str):
             frequency = parse_quantity(frequency, "Hz", f"{entry} frequency")
         first = rows is None
-        whole = self._cut_long_run(path, index, channels, frequency) if first else None
+        apart = table.rows is not None
+        whole = self._cut_long_run(path, index, channels, frequency) if first and not apart else None
         if whole is not None:
             rows = whole.edges[0], whole.edges[1]
         blocks = None if rows is None else open_blocks(path, channels.skip)
@@ -199,6 +200,8 @@ class _RunLoader:
             # A hash where the first rows are among them.
             opened, sha256 = blocks.table(*rows), "" if rows[0] else hash_file(path)
         opened, channels, sha256 = self._join_files(opened, channels, sha256)
+        if table.rows is not None:
+            opened = opened.part(*table.rows)
         self.simulated |= opened.simulated
         reader = RunReader(
             opened, channels, self.manifest.rig, self.motion, self.file, self.notes,

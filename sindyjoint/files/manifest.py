@@ -235,6 +235,12 @@ class RunTable(StrictTable):
         description="Path from the manifest; * and ? stand for every file that matches, a run each."
     )
     name: str | None = Field(default=None, description="Defaults to the file's name without its ending.")
+    rows: list[int] | None = Field(
+        default=None,
+        min_length=2,
+        max_length=2,
+        description="First and last row, from 1, of a file with several runs.",
+    )
     frequency: float | str | None = Field(default=None, description="Hz; omitted for an aperiodic run.")
     level: str | int | float | None = Field(default=None, description="Free label of the excitation level.")
     use: Literal["identify", "validate"] = Field(

@@ -69,6 +69,9 @@ USUAL = {
     "N*m**2": {"N*m^2": 1.0},
 }
 
+# What an encoder gives.
+COUNTS = ("count", "counts")
+
 # What an input may be measured in, beside plain numbers.
 INPUT_UNITS = ("K", "V", "A", "N", "N*m", "Pa", "m", "rad", "s", "Hz", "m/s", "rad/s", "kg", "m/m")
 
@@ -83,14 +86,20 @@ _BRACKETS = re.compile(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$")
 _ENDING = re.compile(r"^(?P<base>.*?)(?:\s*/\s*|_|\s+)(?P<unit>[^\W\d_][\w*·^]*|°|µ\w+)$")
 # What an ending must be to count as a unit; single letters only after a word.
 KNOWN = {
-    "rad", "mrad", "urad", "µrad", "deg", "°", "Nm", "mNm", "Nmm", "kNm", "kN", "mN", "kip", "lbf", "mm", "um", "µm",
-    "cm", "nm", "in", "inch", "ms", "us", "µs", "mV", "kHz", "Hz",
+    "rad", "mrad", "urad", "µrad", "deg", "°", "degrees", "Grad", "grad", "Nm", "mNm", "Nmm", "Ncm", "kNm", "kN", "mN",
+    "kip", "lbf", "lbin", "inlb", "ozin", "mm", "um", "µm", "cm", "nm", "in", "inch", "ms", "us", "µs", "mV", "kHz",
+    "Hz", "rpm",
 }  # fmt: skip
 LETTERS = {"N", "V", "m", "s"}
 OTHERS = {
     "g", "kg", "C", "degC", "K", "A", "mA", "Pa", "MPa", "bar", "min", "h", "sec", "Sec", "volt", "Volt", "V",
 }  # fmt: skip
-SPELLINGS = {"Nm": "N*m", "Nmm": "N*mm", "kNm": "kN*m", "mNm": "mN*m", "°": "deg", "·": "*"}
+SPELLINGS = {"Nm": "N*m", "Nmm": "N*mm", "Ncm": "N*cm", "kNm": "kN*m", "mNm": "mN*m", "°": "deg"}
+# What pint takes for another thing: a German degree for a gigaradian or a gon, a thousandth of an inch for an angle.
+_MEANT = {"Grad": "deg", "grad": "deg", "mil": "thou", "mils": "thou"}
+# Beside a length, a pound is a force: lb-in, inlb, oz*in, ft-lbf.
+_PULL, _ARM = r"(?P<pull>lb|oz)[fs]?", "(?P<arm>inch|in|ft)"
+_TORQUES = [re.compile(pair) for pair in (rf"{_PULL}\s*[-*.]?\s*{_ARM}", rf"{_ARM}\s*[-*.]?\s*{_PULL}")]
 
 
 @lru_cache(maxsize=1)
@@ -109,6 +118,10 @@ def registry() -> pint.UnitRegistry:
 @lru_cache(maxsize=256)
 def _try_parse(unit: str) -> pint.Unit | None:
     """Return pint's unit for a spelling, or None where pint knows none."""
+    torque = next(filter(None, (pair.fullmatch(unit) for pair in _TORQUES)), None)
+    unit = f"{torque['pull']}f*{torque['arm']}" if torque else _MEANT.get(unit, unit)
+    # A hyphen between two units multiplies them, as in N-m.
+    unit = re.sub(r"(?<=[^\W\d_])-(?=[^\W\d_])", "*", unit)
     # pint evaluates numbers while it parses, so a tower of powers would run for ever: only small ones pass.
     bare = re.sub(_EXPONENT, " ", unit)
     chained = re.search(rf"{_EXPONENT}\s*(?:\*\*|\^)", unit)
@@ -186,12 +199,12 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
             total = total * factored
     factor, powers = _root(total, where)
     expected_factor, expected_powers = _root(registry().parse_units(expected), where)
-    # A slope such as mm/m is an angle as it stands.
-    slope = expected == "rad" and not powers
+    # A slope such as mm/m is an angle as it stands; a count is none.
+    slope = expected == "rad" and not powers and unit not in COUNTS
     if powers != expected_powers and not slope:
         given = f"unit {unit!r}" if gain is None else f"unit {unit!r} times gain {gain!r}"
         # A voltage is what a sensor gives: it lacks no other unit but a gain.
-        volts = gain is None and unit_ratio(unit, "V")
+        volts = gain is None and needs_gain(unit)
         hint = f", or gain = '5 {expected.replace('**', '^')}/{unit}'" if volts else ""
         raise UnitError(
             f"{where}: {given} is not {QUANTITIES[expected].split(',')[0]}; expected {QUANTITIES[expected]}{hint}"
@@ -270,6 +283,11 @@ def unit_ratio(stated: str, declared: str) -> float | None:
     return factor / per if powers == others else 0.0
 
 
+def needs_gain(unit: str) -> bool:
+    """Return whether a unit is what an instrument gives, of which only a gain makes a quantity: volts or counts."""
+    return unit in COUNTS or bool(unit_ratio(unit, "V"))
+
+
 def split_quantity(text: str, where: str, expected: str) -> tuple[float, str]:
     """Return number and unit of ``"35.15 N/V"``.
 
@@ -311,12 +329,14 @@ def unit_in_name(name: str) -> tuple[str, bool] | None:
     --------
     >>> unit_in_name("Force [kN]"), unit_in_name("angle_mrad"), unit_in_name("angle_rad_from_upright")
     (('kN', False), ('mrad', True), ('rad', True))
-    >>> unit_in_name("gyro_rad_per_s"), unit_in_name("gyro_deg_s"), unit_in_name("force_in_beam")
-    (None, None, None)
+    >>> unit_in_name("rpm"), unit_in_name("gyro_rad_per_s"), unit_in_name("gyro_deg_s"), unit_in_name("force_in_beam")
+    (('rpm', True), None, None, None)
     """
     bracketed = _BRACKETS.search(name)
     if bracketed:
         return _spelled(bracketed[1]), False
+    if name.strip() in KNOWN - {"in"}:
+        return _spelled(name.strip()), True
     ending = _ENDING.match(name.strip())
     if ending is None:
         return None

@@ -138,6 +138,63 @@ def arm_and_stroke(folder: Path, truth: Campaign) -> dict[str, str]:
     return {}
 
 
+def runs_below(folder: Path, truth: Campaign) -> dict[str, str]:
+    """One table with all runs one below the other, told apart by a column of their numbers; the time begins anew."""
+    parts = [
+        np.column_stack([np.full(run.n_samples, number), run.time, run.moment, 1e3 * run.angle])
+        for number, (_, run) in enumerate(files(truth), start=7)
+    ]
+    (folder / "all.csv").write_text("test_no,time_s,torque_Nm,theta_mrad\n" + rows(np.vstack(parts).T, ","))
+    return {}
+
+
+def sheets(folder: Path, truth: Campaign) -> dict[str, str]:
+    """A workbook with a sheet for each run, and one of notes."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook(write_only=True)
+    book.create_sheet("notes").append(["bench 4"])
+    for name, run in files(truth):
+        sheet = book.create_sheet(name)
+        sheet.append(["time [s]", "moment [Nm]", "angle [mrad]"])
+        for row in np.column_stack([run.time, run.moment, 1e3 * run.angle]).tolist():
+            sheet.append(row)
+    book.save(folder / "bench.xlsx")
+    return {}
+
+
+def mat_units(folder: Path, truth: Campaign) -> dict[str, str]:
+    """MATLAB v5: nested structs, each of values and their unit."""
+    from scipy.io import savemat
+
+    for name, run in files(truth):
+        channels = {
+            "Torque": {"values": run.moment, "unit": "Nm"},
+            "Angle": {"values": np.degrees(run.angle), "unit": "deg"},
+        }
+        savemat(folder / f"{name}.mat", {"data": channels | {"fs": run.sample_rate}})
+    return {}
+
+
+def bench_words(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Pound-inches, German degrees, and a speed in revolutions per minute without another name."""
+    pounds = 4.4482216152605 * 0.0254
+    for name, run in files(truth):
+        speed = np.gradient(run.angle, run.time) * 30 / np.pi
+        columns = [run.time, run.moment / pounds, np.degrees(run.angle), speed]
+        (folder / f"{name}.txt").write_text(
+            "Zeit_s\tTorque (lbf-in)\tWinkel_Grad\trpm\n" + rows(columns, "\t")
+        )
+    return {}
+
+
+def encoder(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Counts of an encoder, which only a gain makes an angle."""
+    for name, run in files(truth):
+        columns = [run.time, run.moment, run.angle / 1e-8]
+        (folder / f"{name}.csv").write_text("time_s,torque_Nm,encoder_counts\n" + rows(columns, ","))
+    return {"angle.gain": "1e-8 rad/count"}
+
+
 def free_swings(folder: Path, truth: Campaign) -> dict[str, str]:
     """Three free decays in degrees without a moment, the rate in a header block: 9 Hz, 2 % of critical damping."""
     rng, turn = np.random.default_rng(3), 2 * np.pi * 9.0
@@ -161,4 +218,9 @@ LAB: list[Callable[[Path, Campaign], dict[str, str]]] = [
     parquet,
     rate_above,
     arm_and_stroke,
+    runs_below,
+    sheets,
+    mat_units,
+    bench_words,
+    encoder,
 ]

@@ -52,7 +52,7 @@ def test_a_folder_ends_in_its_campaign_with_what_it_lacks_asked(writer, truth, t
         np.testing.assert_allclose(run.angle, true.angle, rtol=1e-9, atol=1e-15)
     # By itself it marks what it guesses, and refuses to invent the volts of a sensor.
     if any(key.endswith(".gain") for key in answers):
-        with pytest.raises(InputError, match="what is one volt of the moment.*answer with --set KEY=VALUE"):
+        with pytest.raises(InputError, match="what is one (volt|count) of the .*answer with --set KEY=VALUE"):
             init(tmp_path, force=True)
         return
     guessed = init(tmp_path, force=True)
@@ -69,6 +69,32 @@ def test_free_swings_are_told_from_driven_runs(tmp_path, truth):
         1000.0
     }
     assert load_campaign(tmp_path).runs[0].angle.max() == pytest.approx(np.radians(4), rel=0.05)
+
+
+def test_nameless_columns_are_the_same_channels_in_every_file(tmp_path):
+    rng, time = np.random.default_rng(7), np.arange(2000) / 500.0
+    for number, size in enumerate((2.0, 4.0, 6.0, 6.0)):
+        # Equal noise in both: by its roughness each file would be a toss of a coin.
+        load, motion = size * np.sin(15 * time), size * np.sin(15 * time - 0.3)
+        noisy = [x + 0.005 * size * rng.standard_normal(time.size) for x in (motion, load)]
+        np.savetxt(tmp_path / f"run{number}.dat", np.column_stack([time, *noisy]))
+    channels = {
+        (column.quantity, column.column)
+        for column in init(tmp_path).draft.columns
+        if column.quantity != "time"
+    }
+    assert channels == {("angle", "2"), ("moment", "3")}
+
+
+@pytest.mark.parametrize("unit", ["lbf-furlongs/s", "V/A"])
+def test_a_unit_that_is_stated_and_not_known_is_never_guessed(unit, tmp_path):
+    time = np.arange(2000) / 500.0
+    table = np.column_stack([time, np.sin(15 * time), np.sin(15 * time - 0.3)])
+    np.savetxt(
+        tmp_path / "a.csv", table, delimiter=",", header=f"time_s,torque ({unit}),angle_mrad", comments=""
+    )
+    with pytest.raises(InputError, match=f"The file states {unit!r}"):
+        init(tmp_path)
 
 
 def test_columns_of_several_joints_are_no_runs(tmp_path):

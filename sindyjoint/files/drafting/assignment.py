@@ -10,9 +10,9 @@ import numpy as np
 
 from sindyjoint.errors import InputError, UnknownNameError, nearest
 from sindyjoint.files.channels import CHANNEL_KEYS, KEYS
-from sindyjoint.files.drafting.survey import MOTIONS, Bundle, Column, is_clock
+from sindyjoint.files.drafting.survey import MOTIONS, WORDS, Bundle, Column, is_clock
 from sindyjoint.files.timeaxis import decays
-from sindyjoint.files.units import KNOWN, conversion, parse_quantity, unit_ratio
+from sindyjoint.files.units import COUNTS, KNOWN, conversion, needs_gain, parse_quantity, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 
@@ -116,15 +116,19 @@ def find_motion(bundles: Sequence[Bundle], dialogue: Dialogue) -> Motion:
         unit, gain = answers.get(f"{key}.unit"), answers.get(f"{key}.gain")
         if quantity == "inertia" and key in answers:
             parse_quantity(answers[key], si, key)
-        if unit is not None and not (gain is None and (unit_ratio(unit, "V") or quantity == "acceleration")):
+        if unit is not None and not (gain is None and (needs_gain(unit) or quantity == "acceleration")):
             conversion(unit, si, f"{key}.unit", gain)
     if "time.unit" in answers:
         conversion(answers["time.unit"], "s", "time.unit")
     return motion
 
 
-def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[str, Column]:
+def assign_columns(
+    bundle: Bundle, motion: Motion, dialogue: Dialogue, peers: Sequence[Bundle] = ()
+) -> dict[str, Column]:
     """Return the columns of moment and angle, and those of time and rate if there are any.
+
+    Which of several a channel is, the shapes of all files with these columns decide together.
 
     A column of acceleration is used where there is none of the angle, or where it was named; there is no column of the
     moment where a joint swings freely and nothing was recorded of a load.
@@ -135,7 +139,7 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
         When a run has too few columns, or an answer names none.
     """
     found: dict[str, Column] = {}
-    answers = dialogue.answers
+    answers, alike = dialogue.answers, [peer for peer in peers if peer.titles == bundle.titles] or [bundle]
     clock = _choose(bundle, "time", "time", [c for c in bundle.columns if c.role == "time"], dialogue)
     if clock is None:
         clock = next((c for c in bundle.columns if c.role is None and is_clock(c.values)), None)
@@ -155,10 +159,13 @@ def assign_columns(bundle: Bundle, motion: Motion, dialogue: Dialogue) -> dict[s
         if chosen is None and quantity == "angle" and accelerometer is not None:
             continue
         if chosen is None and quantity != "rate":
-            chosen = _guess_by_shape(bundle, quantity, key, free, dialogue)
+            chosen = _guess_by_shape(bundle, quantity, key, free, dialogue, alike)
         # A velocity beside the displacement is welcome, not needed: nobody is asked for its unit.
         untold = (
-            quantity == "rate" and chosen and not chosen.unit and not {key, f"{key}.unit"} & answers.keys()
+            quantity == "rate"
+            and chosen
+            and not (chosen.unit and unit_ratio(chosen.unit, KEYS[motion]["rate"][1]))
+            and not {key, f"{key}.unit"} & answers.keys()
         )
         if chosen is not None and not untold:
             found[quantity] = chosen
@@ -216,9 +223,17 @@ def _choose(
 
 
 def _guess_by_shape(
-    bundle: Bundle, quantity: str, key: str, free: Sequence[Column], dialogue: Dialogue
+    bundle: Bundle,
+    quantity: str,
+    key: str,
+    free: Sequence[Column],
+    dialogue: Dialogue,
+    alike: Sequence[Bundle],
 ) -> Column:
-    """Return the likeliest of columns that no name tells apart: a load jumps and is rough, a motion is smooth."""
+    """Return the likeliest of columns that no name tells apart, in all files that have them.
+
+    Of two, the load does work on the motion, as a joint takes energy; of more, it jumps and is rough.
+    """
     moving = [c for c in free if c.role not in OTHERS and np.ptp(c.values) > 0]
     open_ones = [c for c in moving if c.role in (None, "position", "command")]
     needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
@@ -226,9 +241,17 @@ def _guess_by_shape(
         names = ", ".join(column.title for column in bundle.columns)
         none = {"moment": NO_LOAD["rotation"], "force": NO_LOAD["translation"]}.get(key)
         hint = f"; where it was zero, as in a free decay, set {key}='{none}'" if none else ""
-        raise InputError(f"{bundle.name}: holds no column for the {key}; columns there: {names}{hint}")
-    ordered = sorted(open_ones, key=lambda column: _roughness(column.values))
-    guess = ordered[-1] if quantity == "moment" else ordered[0]
+        refused = f" ({'; '.join(bundle.refused)})" if bundle.refused else ""
+        raise InputError(
+            f"{bundle.name}: holds no column for the {key}{refused}; columns there: {names}{hint}"
+        )
+    many = [[peer.find(str(column.key)) for column in open_ones] for peer in alike]
+    whole = [[column.values for column in run if column is not None] for run in many if None not in run]
+    rough = np.mean([[_roughness(values) for values in run] for run in whole], axis=0)
+    if len(open_ones) == 2 and quantity == "moment":
+        work = sum(_work(*run) for run in whole)
+        rough = np.array([work, -work])
+    guess = open_ones[int(np.argmax(rough) if quantity == "moment" else np.argmin(rough))]
     guess = _measured([c for c in open_ones if _is_twin(c, guess)])
     dialogue.ask(key, f"which column is the {key.replace('_', ' ')} ({_list(open_ones)})?", str(guess.key))
     return guess
@@ -251,6 +274,12 @@ def _is_twin(one: Column, other: Column) -> bool:
     return bool(moving and abs(np.corrcoef(one.values, other.values)[0, 1]) > TWINS)
 
 
+def _work(load: Array, motion: Array) -> float:
+    """Return the work of a load on a motion, in units of their spreads."""
+    size = float(np.std(load) * np.std(motion)) * load.size
+    return float(np.sum((load[1:] + load[:-1]) / 2 * np.diff(motion))) / size if size > 0 else 0.0
+
+
 def _roughness(values: Array) -> float:
     """Return the size of second differences relative to the whole: what a derivative would make of the signal."""
     spread = float(np.std(values))
@@ -265,6 +294,8 @@ def find_unit(
     A unit that no file states is one for all runs: that in which the largest of their values is usual.
     """
     key, si = KEYS[motion][quantity]
+    counted = WORDS["counter"] & {word.lower() for word in re.split(r"[\W_]+", column.title)}
+    stated = column.unit or (COUNTS[-1] if counted else "")
     if f"{key}.unit" in dialogue.answers:
         unit: str = dialogue.answers[f"{key}.unit"]
     elif column.unit and unit_ratio(column.unit, si):
@@ -272,23 +303,24 @@ def find_unit(
     elif quantity == "acceleration" and (column.unit == "g" or unit_ratio(column.unit or "1", "m/s**2")):
         text = f"one over the radius at which the acceleration (column {column.key}) is measured, such as '5 rad/m'?"
         return column.unit, dialogue.ask(f"{key}.gain", text, None) if motion == "rotation" else None
-    elif column.unit and unit_ratio(column.unit, "V"):
-        unit = column.unit
+    elif stated and needs_gain(stated):
+        unit = stated
     else:
         largest = max(float(np.abs(peer.values).max()) for peer in peers)
         runs = f" in {len(peers)} runs" if len(peers) > 1 else ""
-        denied = column.unit and unit_ratio(column.unit, si) == 0
         text = (
             f"in which unit is the {key.replace('_', ' ')} (column {column.key}, up to {largest:.3g}{runs})?"
-        ) + (f" The file states {column.unit!r}" if denied else "")
+        ) + (f" The file states {stated!r}" if stated else "")
         # The unit among the words of a name, which may as well mean another thing, as in angle_rad_from_rest; else the
         # one in which values of this size are usual.
-        words = [word for word in re.split(r"[\W_]+", column.title) if word in KNOWN and word != "in"]
+        words = [word for word in re.split(r"[\W_]+", column.title) if word in KNOWN | {"g"} and word != "in"]
         usual = {"rad": "deg" if largest > 0.5 else "rad", "m": "mm" if largest > 0.5 else "m"}
         guess = next((word for word in words if unit_ratio(word, si)), usual.get(si, si.replace("**", "^")))
-        unit = dialogue.ask(f"{key}.unit", text, None if denied else guess) or guess
+        # A unit that is stated, and unknown or of another kind, is no reason for a guess.
+        unit = dialogue.ask(f"{key}.unit", text, None if stated else guess) or guess
     gain = dialogue.answers.get(f"{key}.gain")
-    if gain is None and unit_ratio(unit, "V"):
-        example = f"35.15 {EXAMPLES.get(key, 'unit')}/V"
-        gain = dialogue.ask(f"{key}.gain", f"what is one volt of the {key}, such as '{example}'?", None)
+    if gain is None and needs_gain(unit):
+        one = "count" if unit in COUNTS else "volt"
+        example = f"35.15 {EXAMPLES.get(key, 'unit')}/{'V' if one == 'volt' else one}"
+        gain = dialogue.ask(f"{key}.gain", f"what is one {one} of the {key}, such as '{example}'?", None)
     return unit, gain

@@ -20,7 +20,7 @@ from sindyjoint.files.drafting.assignment import (
 )
 from sindyjoint.files.drafting.run import draft_time, find_course, find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files, split_runs
-from sindyjoint.files.units import conversion, unit_ratio
+from sindyjoint.files.units import conversion, needs_gain
 from sindyjoint.files.writers import manifest_text, toml_string
 from sindyjoint.record import Motion
 from sindyjoint.text import list_some, printable
@@ -65,6 +65,8 @@ class DraftedRun:
     """Which of several in the file; else empty."""
     course: str
     """``"3 Hz"``, ``"free decay"``, ``"sweep"``, ``"aperiodic"`` or ``"quasi-static"``."""
+    rows: tuple[int, int] | None = None
+    """First and last of its rows, where runs stand one below the other."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,7 @@ def draft_manifest(
     runs: list[_Run] = []
     for bundle in bundles:
         try:
-            assigned.append((bundle, assign_columns(bundle, motion, dialogue)))
+            assigned.append((bundle, assign_columns(bundle, motion, dialogue, bundles)))
         except InputError as error:
             left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     # All columns that are one channel of the test, by quantity: what no file says of them is one answer.
@@ -236,11 +238,11 @@ def _draft_run(
     called = f"{bundle.name} {bundle.run}"
     frequency = None if rate is None else find_frequency(angle.values, moment, rate, called)
     unit, gain = units[of_motion]
-    si, volts = KEYS[motion][of_motion][1], unit_ratio(unit, "V")
-    factor = 1.0 if volts and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
+    si, raw = KEYS[motion][of_motion][1], needs_gain(unit)
+    factor = 1.0 if raw and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
     course, samples = find_course(angle.values, rate, frequency), bundle.columns[0].values.size
-    drafted = DraftedRun(bundle.name, rate, samples, frequency, "", bundle.run, course)
-    shown = (si, 1.0) if volts else (unit, factor)
+    drafted = DraftedRun(bundle.name, rate, samples, frequency, "", bundle.run, course, bundle.rows)
+    shown = (si, 1.0) if raw else (unit, factor)
     return _Run(drafted, channels, factor * float(np.ptp(angle.values)) / 2, *shown, tuple(used))
 
 
@@ -328,6 +330,7 @@ def _write(
         [
             f"file = {toml_string(run.file)}",
             *([f"name = {toml_string(name)}"] if stems.count(stem) > 1 else []),
+            *([f"rows = {list(run.rows)}"] if run.rows else []),
             f"# {run.course}: no frequency" if run.frequency is None else f"frequency = {run.frequency!r}",
             f"level = {toml_string(run.level)}",
             *['use = "validate"'] * (not {name, stem}.isdisjoint(kept)),

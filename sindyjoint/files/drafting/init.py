@@ -167,7 +167,7 @@ def init(
     if open_ones:
         listed = "; ".join(f"{each.key}: {each.text}" for each in open_ones)
         if any(each.key.endswith(".unit") for each in open_ones):
-            listed += " (of volts, KEY.gain too)"
+            listed += " (of volts and counts, KEY.gain too)"
         ways = "answer with --set KEY=VALUE (answers={...})" + (
             "" if guess else ", or take the guesses with --yes"
         )

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -105,6 +106,10 @@ class Bundle:
         Single numbers beside the columns, by their titles, such as a sampling rate.
     run : str
         Which of several runs in one file this is.
+    rows : tuple of int or None
+        Its first and last row, from 1, where runs stand one below the other.
+    refused : tuple of str
+        Why columns are none of numbers, such as those with blanks.
     """
 
     name: str
@@ -114,6 +119,8 @@ class Bundle:
     simulated: bool = False
     scalars: tuple[tuple[str, float], ...] = ()
     run: str = ""
+    rows: tuple[int, int] | None = None
+    refused: tuple[str, ...] = ()
 
     def find(self, name: str) -> Column | None:
         """Return the column of a name or number."""
@@ -158,12 +165,14 @@ def survey_folder(folder: Path) -> tuple[tuple[Bundle, ...], tuple[tuple[str, st
 def _read(path: Path, name: str) -> Bundle:
     blocks = open_blocks(path) if path.stat().st_size > LARGE else None
     table = read_table(path)[0] if blocks is None else blocks.table(0, min(ROWS, blocks.rows))
-    columns, scalars = [], []
+    columns, scalars, refused = [], [], []
     for position, title in enumerate(table.names, start=1):
         try:
             values = table.columns([position])[0]
-        except InputError:
-            continue  # a column of words, or with blanks, is no channel
+        except InputError as error:
+            # A column of words, or with blanks, is no channel.
+            refused.append(str(error).removeprefix(f"{path}: "))
+            continue
         if values.size == 1:
             scalars.append((title, float(values[0])))
         elif values.size >= MINIMUM_SAMPLES:
@@ -172,15 +181,64 @@ def _read(path: Path, name: str) -> Bundle:
             columns.append(Column(position if unnamed else title, title, stated[1] if stated else "", values))
     if not columns:
         raise InputError(f"holds no column of {MINIMUM_SAMPLES} numbers or more")
-    return Bundle(name, table.names, tuple(columns), table.remarks, table.simulated, tuple(scalars))
+    file = Bundle(
+        name,
+        table.names,
+        tuple(columns),
+        table.remarks,
+        table.simulated,
+        tuple(scalars),
+        refused=tuple(refused),
+    )
+    if blocks is not None and len(_by_restart(file)) > 1:
+        raise InputError(
+            "its time begins anew, and it is too large to be looked at whole: make a file of each run"
+        )
+    return file
+
+
+def _by_restart(file: Bundle) -> tuple[Bundle, ...]:
+    """Return the runs that stand one below the other, each with a time that begins as that of the first one."""
+    clock = next((c for c in file.columns if role_of(c.title, c.unit) == "time"), None)
+    size = 0 if clock is None else clock.values.size
+    if clock is None or any(column.values.size not in (1, size) for column in file.columns):
+        return (file,)
+    back = np.flatnonzero(np.diff(clock.values) < 0) + 1
+    anew = np.abs(clock.values[back] - clock.values[0]) <= np.median(np.abs(np.diff(clock.values)))
+    edges = [0, *map(int, back), size]
+    if not back.size or not anew.all() or min(np.diff(edges)) < MINIMUM_SAMPLES:
+        return (file,)
+    parts = [
+        replace(
+            file,
+            columns=tuple(replace(c, values=c.values[start:stop]) for c in file.columns),
+            rows=(start + 1, stop),
+            run=f"{number}",
+        )
+        for number, (start, stop) in enumerate(pairwise(edges), start=1)
+    ]
+    # A column that is one number in each run, and another one in every run, numbers them.
+    for at in range(len(file.columns)):
+        levels = [part.columns[at].values for part in parts]
+        if all(np.ptp(level) == 0 for level in levels) and len({level[0] for level in levels}) == len(parts):
+            title = file.columns[at].title
+            parts = [
+                replace(p, columns=(*p.columns[:at], *p.columns[at + 1 :]), run=f"{title} {level[0]:g}")
+                for p, level in zip(parts, levels, strict=True)
+            ]
+            break
+    return tuple(parts)
 
 
 def split_runs(file: Bundle) -> tuple[tuple[Bundle, ...], bool]:
-    """Return the runs of a file that holds several, and whether names or groups say so; else the file itself.
+    """Return the runs of a file that holds several, and whether names, groups or the time say so; else the file itself.
 
     Columns that are called alike but for a name or number belong to runs of that name, where each of these has a load
     and a motion; what has no such name, as the time, is of all.
     """
+    below = _by_restart(file)
+    if len(below) > 1:
+        return below, True
     marks = [_marks(column.title) for column in file.columns]
     own: dict[tuple[str, ...], set[str]] = {}
     for mark, column in zip(marks, file.columns, strict=True):

@@ -98,6 +98,26 @@ class Table:
         """Return a segment of rows."""
         return replace(self, first=start, stop=stop)
 
+    def part(self, first: int, last: int) -> Table:
+        """Return the table of some rows, from 1, as if the file held no others.
+
+        Raises
+        ------
+        InputError
+            For rows that are not there.
+        """
+
+        def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+            whole = self.load(wanted, self.first, self.rows if self.stop is None else self.stop)
+            count = min(values.size for values in whole)
+            if not 1 <= first < last <= count:
+                raise InputError(f"{self.path}: has {count} rows; rows {first} to {last} are not there")
+            return [values[first - 1 : last] for values in whole]
+
+        return replace(
+            self, load=load, name_row=lambda index: self.row(first - 1 + index), first=0, stop=None
+        )
+
     def row(self, index: int) -> str:
         """Return how a message names a sample."""
         return self.name_row(self.first + index)

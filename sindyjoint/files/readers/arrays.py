@@ -268,8 +268,19 @@ def read_mat(path: Path, data: bytes | None = None) -> Table | None:
         for name, array in stored:
             if array.dtype.kind != "U":
                 arrays |= vectors(name, array, "(:,{})", first=1)
-    remarks = tuple(str(array) for _, array in stored if array.dtype.kind == "U")
-    return Table.of(path, arrays, aliases=short_names(tuple(arrays), "."), remarks=remarks)
+    texts = {name: str(array) for name, array in stored if array.dtype.kind == "U"}
+    parents = [name.rpartition(".")[0] for name in arrays]
+    # A struct of one vector, and its unit beside.
+    long = [parent for parent, array in zip(parents, arrays.values(), strict=True) if array.size > 1]
+    units = tuple(
+        next((texts[f"{parent}.{key}"] for key in UNIT_KEYS if f"{parent}.{key}" in texts), "")
+        if long.count(parent) == 1
+        else ""
+        for parent in parents
+    )
+    return Table.of(
+        path, arrays, aliases=short_names(tuple(arrays), "."), remarks=tuple(texts.values()), units=units
+    )
 
 
 def read_arrays(path: Path, data: bytes) -> Iterator[tuple[str, NDArray]]:

@@ -142,7 +142,8 @@ MEMORY = 8
 def read_xlsx(path: Path, data: bytes, skip: int | None = None) -> Table:
     """Return the columns of the first sheet with numbers, read by the rules of a text table.
 
-    Formulas give the values that were saved with them.
+    Where other sheets have the same columns, each is a run: all are called ``sheet/name``, those of the first also by
+    ``name`` alone. Formulas give the values that were saved with them.
 
     Raises
     ------
@@ -158,15 +159,42 @@ def read_xlsx(path: Path, data: bytes, skip: int | None = None) -> Table:
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         sheets = {sheet.title: _read_rows(path, sheet) for sheet in book.worksheets}
         book.close()
+    found: dict[str, Table] = {}
     for title, rows in sheets.items():
         if sum(any(isinstance(cell, int | float) for cell in row) for row in rows[:1000]) > 1:
             width = max(len(row) for row in rows)
             lines = [
                 "\t".join(map(_cell, (*row, *[None] * (width - len(row))))) if row else "" for row in rows
             ]
-            table = table_of_text(path, "\n".join([*lines, ""]), skip)
-            return replace(table, remarks=(*table.remarks, f"sheet {title!r} of {', '.join(sheets)}"))
-    raise InputError(f"{path}: holds no sheet with numbers; expected a header and rows")
+            try:
+                found[title] = table_of_text(path, "\n".join([*lines, ""]), skip)
+            except InputError:
+                # What is no table stops nobody who has the first one.
+                if not found:
+                    raise
+    if not found:
+        raise InputError(f"{path}: holds no sheet with numbers; expected a header and rows")
+    title, first = next(iter(found.items()))
+    first = replace(first, remarks=(*first.remarks, f"sheet {title!r} of {', '.join(sheets)}"))
+    alike = {title: table for title, table in found.items() if table.names == first.names}
+    return first if len(alike) == 1 else _of_sheets(first, alike)
+
+
+def _of_sheets(first: Table, sheets: dict[str, Table]) -> Table:
+    """Return the columns of sheets that are runs."""
+    tables, width = list(sheets.values()), len(first.names)
+
+    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+        return [tables[at // width].load([at % width], start, stop)[0] for at in wanted]
+
+    return replace(
+        first,
+        names=tuple(f"{title}/{name}" for title in sheets for name in first.names),
+        load=load,
+        aliases={name: at for at, name in enumerate(first.names)},
+        units=tuple(unit for table in tables for unit in (*table.units, *[""] * (width - len(table.units)))),
+        name_row=lambda index: f"row {index + 1}",
+    )
 
 
 def _read_rows(path: Path, sheet: Any) -> list[tuple[object, ...]]:

@@ -95,7 +95,7 @@ def find_sizes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "stops" if swing > SOUNDNESS.many_times * largest or peak <= largest else "biases",
             f"the {words.of('angle')} reaches {peak:.3g} {unit}, its amplitude is {swing:.3g} {unit}{degrees}",
             f"k1 in {words.unit('moment')}/{unit} is wrong by the factor of the unit, k3 by its cube",
-            "check the unit ('Grad' is read as giga-radian, degrees are 'deg') and the gain of the channel",
+            "check the unit and the gain of the channel",
         )
 
 
