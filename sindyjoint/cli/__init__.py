@@ -5,7 +5,6 @@ What a console cannot show is spelled in ASCII, never a traceback.
 
 from __future__ import annotations
 
-import atexit
 import codecs
 import gc
 import os
@@ -135,10 +134,8 @@ def main(arguments: list[str] | None = None) -> None:
 
 def _run(arguments: list[str]) -> int:
     """Run the command line and return its exit status."""
-    # A command makes more objects than it drops: to look at all of them for circles every time costs a tenth of it,
-    # and at its end, when all of them go anyway, half a second.
+    # A command makes more objects than it drops: to look at all of them for circles every time costs a tenth of it.
     gc.set_threshold(50_000)
-    atexit.register(gc.freeze)
     limited = any(name in os.environ for name in THREADS)
     for name in THREADS:
         os.environ.setdefault(name, "1")
