@@ -324,6 +324,8 @@ def driven_at(waveform: str) -> tuple[float, float]:
     return float(min(TONES[waveform])), float(max(TONES[waveform]))
 
 
+# The joints of a plan are driven alike, one after the other.
+@lru_cache(maxsize=8)
 def tones(waveform: str, level: float, frequency: float, phase: float = 0.0) -> Excitation:
     """Return a waveform of some peak, from ``phase`` (rad) of its cycle on.
 

@@ -149,6 +149,7 @@ class Choice:
         alone = count >= self.policy.fewest * self.policy.fewest_levels
         return np.array([self.missing([*chosen, i], alone) for i in range(len(self.runs))]) + crowded
 
+    @kept
     def _grid_widths(self, count: int) -> Array:
         """Return the logarithms of the errors that the grid promises in the time of so many runs."""
         assert self.grid is not None
