@@ -35,6 +35,7 @@ from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
 from sindyjoint.soundness.check import check_data, require_sound
 from sindyjoint.soundness.finding import Soundness
+from sindyjoint.soundness.warnings import warn_of_negative_inertia
 from sindyjoint.states import ForceStates, campaign_states, content_hash, one_after_another, transfer_noise
 from sindyjoint.text import percent
 from sindyjoint.trust import Trust
@@ -151,6 +152,7 @@ def verify(
         [
             (empty, "the model has no terms: there is nothing to simulate; run discover first"),
             (not isinstance(against, RigTest) and len(models) != 1, several),
+            *((True, said) for each in models for said in warn_of_negative_inertia(each)),
         ]
     )
     if isinstance(against, Campaign):

@@ -268,6 +268,14 @@ def test_options_that_cannot_be_used(campaign, options, message):
         verify(paper_model(), campaign, **options)
 
 
+def test_an_impossible_inertia_is_refused_with_its_causes(campaign):
+    terms = [*paper_model().terms, term("inertia", "alpha", -0.05, 0.01)]
+    with pytest.raises(
+        InputError, match="inertia is negative, -0.05 kg.*, which is impossible: runs in diff"
+    ):
+        verify(model_of(terms, inertia=None), campaign, draws=0)
+
+
 def test_a_model_without_terms_is_refused(campaign):
     with pytest.raises(
         InputError, match="the model has no terms: there is nothing to simulate; run discover first"
