@@ -23,6 +23,7 @@ from sindyjoint.reporting import (
     drawing_style,
     figure_bytes,
 )
+from sindyjoint.reporting.results.structure_joints import RecoveredLoop, StructureFigures
 
 CASES = {
     "rotation": {},
@@ -167,3 +168,11 @@ def test_the_papers_values_stand_beside_the_papers_joint_only():
     assert crosses == [[2, 2, 2, 2], []]
     k1 = next(line for line in with_paper.axes[0].get_lines() if line.get_marker() == "x")
     assert np.allclose(k1.get_ydata(), [6153, 6063])
+
+
+def test_a_joint_without_a_law_has_no_dots_of_one():
+    angle = np.linspace(-1e-3, 1e-3, 50)
+    for law, drawn in ((np.full(50, np.nan), 1), (3e3 * angle, 2)):
+        loop = RecoveredLoop("joint 1", "3Hz", angle, 3e3 * angle, law)
+        data = StructureFigures("wing", ("joint 1",), ("a1",), np.ones((1, 1)), (loop,))
+        assert len(draw("recovered", data).axes[0].get_legend().get_texts()) == drawn

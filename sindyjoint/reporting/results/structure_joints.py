@@ -79,7 +79,7 @@ def _loop(loop: RecoveredLoop, ax: Axes) -> Axes:
     found = {"color": ACCENT, "ls": "none", "marker": ".", "ms": 2, "label": "found law, moving"}
     curves: list[Curve] = [(1e3 * loop.angle, loop.moment, recovered), (1e3 * loop.angle, loop.law, found)]
     title = f"{loop.joint}, {loop.run}"
-    shown = curves[: 1 + bool(loop.law.size)]
+    shown = curves[: 1 + bool(np.isfinite(loop.law).any())]
     return plot(ax, "Angle (mrad)", "Moment (N·m)", shown, title, legend="upper left")
 
 
