@@ -1,17 +1,15 @@
 """sindyjoint discover: what it prints, what it writes, with what status it leaves."""
 
-import io
 import json
-from contextlib import redirect_stdout
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sindyjoint import JointModel, simulate
-from sindyjoint.cli import main
 from sindyjoint.files import write_campaign
 from sindyjoint.paper import TERMS as PAPER_TERMS
+from tests.doors.asked import ask
 
 NUMBER = (int, float)
 
@@ -28,17 +26,13 @@ def written(tmp_path_factory):
 @pytest.fixture(scope="module")
 def plain(written):
     """What ``discover --json`` prints of it."""
-    output = io.StringIO()
-    with pytest.raises(SystemExit) as leave, redirect_stdout(output):
-        main(["discover", str(written), "--json"])
-    assert not leave.value.code
-    return output.getvalue()
-
-
-def test_json_has_exactly_the_promised_fields(written, sindyjoint):
-    answer = sindyjoint("discover", written, "--json")
+    answer = ask("discover", written, "--json")
     assert (answer.status, answer.stderr) == (0, "")
-    record = json.loads(answer.stdout)
+    return answer.stdout
+
+
+def test_json_has_exactly_the_promised_fields(plain):
+    record = json.loads(plain)
     assert list(record) == [
         "schema",
         "joint",

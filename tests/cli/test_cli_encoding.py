@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from sindyjoint import cli
+from tests.doors.asked import without_stages
 
 # A name with letters of several scripts, in a campaign whose units and symbols are not ASCII anyway.
 NAME = "Gelenk θ₁ ü 漢"
@@ -44,7 +45,9 @@ def run(monkeypatch):
             patch.setattr(sys, "stdout", streams[0])
             patch.setattr(sys, "stderr", streams[1])
             cli.main([str(argument) for argument in arguments])
-        return answer(console, int(leave.value.code or 0), *(stream.buffer.getvalue() for stream in streams))
+        written = (stream.buffer.getvalue() for stream in streams)
+        status, stdout, stderr = answer(console, int(leave.value.code or 0), *written)
+        return status, stdout, without_stages(stderr, arguments)
 
     return run
 
