@@ -31,7 +31,7 @@ from sindyjoint.states.harmonics import (
     local_noise,
     refine_frequency,
     significant_harmonics,
-    steady_start,
+    unsteady_periods,
 )
 from sindyjoint.states.periodic import (
     BAND_SHARE,
@@ -95,7 +95,7 @@ __all__ = [
     "significant_harmonics",
     "smoothing_kernels",
     "states_of",
-    "steady_start",
+    "unsteady_periods",
     "transfer_noise",
     "with_lags",
     "with_later_motion",

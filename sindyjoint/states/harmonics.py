@@ -204,31 +204,28 @@ def refine_frequency(signal: Array, sample_rate: float, frequency: float, order:
     return float(frequency * (1 + slope / (2 * np.pi * order)))
 
 
-def steady_start(
+def unsteady_periods(
     signal: Array, sample_rate: float, frequency: float, orders: Sequence[int] = FIRST_ORDERS
-) -> int:
-    """Return the index of the first period from which the motion repeats.
+) -> tuple[int, int]:
+    """Return how many whole periods to leave out, before the motion repeats and at the end, as of a drive ramped down.
 
     A period is steady when some harmonics, the first three unless others are stronger, lie within five scatters of
     their median over the second half of the record (scatter: median distance there, and at least 0.2 % of the first of
     these harmonics).
-
-    Returns
-    -------
-    int
-        Number of whole periods to leave out.
     """
     per = sample_rate / frequency
     periods = int(signal.size / per)
     if periods < 4:
-        return 0
+        return 0, 0
     phasor = _sum_periods(signal, sample_rate, frequency, orders) / per
     late = phasor[periods // 2 :]
     target = np.median(late.real, axis=0) + 1j * np.median(late.imag, axis=0)
     distance = np.sqrt(np.sum(np.abs(phasor - target) ** 2, axis=1))
     scatter = max(float(np.median(distance[periods // 2 :])), STATES.accuracy * float(np.abs(target[0])))
-    unsteady = np.flatnonzero(distance[: periods // 2] > STATES.unsteady * scatter)
-    return int(unsteady[-1]) + 1 if unsteady.size else 0
+    steady = distance <= STATES.unsteady * scatter
+    unsteady = np.flatnonzero(~steady[: periods // 2])
+    last = np.flatnonzero(steady[periods // 2 :])
+    return int(unsteady[-1]) + 1 if unsteady.size else 0, late.shape[0] - 1 - int(last[-1])
 
 
 def _sum_periods(

@@ -19,7 +19,7 @@ from sindyjoint.states.harmonics import (
     local_noise,
     refine_frequency,
     significant_harmonics,
-    steady_start,
+    unsteady_periods,
 )
 from sindyjoint.states.record import ForceStates, Harmonics, NoiseFloor, moving_mask, rate_limit
 
@@ -159,9 +159,10 @@ def steady_span(run: Run, frequency: float) -> tuple[int, int, int]:
         If there are fewer than three.
     """
     per = run.sample_rate / frequency
-    start = int(round(steady_start(run.angle, run.sample_rate, frequency) * per))
+    before, after = unsteady_periods(run.angle, run.sample_rate, frequency)
+    start = int(round(before * per))
     # One part in a thousand of a period may be missing at the end: rounding of the record's length.
-    periods = int(np.floor((run.n_samples - start) / per + 1e-3))
+    periods = int(np.floor((run.n_samples - start) / per + 1e-3)) - after
     if periods < STATES.fewest:
         raise InputError(
             f"{run.label}: {periods} steady period(s) of {frequency:g} Hz; the periodic method needs "

@@ -26,7 +26,7 @@ from sindyjoint.states import (
     cut_blocks,
     local_noise,
     refine_frequency,
-    steady_start,
+    unsteady_periods,
 )
 
 
@@ -301,8 +301,10 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
     orders = _strongest_orders(run)
     frequency = refine_frequency(main, run.sample_rate, run.frequency, orders[0])
     per = run.sample_rate / frequency
-    first = max(int(round(steady_start(s, run.sample_rate, frequency, orders) * per)) for s in signals[1:])
-    periods = int(np.floor((run.drive.size - first) / per + 1e-3))
+    ends = [unsteady_periods(s, run.sample_rate, frequency, orders) for s in signals[1:]]
+    before, after = np.max(ends, axis=0)
+    first = int(round(before * per))
+    periods = int(np.floor((run.drive.size - first) / per + 1e-3)) - int(after)
     if periods < STATES.fewest:
         raise InputError(
             f"run {run.name!r}: {periods} steady period(s) of {frequency:g} Hz; expected {STATES.fewest} or "

@@ -14,7 +14,7 @@ from sindyjoint.states import (
     refine_frequency,
     repetition,
     significant_harmonics,
-    steady_start,
+    unsteady_periods,
     without_noise_travel,
 )
 
@@ -131,7 +131,7 @@ def test_transient_is_found(constant):
     time = np.arange(10_000) / SAMPLING
     signal = np.sin(8 * np.pi * time) + np.exp(-time / constant) * np.sin(2 * np.pi * 11.3 * time)
     noisy = signal + 0.001 * np.random.default_rng(3).normal(size=time.size)
-    start = steady_start(noisy, SAMPLING, 4.0) / 4.0
+    start = unsteady_periods(noisy, SAMPLING, 4.0)[0] / 4.0
     # A free vibration off the harmonics leaves about a tenth of itself in them: ln(50)…ln(500) time constants.
     assert 2.0 * constant < start < 6.5 * constant
 
@@ -139,8 +139,19 @@ def test_transient_is_found(constant):
 def test_nothing_is_left_out_of_a_steady_run():
     time = np.arange(10_000) / SAMPLING
     noisy = np.sin(8 * np.pi * time) + 0.01 * np.random.default_rng(4).normal(size=time.size)
-    assert steady_start(noisy, SAMPLING, 4.0) == 0
-    assert steady_start(noisy[:600], SAMPLING, 4.0) == 0  # two periods and a half: nothing to compare
+    assert unsteady_periods(noisy, SAMPLING, 4.0) == (0, 0)
+    assert unsteady_periods(noisy[:600], SAMPLING, 4.0) == (
+        0,
+        0,
+    )  # two periods and a half: nothing to compare
+
+
+def test_a_drive_that_is_ramped_down_leaves_out_its_last_periods():
+    # Ten seconds of 4 Hz, the last of them faded: four periods.
+    time = np.arange(10_000) / SAMPLING
+    faded = np.sin(8 * np.pi * time) * np.minimum(1, 10 - time)
+    noisy = faded + 0.01 * np.random.default_rng(5).normal(size=time.size)
+    assert unsteady_periods(noisy, SAMPLING, 4.0) == (0, 4)
 
 
 def test_limit_follows_the_larger_of_share_and_noise():
