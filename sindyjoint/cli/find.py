@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,7 +18,6 @@ from sindyjoint.cli.options import (
     CampaignPath,
     CandidatesOption,
     Finding,
-    Nuisance,
     Output,
     Work,
     default_of,
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from sindyjoint.mechanics.transient import Response
     from sindyjoint.workflows.simulate import WrittenTest
 
+# Where an option may be repeated typer takes an enumeration, and no Literal.
+Nuisance = StrEnum("Nuisance", ["delay", "gain", "offset"])
 # Of the options of a search those that belong to the channels of a joint's own test.
 OF_CHANNELS = ("states", "bandwidth", "align")
 

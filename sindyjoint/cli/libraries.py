@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -23,7 +22,6 @@ app = typer.Typer(
 )
 
 
-_Motion = StrEnum("_Motion", ["rotation", "translation"])
 Library = Annotated[
     str, typer.Argument(metavar="NAME", help="A shipped library, or the path of a .toml file.")
 ]
@@ -53,8 +51,9 @@ def list_(as_json: AsJson = False) -> None:
 def show(
     name: Library,
     motion: Annotated[
-        _Motion, typer.Option(help="Kind of joint to show words and units for.")
-    ] = _Motion.rotation,
+        Literal["rotation", "translation"],
+        typer.Option(help="Kind of joint to show words and units for."),
+    ] = "rotation",
     as_json: AsJson = False,
 ) -> None:
     """Show the terms of a library: id, symbol, formula, unit of the coefficient, meaning.
@@ -64,23 +63,22 @@ def show(
     from sindyjoint.equation.catalogue import load_catalogue
 
     catalogue = load_catalogue(name)
-    kind: Any = motion.value
     # A terminal shows θ̇; what is piped into a file or another program stays in the ASCII of the catalogues.
     pretty, plain = [], []
     for term in catalogue:
-        parameters = [_parameter(parameter, kind) for parameter in term.parameters]
-        meaning, unit = in_words_of(kind, term.meaning), term.unit_for(kind)
-        formula = "\n".join((term.pretty(kind), *parameters))
+        parameters = [_parameter(parameter, motion) for parameter in term.parameters]
+        meaning, unit = in_words_of(motion, term.meaning), term.unit_for(motion)
+        formula = "\n".join((term.pretty(motion), *parameters))
         pretty.append((f"{term.id}\n{meaning}", term.symbol, formula, unit))
-        plain.append((term.id, term.symbol, term.text(kind), unit, ", ".join(parameters) or "-", meaning))
+        plain.append((term.id, term.symbol, term.text(motion), unit, ", ".join(parameters) or "-", meaning))
     _print(
         as_json,
         {
             "schema": 1,
             "name": catalogue.name,
             "description": catalogue.description,
-            "motion": kind,
-            "terms": [_term_record(term, kind) for term in catalogue],
+            "motion": motion,
+            "terms": [_term_record(term, motion) for term in catalogue],
         },
         (("term", "symbol", "formula", "unit"), pretty),
         (("id", "symbol", "formula", "unit", "parameters", "meaning"), plain),

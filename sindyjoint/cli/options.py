@@ -7,11 +7,10 @@ import inspect
 import re
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -109,19 +108,7 @@ METHODS = (
 """Ways to make the path of models, as discovery has them."""
 
 
-# How one model of the path is chosen, what may be estimated with the coefficients, how rates are made of angles.
-Selection = StrEnum("Selection", ["evidence", "one_standard_error"])
-Nuisance = StrEnum("Nuisance", ["delay", "gain", "offset"])
-States = StrEnum("States", ["auto", "periodic", "broadband"])
-
-
 REGRESSOR, DISCOVER = "discovery.regression:TermRegression", "workflows.discover:discover"
-METHOD: str = default_of(REGRESSOR, "method")
-SELECTION = Selection(default_of(REGRESSOR, "selection"))
-STATES = States(default_of(DISCOVER, "states"))
-ALIGN: bool = default_of(DISCOVER, "align")
-JOBS: int = default_of(DISCOVER, "jobs")
-LIBRARY: str = default_of(DISCOVER, "library")
 
 CampaignPath = Annotated[
     Path | None,
@@ -136,7 +123,7 @@ CandidatesOption = Annotated[
     typer.Option(
         "--library",
         "-l",
-        help=f"Candidate terms: name or path of a catalogue. Repeatable. [{LIBRARY}]",
+        help=f"Candidate terms: name or path of a catalogue. Repeatable. [{default_of(DISCOVER, 'library')}]",
     ),
 ]
 AlignOption = Annotated[
@@ -215,7 +202,7 @@ class Output:
 class Work:
     """Where tasks run: the options of every command that has many."""
 
-    jobs: JobsOption = JOBS
+    jobs: JobsOption = default_of(DISCOVER, "jobs")
     workers: WorkersOption = None
     cluster: ClusterOption = None
 
@@ -234,8 +221,10 @@ class Finding:
             metavar="NAME",
             help=f"How the path of models is made: {', '.join(METHODS)}; or pysindy:NAME for an optimizer of pysindy.",
         ),
-    ] = METHOD
-    selection: Annotated[Selection, typer.Option(help="How one model of the path is chosen.")] = SELECTION
+    ] = default_of(REGRESSOR, "method")
+    selection: Annotated[
+        Literal["evidence", "one_standard_error"], typer.Option(help="How one model of the path is chosen.")
+    ] = default_of(REGRESSOR, "selection")
     threshold: Annotated[
         float | None,
         typer.Option(help="Least unique share of a term, instead of choosing by evidence."),
@@ -246,19 +235,21 @@ class Finding:
     forbid: Annotated[
         list[str] | None, typer.Option("--forbid", help="Id of a term to leave out. Repeatable.")
     ] = None
-    states: Annotated[States, typer.Option(help="How rates are made of angles.")] = STATES
+    states: Annotated[
+        Literal["auto", "periodic", "broadband"], typer.Option(help="How rates are made of angles.")
+    ] = default_of(DISCOVER, "states")
     bandwidth: Annotated[float | None, typer.Option(help="Highest frequency kept in the angle, Hz.")] = None
-    align: AlignOption = ALIGN
+    align: AlignOption = default_of(DISCOVER, "align")
 
     def arguments(self) -> dict[str, Any]:
         """Return what :func:`sindyjoint.discover` takes."""
         return {
             "method": self.method,
-            "selection": self.selection.value,
+            "selection": self.selection,
             "threshold": self.threshold,
             "forced": tuple(self.require or ()),
             "forbidden": tuple(self.forbid or ()),
-            "states": self.states.value,
+            "states": self.states,
             "bandwidth": self.bandwidth,
             "align": self.align,
         }

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -17,10 +16,6 @@ from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
 from sindyjoint.trust import PLACES
-
-_Like = StrEnum("_Like", {"inter_panel": "inter-panel", "panel_root": "panel-root"})
-_Drive = StrEnum("_Drive", ["moment", "angle"])
-
 
 PLAN = "workflows.plan:plan"
 SHARE: float = default_of(PLAN, "share")
@@ -33,7 +28,7 @@ READ = {name: CHANNELS[name] for name in ("moment", "angle")}
 @with_blocks
 def plan(
     like: Annotated[
-        _Like | None,
+        Literal["inter-panel", "panel-root"] | None,
         typer.Option(help="The paper's joint that the joint resembles. [inter-panel, without a campaign]"),
     ] = None,
     model: Annotated[
@@ -47,7 +42,7 @@ def plan(
         typer.Option("--range", help="Of a coefficient: 'linear_stiffness=5..8 kN*m/rad'. May be repeated."),
     ] = None,
     drive: Annotated[
-        _Drive | None,
+        Literal["moment", "angle"] | None,
         typer.Option(help="What the actuator prescribes. [moment; angle where the inertia is unknown]"),
     ] = None,
     band: Annotated[
@@ -120,11 +115,11 @@ def plan(
     """
     find = call(
         PLAN,
-        None if like is None else like.value,
+        like,
         model=model,
         campaign=campaign,
         ranges=_ranges(ranges or []),
-        drive=None if drive is None else drive.value,
+        drive=drive,
         limits=_quantities(limits or [], CHANNELS, "--limit"),
         goal=None if goal is None else _goal(goal),
         resolution=_quantities(resolution or [], READ, "--resolution"),

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -25,12 +24,6 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.simulate import WrittenTest
 
 
-_Joint = StrEnum("_Joint", {"inter_panel": "inter-panel", "panel_root": "panel-root"})
-_Drive = StrEnum("_Drive", ["moment", "rig", "displacement"])
-_Accelerometer = StrEnum("_Accelerometer", ["instead", "beside"])
-_Format = StrEnum("_Format", ["csv", "tsv", "npz", "parquet", "h5", "mat"])
-
-
 def _numbers(text: str, option: str) -> tuple[float, ...]:
     """Numbers of a comma-separated list."""
     try:
@@ -47,7 +40,6 @@ TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
 FREQUENCIES = _text(default_of(TEST, "frequencies"))
 LEVELS = _text(default_of(TEST, "levels"))
 NOISE: float = default_of(TEST, "noise")
-FORMAT = _Format(default_of("files.writers:write_campaign", "format"))
 
 
 # What a virtual test of a rig takes; its runs and noise stand in the rig's file.
@@ -67,9 +59,9 @@ def simulate(
             show_default=False,
         ),
     ] = None,
-    joint: Annotated[_Joint, typer.Option(help="The paper's joint to test.")] = _Joint(
-        default_of(TEST, "joint")
-    ),
+    joint: Annotated[
+        Literal["inter-panel", "panel-root"], typer.Option(help="The paper's joint to test.")
+    ] = default_of(TEST, "joint"),
     model: Annotated[
         Path | None,
         typer.Option(
@@ -91,8 +83,9 @@ def simulate(
         str, typer.Option(help="Peak angles as fractions of the softening limit, with commas.")
     ] = LEVELS,
     drive: Annotated[
-        _Drive, typer.Option(help="Sinusoidal moment at the sensor, moment through a beam, or angle.")
-    ] = _Drive(default_of(PLAN, "drive")),
+        Literal["moment", "rig", "displacement"],
+        typer.Option(help="Sinusoidal moment at the sensor, moment through a beam, or angle."),
+    ] = default_of(PLAN, "drive"),
     noise: Annotated[float, typer.Option(help="White noise as a fraction of each channel's RMS.")] = NOISE,
     bits: Annotated[int | None, typer.Option(help="Resolution of the converter.")] = None,
     sample_rate: Annotated[float, typer.Option(help="Sampling rate in Hz.")] = default_of(
@@ -113,14 +106,16 @@ def simulate(
         bool, typer.Option("--raw", help="Write strain gauges and laser spots, not moment and angle.")
     ] = default_of(TEST, "raw_channels"),
     accelerometer: Annotated[
-        _Accelerometer | None,
+        Literal["instead", "beside"] | None,
         typer.Option(help="Measure the acceleration instead of the angle, or beside it."),
     ] = None,
     drift: Annotated[
         float,
         typer.Option(help="Drift of the angle's sensor over a run, as a fraction of the angle's RMS."),
     ] = default_of(PLAN, "angle_drift"),
-    format: Annotated[_Format, typer.Option(help="Format of the run files.")] = FORMAT,
+    format: Annotated[
+        Literal["csv", "tsv", "npz", "parquet", "h5", "mat"], typer.Option(help="Format of the run files.")
+    ] = default_of("files.writers:write_campaign", "format"),
     random_state: Annotated[int, typer.Option(min=0, help="Seed of the noise.")] = 0,
     force: ForceOption = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print what was written as JSON.")] = False,
@@ -135,7 +130,7 @@ def simulate(
         refuse_other_options(context, OF_A_RIG, "stands in the file of a rig; leave it out")
         from sindyjoint.cli.find import simulate_structure
 
-        record = simulate_structure(rig, model, out, format.value, random_state, force, progress)
+        record = simulate_structure(rig, model, out, format, random_state, force, progress)
         _print_record(record, "a structure", as_json)
         return
 
@@ -146,7 +141,7 @@ def simulate(
     if known is None and at:
         raise InputError(f"--at {at[0]} is given without --model; the paper's joints have no inputs")
     made = make_test(
-        joint.value,
+        joint,
         known,
         None if known is None else given_inputs(known, at),
         plan=plan,
@@ -157,16 +152,16 @@ def simulate(
         raw_channels=raw,
         frequencies=_numbers(frequencies, "--frequencies"),
         levels=_numbers(levels, "--levels"),
-        drive=drive.value,
+        drive=drive,
         sample_rate=sample_rate,
         duration=duration,
         settling=settling,
-        accelerometer="" if accelerometer is None else accelerometer.value,
+        accelerometer=accelerometer or "",
         angle_drift=drift,
         **given(skew=skew),
     )
     progress.say("writing the files")
-    manifest, campaign = made.write(out, format.value, force), made.campaign
+    manifest, campaign = made.write(out, format, force), made.campaign
     progress.show_details(campaign)
     progress.end()
     for note in made.notes:
