@@ -36,6 +36,10 @@ class SindyJointError(Exception):
 
     status: ClassVar[int] = 2
 
+    def __str__(self) -> str:
+        # KeyError shows repr(message), OSError its fields; a sentence should read as a sentence.
+        return str(self.args[0]) if self.args else ""
+
 
 class InputError(SindyJointError, ValueError):
     """A value, a file's content or an option that cannot be used."""
@@ -48,9 +52,6 @@ class StandstillError(InputError):
 class MissingInputError(SindyJointError, FileNotFoundError):
     """A file or folder that was named does not exist."""
 
-    def __str__(self) -> str:
-        return str(self.args[0]) if self.args else ""
-
 
 class UnitError(InputError):
     """An unknown unit, or one of the wrong dimension."""
@@ -62,10 +63,6 @@ class FormulaError(InputError):
 
 class UnknownNameError(SindyJointError, KeyError):
     """A term, library, method or option name that nobody knows."""
-
-    def __str__(self) -> str:
-        # KeyError shows repr(message); a sentence should read as a sentence.
-        return str(self.args[0]) if self.args else ""
 
 
 class OptionError(SindyJointError, TypeError):
@@ -93,9 +90,6 @@ class NothingToDrawError(MissingInputError):
 
 class OutputError(SindyJointError, OSError):
     """A result that cannot be written where it was asked for."""
-
-    def __str__(self) -> str:
-        return str(self.args[0]) if self.args else ""
 
 
 class MissingExtraError(SindyJointError, ImportError):

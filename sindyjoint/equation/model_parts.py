@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -289,3 +291,19 @@ def _plan(
             joined.append((place, 1.0))
         formulas.append(formula_text(expression) if inputs else formula)
     return tuple(joined), tuple(formulas)
+
+
+# What a model says it was computed with.
+PACKAGES = ("sindyjoint", "pysindy", "scikit-learn", "numpy", "scipy", "matplotlib", "sympy", "numba")
+
+
+@cache
+def versions() -> tuple[tuple[str, str], ...]:
+    """Return the versions of this package, of Python and of what it computes with."""
+    found = [("Python", platform.python_version())]
+    for name in PACKAGES:
+        try:
+            found.append((name, version(name)))
+        except PackageNotFoundError:
+            continue
+    return tuple(found)

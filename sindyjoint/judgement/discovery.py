@@ -16,12 +16,12 @@ from sindyjoint.discovery.uncertainty import in_words, inseparable
 from sindyjoint.equation.calibration import gain_moves, with_gain_uncertainty
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
+from sindyjoint.equation.model_parts import versions
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.judgement.headline import Excitations, is_of_the_paper, of_discovery
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
 from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
-from sindyjoint.judgement.versions import versions
 from sindyjoint.limits import DISCOVERY, JUDGEMENT
 from sindyjoint.record import Campaign
 from sindyjoint.response.compared import corrected
@@ -204,16 +204,15 @@ def stopped_by_data(checked: Check[Campaign], regressor: TermRegression) -> Disc
     campaign = checked.measured
     runs = checked.usable.identification_runs
     moment = float(np.sqrt(np.mean(np.concatenate([run.moment for run in runs]) ** 2))) if runs else 0.0
-    unknown = float("nan")
     fitted = Fitted(
         moment_rms=moment,
         residual_rms=moment,
-        noise_floor=unknown,
-        moving_fraction=unknown,
+        noise_floor=np.nan,
+        moving_fraction=np.nan,
         samples=0,
         runs=len(runs),
         angle=max((float(np.abs(run.angle).max()) for run in runs), default=0.0),
-        rate=unknown,
+        rate=np.nan,
         frequencies=tuple(sorted({run.frequency for run in runs if run.frequency is not None})),
         simulated=campaign.simulated,
         mean_known=campaign.mean_known,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sindyjoint.limits import JUDGEMENT
+from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.paper import JOINTS
 from sindyjoint.record import Campaign
 from sindyjoint.trust import Light, Trust
@@ -46,15 +47,15 @@ class Excitations:
     recovered: bool = False
 
     @classmethod
-    def of(cls, campaign: Campaign) -> Excitations:
-        """Return what the runs of a campaign that are fitted to excite."""
-        runs = campaign.identification_runs
+    def of(cls, measured: Campaign | RigTest) -> Excitations:
+        """Return what the runs of a campaign, or of a structure's test, that are fitted to excite."""
+        runs = measured.identification_runs
         frequencies = tuple(run.frequency for run in runs if run.frequency is not None)
         return cls(
             frequencies,
             tuple(run.level for run in runs if run.level is not None),
             len(runs),
-            RECOVERED in campaign.notes,
+            isinstance(measured, Campaign) and RECOVERED in measured.notes,
         )
 
 

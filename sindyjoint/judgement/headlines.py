@@ -40,12 +40,7 @@ NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown
 
 def judge_check(check: Check) -> Trust:
     """Return whether a model can be made of some data, and what to do with them."""
-    soundness, runs = check.soundness, check.excitations
-    tested = Excitations(
-        tuple(frequency for frequency, _ in runs if frequency is not None),
-        tuple(level for _, level in runs if level is not None),
-        len(runs),
-    )
+    soundness, runs = check.soundness, check.measured.identification_runs
     subject = "RIG" if check.words.structure else "CAMPAIGN"
     stops, biases = _faults(soundness, "stops"), _faults(soundness, "biases")
     left_out = all(f.masked for f in soundness.findings if f.severity == "biases")
@@ -61,7 +56,7 @@ def judge_check(check: Check) -> Trust:
         )
         if biases
         else Light("bias", "good", "nothing found that shifts a coefficient"),
-        judge_coverage([f for f, _ in runs], [level for _, level in runs]),
+        judge_coverage([run.frequency for run in runs], [run.level for run in runs]),
     )
     accept = "".join(f" --accept {name}" for name in dict.fromkeys(f.id for f in soundness.stopping))
     steps: list[Step] = [
@@ -75,7 +70,8 @@ def judge_check(check: Check) -> Trust:
         ),
     ]
     if lights[-1].colour != "good":
-        steps.append((advise_runs(tested), "tell terms apart that are alike on these runs"))
+        advised = advise_runs(Excitations.of(check.measured))
+        steps.append((advised, "tell terms apart that are alike on these runs"))
     return Trust(lights, tuple(steps[:MOST_STEPS]))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
@@ -36,7 +36,7 @@ from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, regression_rows, signals_hash
-from sindyjoint.substructure.law_errors import LawErrors, Source, law_errors
+from sindyjoint.substructure.law_errors import LawErrors, Recovered, law_errors
 from sindyjoint.substructure.recovery import Recovery, Update, recover, with_numbers
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
@@ -49,17 +49,6 @@ COLUMNS = ("angle", "rate", "moment")
 # Terms that may be added one after another for they stand out of the sensors' noise.
 STANDING_OUT = 3
 ALIKE = 0.8  # of the furthest: so far must another one stand out to be tried, too
-
-
-@dataclass(frozen=True, eq=False)
-class Recovered:
-    """A joint's states in one run, with what they were made of; `unseen` is the slow part of its angle."""
-
-    recovery: Recovery
-    joint: int
-    states: ForceStates
-    unseen: Array = field(default_factory=lambda: np.zeros(1))
-    weight: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,15 +237,14 @@ def _beyond(
         term_columns(rest, each.states.angle[kept], each.states.rate[kept], each.states.acceleration[kept])
         for each, kept in zip(recovered, rows.kept, strict=True)
     ]
-    sources = [_source(each) for each in recovered]
-    errors = law_errors(rows, sources, slow, columns)
+    errors = law_errors(rows, recovered, slow, columns)
     size = np.where(errors.excess_with < SUBSTRUCTURE.many_times, np.abs(errors.others), 0.0)
     if not rest or size.max() < SUBSTRUCTURE.stands_out:
         return errors, ""
 
     def left_with(term: ResolvedTerm) -> float:
         fitted = find_slow(states, slow, [*_terms_of(regressor), term], rows.weights)
-        return law_errors(fitted, sources, slow).excess
+        return law_errors(fitted, recovered, slow).excess
 
     # The slow angles follow each of them otherwise: those that are about alike are fitted.
     rivals = [rest[place] for place in np.flatnonzero(size > ALIKE * size.max())]
@@ -273,10 +261,6 @@ def _terms_of(regressor: TermRegression) -> list[ResolvedTerm]:
     """Return the terms that were found, in the order of the model."""
     resolved = {term.id: term for term in regressor.terms_}
     return [resolved[term.id] for term in regressor.model_.terms]
-
-
-def _source(each: Recovered) -> Source:
-    return Source(each.recovery, each.joint, each.states)
 
 
 def _judged(
@@ -359,7 +343,7 @@ def _test_alike(law: JointLaw) -> str:
         slow = [slow_part(each.recovery, each.joint) for each in own]
         bare = [with_slow(e.states, s, -e.unseen) for e, s in zip(own, slow, strict=True)]
         rows = find_slow(bare, slow, terms, np.array([each.weight for each in own]))
-        errors = law_errors(rows, [_source(each) for each in own], slow)
+        errors = law_errors(rows, own, slow)
         fits.append((rows.coefficients, np.sqrt(np.diag(errors.covariance))))
     values, spread = (np.array(part) for part in zip(*fits, strict=True))
     degrees = np.full(len(fits), MANY)

@@ -120,11 +120,10 @@ def refine_rig(
     RigRefinement
     """
     say = progress or (lambda stage: None)
-    nothing = float("nan")
     try:
         problem = runs_problem(test, recoveries, models)
     except InputError as error:
-        return RigRefinement(False, str(error), models, None, nothing, nothing)
+        return RigRefinement(False, str(error), models, None, np.nan, np.nan)
     start = problem.start()
     first = problem.residuals(start)
     assert first is not None
@@ -137,7 +136,7 @@ def refine_rig(
         found.append(fit(problem, shift, problem.duration, iterations=ITERATIONS))
     best = min((each for each in found if each is not None), key=lambda each: each.cost, default=None)
     if best is None:
-        return RigRefinement(False, "no start could be simulated", models, None, nothing, nothing)
+        return RigRefinement(False, "no start could be simulated", models, None, np.nan, np.nan)
     for _ in range(ROUNDS - 1):
         problem = problem.whitened(best.x)
         again = fit(problem, best.x, problem.duration, iterations=ITERATIONS)
@@ -149,7 +148,7 @@ def refine_rig(
     return RigRefinement(
         True, "", problem.models(best.x, covariance), problem.update(best.x, covariance),
         float(np.sqrt(first @ first / degrees)), float(np.sqrt(last @ last / degrees)),
-        tuple(nothing if each is None else each.cost for each in found),
+        tuple(np.nan if each is None else each.cost for each in found),
     )  # fmt: skip
 
 

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sindyjoint.errors import InputError, refuse
-from sindyjoint.mechanics.compiled import CompiledLaw, ScalarLaw
 from sindyjoint.numeric import Array
 
 if TYPE_CHECKING:
     import sympy
+
+    from sindyjoint.mechanics.kernels import CompiledLaw, ScalarLaw
 
 
 class Law(ABC):
@@ -151,7 +152,7 @@ class PaperLaw(Law):
 
     def compiled(self) -> CompiledLaw:
         """Compiled form, shared by every set of coefficients."""
-        from sindyjoint.mechanics.kernels import PAPER_CALLBACK
+        from sindyjoint.mechanics.kernels import PAPER_CALLBACK, CompiledLaw
 
         return CompiledLaw(PAPER_CALLBACK, self.parameters, 0)
 

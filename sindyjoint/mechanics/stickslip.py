@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
-from sindyjoint.mechanics.laws import CompiledLaw, Law
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.numeric import Array, kept
 
 # Runge-Kutta of order 4 is stable up to 2.8 of a step times the rate at which a state settles.
@@ -83,18 +83,20 @@ def _describe_failure(status: int, time: float, limits: Array, where: str) -> Si
     return SimulationError(where + texts[status], time=float(time))
 
 
-def _expand_parameters(parameters: ArrayLike | None, law: CompiledLaw, runs: int) -> Array:
+def _expand_parameters(
+    parameters: ArrayLike | None, given: Array, places: NDArray[np.int64], runs: int
+) -> Array:
     """Return what the law reads in each run, shape (runs, n_numbers)."""
-    numbers = np.tile(law.numbers, (runs, 1))
+    numbers = np.tile(given, (runs, 1))
     if parameters is None:
         return numbers
-    sets, count = np.atleast_2d(np.asarray(parameters, dtype=np.float64)), law.places.size
+    sets, count = np.atleast_2d(np.asarray(parameters, dtype=np.float64)), places.size
     if sets.shape[1] != count or sets.shape[0] not in (1, runs):
         raise InputError(
             f"parameters have shape {sets.shape}; expected ({runs}, {count}): one row of the law's "
             "parameters per run"
         )
-    numbers[:, law.places] = sets
+    numbers[:, places] = sets
     return numbers
 
 
@@ -179,7 +181,7 @@ def simulate_many(
             f"duration {duration!r} s at {sample_rate!r} Hz with rtol {rtol!r} and max_step {max_step!r}; "
             "expected at least two samples, 1e-13 ≤ rtol < 1 and a positive step"
         )
-    sets = _expand_parameters(parameters, compiled, runs)
+    sets = _expand_parameters(parameters, compiled.numbers, compiled.places, runs)
     beam = np.broadcast_to(np.asarray(beam_inertia, dtype=np.float64), runs)
     total = np.ascontiguousarray(beam + law.inertia)
     if not np.all(total > 0):

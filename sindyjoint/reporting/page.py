@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sindyjoint.documents import hash_file, read_toml
-from sindyjoint.judgement.versions import versions
+from sindyjoint.equation.model_parts import versions
 from sindyjoint.record import Campaign
 from sindyjoint.reporting.equation import symbol_html
 from sindyjoint.reporting.style import INK, MUTED, RULE

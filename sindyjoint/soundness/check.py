@@ -204,11 +204,6 @@ class Check(Shown, Generic[Data]):
         return self.measured.simulated
 
     @property
-    def excitations(self) -> Sequence[tuple[float | None, str | None]]:
-        """Frequency and level of the runs that are used for identification."""
-        return [(run.frequency, run.level) for run in self.measured.identification_runs]
-
-    @property
     def stopping(self) -> tuple[Finding, ...]:
         """Findings under which no model is made."""
         return self.soundness.stopping

@@ -1,6 +1,6 @@
 """What a check of the data finds: a record for each fault, what it does to the law, the verdict that all make."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
@@ -125,7 +125,10 @@ class Soundness:
     @property
     def verdict(self) -> SoundnessVerdict:
         """``"unsound"`` where something stops, accepted or not, ``"doubtful"`` where it biases, or ``"sound"``."""
-        return verdict_of(self.findings)
+        severities = {finding.severity for finding in self.findings}
+        if "stops" in severities:
+            return "unsound"
+        return "doubtful" if "biases" in severities else "sound"
 
     WRITTEN: ClassVar = same("verdict", "ids", "accepted")
 
@@ -133,14 +136,6 @@ class Soundness:
     def ids(self) -> tuple[str, ...]:
         """Ids of what was found."""
         return tuple(dict.fromkeys(finding.id for finding in self.findings))
-
-
-def verdict_of(findings: Sequence[Finding]) -> SoundnessVerdict:
-    """Return the verdict on a list of findings."""
-    severities = {finding.severity for finding in findings}
-    if "stops" in severities:
-        return "unsound"
-    return "doubtful" if "biases" in severities else "sound"
 
 
 def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:

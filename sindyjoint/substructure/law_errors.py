@@ -9,8 +9,7 @@ of the noise: the sandwich of Huber, Proc. 5th Berkeley Symposium 1, 1967).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +23,15 @@ from sindyjoint.substructure.unseen import LawRows, Slow
 Complex = NDArray[np.complex128]
 
 
-class Source(NamedTuple):
-    """What the rows of a joint in a run were made of."""
+@dataclass(frozen=True, eq=False)
+class Recovered:
+    """A joint's states in one run, with what they were made of; `unseen` is the slow part of its angle."""
 
     recovery: Recovery
     joint: int
     states: ForceStates
+    unseen: Array = field(default_factory=lambda: np.zeros(1))
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ class LawErrors:
     ----------
     size : int
         Number of coefficients, k.
-    sources : tuple of Source
+    sources : tuple of Recovered
     slopes : tuple of ndarray of complex, each of shape (k + u, h, 2)
         δ(c, u) = Re Σ slopes·(δθ, δM) over the harmonics of each joint in each run.
     angle_error : ndarray, shape (runs,)
@@ -58,7 +60,7 @@ class LawErrors:
     """
 
     size: int
-    sources: tuple[Source, ...]
+    sources: tuple[Recovered, ...]
     slopes: tuple[Complex, ...]
     angle_error: Array
     weights: Array
@@ -100,7 +102,7 @@ class LawErrors:
         return total
 
 
-def _covariance(sources: Sequence[Source], slopes: Sequence[Complex]) -> Array:
+def _covariance(sources: Sequence[Recovered], slopes: Sequence[Complex]) -> Array:
     """Return the covariance of what follows the amplitudes; joints of one run share its sensors and their errors."""
     k = len(slopes[0])
     total = np.zeros((k, k))
@@ -116,7 +118,7 @@ def _covariance(sources: Sequence[Source], slopes: Sequence[Complex]) -> Array:
 
 
 def law_errors(
-    rows: LawRows, sources: Sequence[Source], slow: Sequence[Slow], others: Sequence[Array] | None = None
+    rows: LawRows, sources: Sequence[Recovered], slow: Sequence[Slow], others: Sequence[Array] | None = None
 ) -> LawErrors:
     """Return how the coefficients of a law follow errors of the recovered amplitudes.
 
@@ -124,7 +126,7 @@ def law_errors(
     ----------
     rows : LawRows
         Of the law.
-    sources : sequence of Source
+    sources : sequence of Recovered
         Of its runs, in their order.
     slow : sequence of Slow
         Of each run.
@@ -183,7 +185,7 @@ def law_errors(
     )  # fmt: skip
 
 
-def _size(rows: LawRows, sources: Sequence[Source]) -> float:
+def _size(rows: LawRows, sources: Sequence[Recovered]) -> float:
     """Return the norm of the weighted moment of the rows."""
     moments = (source.states.moment[kept] for source, kept in zip(sources, rows.kept, strict=True))
     return float(np.sqrt(sum(w * np.sum(m**2) for w, m in zip(rows.weights, moments, strict=True))))
@@ -193,7 +195,7 @@ def _rows(recovery: Recovery, joint: int) -> list[int]:
     return [joint, recovery.transfer.angles.shape[1] + joint]
 
 
-def _row_errors(source: Source, kept: NDArray[np.intp], slopes: tuple[Array, Array]) -> Complex:
+def _row_errors(source: Recovered, kept: NDArray[np.intp], slopes: tuple[Array, Array]) -> Complex:
     """Return the error of each row by errors of angle and moment at each harmonic, shape (n, h, 2)."""
     state, recovery = source.states, source.recovery
     angular = recovery.spectra.angular
@@ -203,7 +205,7 @@ def _row_errors(source: Source, kept: NDArray[np.intp], slopes: tuple[Array, Arr
     return np.stack([by_angle * (used & ~slow_orders(recovery, source.joint)), spin * used], axis=-1)
 
 
-def _expected(source: Source, errors: Complex) -> float:
+def _expected(source: Recovered, errors: Complex) -> float:
     """Return the sum of squares of the rows that the noise makes; the moment is that of single blocks."""
     pair = _rows(source.recovery, source.joint)
     covariance = source.recovery.covariance[:, pair][:, :, pair].copy()

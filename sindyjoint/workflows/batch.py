@@ -126,7 +126,7 @@ def batch(
         stack.enter_context(_only_batch(folder))
         for number, answer in workers_here(run_task, tasks):
             if isinstance(answer, Lost):
-                record, fresh = _recorded_lost(tasks[number], answer), True
+                record, fresh = _recorded_broken(tasks[number], answer.reason), True
             else:
                 record, fresh = answer
             kept += not fresh
@@ -186,7 +186,7 @@ def run_task(task: Task) -> tuple[CampaignRecord, bool]:
         return _recorded(task, result, inputs, last), True
     # One campaign must not take the others down, whatever it does to the libraries that read it.
     except Exception as error:
-        return _recorded_broken(task, broken(task.id, task.label, error, inputs)), True
+        return _recorded_broken(task, error, inputs), True
 
 
 def held_inputs(campaign: Campaign) -> dict[str, float]:
@@ -253,8 +253,9 @@ def _recorded(task: Task, result: Discovery, inputs: str, last: CampaignRecord |
     return record
 
 
-def _recorded_broken(task: Task, record: CampaignRecord) -> CampaignRecord:
+def _recorded_broken(task: Task, fault: BaseException | str, inputs: str = "") -> CampaignRecord:
     """Write that an attempt failed, and why, next to the files of an earlier result, of which none is touched."""
+    record = broken(task.id, task.label, fault, inputs)
     last = last_result(task.folder)
     if last is not None:
         reason = (
@@ -266,10 +267,6 @@ def _recorded_broken(task: Task, record: CampaignRecord) -> CampaignRecord:
     except (SindyJointError, OSError) as error:
         return replace(record, reason=f"{record.reason}; and its record cannot be written: {error}")
     return record
-
-
-def _recorded_lost(task: Task, lost: Lost) -> CampaignRecord:
-    return _recorded_broken(task, broken(task.id, task.label, lost.reason))
 
 
 def verify_batch(

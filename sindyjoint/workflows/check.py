@@ -61,13 +61,11 @@ def check(
     """
     say = progress or (lambda stage: None)
     check_accepted(accept)
-    if isinstance(campaign, RigTest) or (isinstance(campaign, str | Path) and is_rig_test(campaign)):
+    if isinstance(campaign, str | Path) and is_rig_test(campaign):
         from sindyjoint.mechanics.rig_test_file import load_rig_test
 
-        test = campaign if isinstance(campaign, RigTest) else load_rig_test(campaign)
-        say("checking the data")
-        return check_data(test, accept)
-    opened = the_campaign(campaign, rng, LONGEST)
+        campaign = load_rig_test(campaign)
+    opened = campaign if isinstance(campaign, RigTest) else the_campaign(campaign, rng, LONGEST)
     say("checking the data")
     return check_data(opened, accept)
 

@@ -343,9 +343,12 @@ def laws_of_rig(
     from sindyjoint.judgement.joint_laws import find_laws, with_uncertain_structure
     from sindyjoint.judgement.rig_discovery import (
         RigDiscovery,
+        described,
         misfit_warnings,
+        refine_rig,
         unstated_numbers,
         with_narrow_intervals,
+        with_refinement,
     )
     from sindyjoint.soundness.law.sensors import with_assumed_numbers
     from sindyjoint.substructure.recovery import (
@@ -386,8 +389,6 @@ def laws_of_rig(
     passing = not any(each.spectra.repeats for each in recoveries)
     if not found.found or not (passing if refine is None else refine):
         return with_narrow_intervals(found) if passing and found.found else found
-    from sindyjoint.judgement.rig_discovery import described, refine_rig, with_refinement
-
     models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
     state = options.get("random_state")
     # Numbers that were found untold are known well, and fitting them needs segments in which the joints stand still.

@@ -15,7 +15,7 @@ from sindyjoint.judgement.verdict import Verdict, of_many_rows, of_slight_terms,
 from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.paper import INTER_PANEL, TERMS
 from sindyjoint.substructure import find_slow, joint_states
-from sindyjoint.substructure.law_errors import Source, law_errors
+from sindyjoint.substructure.law_errors import law_errors
 from sindyjoint.substructure.states import kept_orders, slow_part, strongest_line
 from tests.doors.asked import checked_record
 
@@ -104,9 +104,7 @@ def test_a_term_left_out_stands_out_of_the_noise_and_no_other_does(found):
     """What a further term would be is what it is once it is fitted."""
     (law,) = found.laws
     ids, resolved = law.discovery.model.ids, {t.id: t for t in law.discovery.regressor.terms_}
-    states, sources = zip(
-        *((e.states, Source(e.recovery, e.joint, e.states)) for e in law.recovered), strict=True
-    )
+    states = [e.states for e in law.recovered]
     seen = [slow_part(e.recovery, e.joint) for e in law.recovered]
     slow = [replace(each, amplitudes=0 * each.amplitudes) for each in seen]
 
@@ -119,7 +117,7 @@ def test_a_term_left_out_stands_out_of_the_noise_and_no_other_does(found):
             term_columns(rest, s.angle[k], s.rate[k], s.acceleration[k])
             for s, k in zip(states, rows.kept, strict=True)
         ]
-        errors = law_errors(rows, sources, slow, columns)
+        errors = law_errors(rows, law.recovered, slow, columns)
         own = rows.coefficients / np.sqrt(np.diag(errors.covariance))
         return own, dict(zip((t.id for t in rest), errors.others, strict=True))
 

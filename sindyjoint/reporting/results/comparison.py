@@ -320,8 +320,7 @@ def _page(result: Comparison, data: Comparison, show: Blocks, folder: Path | Non
 
 def _rows(result: Comparison) -> list[dict[str, Any]]:
     """Return every choice, term by term, numbers in SI units."""
-    missing = float("nan")
-    none = SimpleNamespace(coefficient=missing, standard_error=missing, interval95=(missing, missing))
+    none = SimpleNamespace(coefficient=np.nan, standard_error=np.nan, interval95=(np.nan, np.nan))
     return [
         {
             "kind": kind,
