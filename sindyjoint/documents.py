@@ -11,8 +11,6 @@ Files of one kind of result stand below a line that names it, so that the next r
 and nothing else. A file that is not listed, or is not as it was written, belongs to the user.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -5,8 +5,6 @@ A message says what was given, what was expected and what to do. The command lin
 line on stderr and an exit status: 2, the input is at fault, or 1, the answer is a reasoned "no".
 """
 
-from __future__ import annotations
-
 import difflib
 import functools
 import inspect

@@ -4,8 +4,6 @@ The root of the package, which every import of a part of it runs first, says wha
 or below knows a module above.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from typing import Any

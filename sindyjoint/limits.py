@@ -1,7 +1,5 @@
 """Limits that decide an answer, of each folder one record; those of a diagnosis stand with it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from sindyjoint.policy import SharedPolicy, limit

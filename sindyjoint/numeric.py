@@ -1,7 +1,5 @@
 """Small pieces of numerics that several folders need and none owns."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
 from math import comb

@@ -3,8 +3,6 @@
 Nonlinear Dynamic Modeling of Joints between Solar Panels on Spacecraft. SI units throughout.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 TITLE = "Nonlinear Dynamic Modeling of Joints between Solar Panels on Spacecraft"

@@ -8,8 +8,6 @@ threads that linear algebra would have had are given to blocks of rows instead (
 A worker that dies (out of memory) costs no result: its task is done again, and given up (:class:`Lost`) after three.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Callable, Iterator, Sequence

@@ -11,8 +11,6 @@ does not print, ``SCHEMA`` is the version, ``KIND`` the name of what has a file 
 may hold besides. Types are those of the annotations, words, units and shapes those of the docstrings.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

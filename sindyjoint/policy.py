@@ -3,8 +3,6 @@
 Constants of numerics stay where they are used; what is here can be read with ``--verbose`` and in the guide.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import import_module
 from typing import Any

@@ -1,7 +1,5 @@
 """Tables of TOML files as pydantic models: unknown keys are refused, and what is wrong is one sentence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, TypeVar
 

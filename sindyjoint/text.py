@@ -1,7 +1,5 @@
 """Words and numbers for people: identifiers, what is measured by kind of motion, rounded values."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """The answer to *can I trust it*: one record, which every verb shows of the same campaign and model alike."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Sequence

@@ -3,8 +3,6 @@
 What a console cannot show is spelled in ASCII, never a traceback.
 """
 
-from __future__ import annotations
-
 import codecs
 import gc
 import os

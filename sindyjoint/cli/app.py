@@ -1,7 +1,5 @@
 """The commands in one application. The file of each is imported when it is asked for, what is heavy when it runs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import cache
 from importlib import import_module

@@ -1,7 +1,5 @@
 """Commands whose options are quantities with units: ``plan`` and ``curves``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace

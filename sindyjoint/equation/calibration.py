@@ -4,8 +4,6 @@ A moment that is measured ε too large makes every coefficient c larger by ε·c
 makes that of a term of degree p in angle and rate smaller by p·ε·c. No repetition of a test shows either.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -4,8 +4,6 @@ No formula is looked at here and sympy is not needed; :mod:`sindyjoint.equation.
 the entries.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches

@@ -1,7 +1,5 @@
 """The equation of a joint on one line: as text, as LaTeX, in whatever else writes formulas."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections import Counter

@@ -1,7 +1,5 @@
 """A joint model read from the file that a discovery leaves."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import replace
 from pathlib import Path

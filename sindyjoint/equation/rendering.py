@@ -3,8 +3,6 @@
 sympy's printers are imported here at the top; import this module only when something is to be printed.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from typing import Any

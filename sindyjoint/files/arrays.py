@@ -1,7 +1,5 @@
 """Campaigns of arrays and data frames that are in memory already."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

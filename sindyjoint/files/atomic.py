@@ -7,8 +7,6 @@ A process holds the folder that it builds by a lock, which ends with it, however
 holds is what a killed process left, and only that is cleared up. Where the system has no such locks it stays.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """From ``campaign.toml`` and its data files to a :class:`~sindyjoint.record.Campaign` in SI units."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """From the columns of a run file to moment and motion, SI, on a uniform time axis, and their declared errors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The time axis: is it uniform, what is its rate, how a channel is moved along it, which frequency it holds."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Writing a campaign so that :func:`~sindyjoint.files.load_campaign` gives it back."""
 
-from __future__ import annotations
-
 import io
 import json
 import os

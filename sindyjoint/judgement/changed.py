@@ -5,8 +5,6 @@ coefficients (Bonferroni, 5 % over all). It is *the same within the margin* wher
 ruled out (two one-sided tests, Schuirmann 1987); both can be true of sharp estimates. Otherwise nothing is decided.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """The records of a comparison: methods, frequencies and libraries against terms."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal

@@ -1,7 +1,5 @@
 """The law of each kind of joint from the states that were recovered of it in a structure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

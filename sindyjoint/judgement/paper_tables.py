@@ -1,7 +1,5 @@
 """Check of the paper's Tables 1 and 2: printed figures that do not follow from their rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import Decimal

@@ -1,7 +1,5 @@
 """What was found of the joints inside an assembled structure from its sensors, and their laws fitted again to these."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Terms are chosen on states as measured, then on states completed by the model found, until they stay the same."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

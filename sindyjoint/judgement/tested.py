@@ -1,7 +1,5 @@
 """A diagnosis and the campaign that it is of: what the check of its data, delays and lags have to say."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A plan: its runs, what is expected of them, when to stop, and how surely they separate effects."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

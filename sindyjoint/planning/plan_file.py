@@ -1,7 +1,5 @@
 """``plan.toml``: the runs of a plan as a file that a person edits and that a virtual test plays."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Planning: which runs could be made, how informative each would be, which are chosen, and what they give."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace

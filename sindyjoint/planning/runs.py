@@ -1,7 +1,5 @@
 """Runs that could be made: what drives them, how far they may go, and how the joint then moves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, pi

@@ -6,8 +6,6 @@ alone: the determinant of the parabola's information is largest where at least t
 coefficients by themselves, which takes several levels (D-optimality; Atkinson, Donev and Tobias 2007, ch. 11).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property

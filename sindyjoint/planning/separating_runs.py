@@ -1,7 +1,5 @@
 """The runs of a plan that separate effects: the search for them is that of the advice of a diagnosis."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

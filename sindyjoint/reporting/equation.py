@@ -1,7 +1,5 @@
 """The terms of an equation as tables, its symbols and numbers as text."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from html import escape
 from itertools import zip_longest

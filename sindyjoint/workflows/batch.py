@@ -1,7 +1,5 @@
 """Many campaigns: each discovered by itself and written as it is done, then all of them held against each other."""
 
-from __future__ import annotations
-
 import inspect
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence

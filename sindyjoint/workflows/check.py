@@ -1,7 +1,5 @@
 """Are the data of a campaign or of a structure sound: what stands against a model of them, before any is made."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any

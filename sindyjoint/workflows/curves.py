@@ -1,7 +1,5 @@
 """Curves that a designer works with: of a joint over amplitude, of a structure over frequency and amplitude."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

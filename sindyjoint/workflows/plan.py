@@ -1,7 +1,5 @@
 """Plan a test before it is made: from a rough idea of the joint, or after some runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf

@@ -1,7 +1,5 @@
 """The paper again, from virtual tests of its two joints: processing pipeline from strains to tables, and the pulse."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar

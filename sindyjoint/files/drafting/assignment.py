@@ -1,7 +1,5 @@
 """Which column is which channel, in which unit: what names and shapes tell, and questions where they do not."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

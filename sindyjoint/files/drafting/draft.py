@@ -1,7 +1,5 @@
 """The manifest of a folder, drafted, with the questions that its files leave open."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath

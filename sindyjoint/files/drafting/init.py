@@ -1,7 +1,5 @@
 """From a folder of files to its ``campaign.toml``."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace

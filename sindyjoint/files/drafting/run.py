@@ -1,7 +1,5 @@
 """How a run was sampled and excited: its rate, its frequency, its level."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """What a folder holds: the runs that its data files make, and what their columns measure."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Sequence

@@ -9,8 +9,6 @@ and complex arrays are passed over.
 MathWorks, "MAT-File Format", describes both versions.
 """
 
-from __future__ import annotations
-
 import io
 import math
 import struct

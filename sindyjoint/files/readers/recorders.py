@@ -1,7 +1,5 @@
 """Files of measuring systems: LabVIEW's text (``.lvm``), its TDMS by npTDMS, and universal files by pyuff."""
 
-from __future__ import annotations
-
 import io
 import logging
 import weakref

@@ -1,7 +1,5 @@
 """Columns in files of other programs: Parquet and Feather by pyarrow, Excel workbooks by openpyxl, JSON."""
 
-from __future__ import annotations
-
 import datetime
 import io
 import json

@@ -1,7 +1,5 @@
 """A batch: all joints in one table, what stands out and the trends, on a terminal, as pictures, as a page, as files."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Two tests of one joint: what moved, on a terminal, as a picture, as a page, as files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A check of the data: every channel with what was found marked on it; of a campaign, of a stopped result too."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

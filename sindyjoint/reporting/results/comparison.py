@@ -1,7 +1,5 @@
 """A comparison: its tables, and every form they take; on a terminal, as pictures, as a page, as files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path

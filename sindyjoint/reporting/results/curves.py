@@ -1,7 +1,5 @@
 """Curves of a joint and of a structure, on a terminal, as pictures, as a page, as files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A diagnosis, of a campaign or of a structure: what is missing, on a terminal, as a page, as files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Pictures of a diagnosis: its gap, where it lies, what it is made of; runs and records before and after."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """A discovery: which terms the joint's equation has, on a terminal, as a page, as files."""
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable, Iterator, Sequence

@@ -5,8 +5,6 @@ the figures draw from them, and ``figures/data.json`` keeps them, so that any fi
 without the measurements.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Pictures of a discovery over the state: loops, force–state map and cuts, where the residual lies."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pictures of why these terms, coefficients by frequency and over inputs; all figures of a discovery."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """A plan: its runs and the precision expected of them, on a terminal, as pictures, as a page, as files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

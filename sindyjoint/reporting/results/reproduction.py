@@ -1,7 +1,5 @@
 """The reproduction of the paper: its tables and figures again, on a terminal, as a page, as files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """A rig in motion: frequencies, peaks and dissipation, on a terminal, as pictures, as a page, as files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial

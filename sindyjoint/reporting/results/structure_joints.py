@@ -1,7 +1,5 @@
 """Joints inside a structure: their laws and how well its sensors show them, in words, pictures, files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

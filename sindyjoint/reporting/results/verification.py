@@ -1,7 +1,5 @@
 """A verification: response, decay and energy of each run, on a terminal, as pictures, as a page, as files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial

@@ -11,8 +11,6 @@ chapter 1 (reweighting after rejection); Paule and Mandel, J. Res. NBS 87, 1982 
 Long and Ervin, The American Statistician 54, 2000 (HC3); Holm, Scand. J. Statist. 6, 1979.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar

@@ -3,8 +3,6 @@
 Each has a harmless name of its own, and a small record with its model and a hash that shows whether it still holds.
 """
 
-from __future__ import annotations
-
 import glob
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """All campaigns of a batch held against each other: one common set of terms, the scatter, the outliers, the trends."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence
