@@ -263,7 +263,9 @@ def test_every_shipped_effect_with_a_state_is_exported(make_model):
         ("bouc_wen_hysteresis", 0): "BoucWen",
         ("bouc_wen_hysteresis", 1): "BoucWen",
         ("bouc_wen_hysteresis", 2): "BoucWen",
+        ("bouc_wen_hysteresis", 3): "BoucWen",
         ("jenkins_element", 0): "Slider",
+        ("iwan_microslip", 0): "NoneType",  # four sliders share a coefficient
         ("lugre_friction", 0): "LuGre",
         ("backlash_play", 0): "Gap",
         ("backlash_play", 1): "NoneType",  # Hertz's power is no ramp
