@@ -15,6 +15,8 @@ from sindyjoint.rig import Fusion
 from sindyjoint.states.record import ForceStates, NoiseFloor, moving_mask, rate_limit, within
 
 BLOCKS = 32
+# Samples in which a motion that is released leaves a tenth of its height.
+FEWEST_AT_REST = 6
 
 
 def dwells(rate: Array) -> bool:
@@ -66,18 +68,24 @@ def broadband_states(
     cutoff, kernels = _kernels_for(run, bandwidth)
     low, first, _ = kernels
     edge = 0 if repeated else low.size // 2
-    middle = slice(edge, run.n_samples - edge)
-    angle, rate, acceleration = _smooth_motion(run, kernels, repeated)
-    if dwells(rate):
-        share, guard_periods = STATES.minor_share, STATES.periodic_guard
-    else:
-        share, guard_periods = STATES.passing_rate_share, STATES.passing_guard
+    released = not repeated and _released(run)
+    angle, rate, acceleration = _smooth_motion(run, kernels, repeated, released)
+    sticks, noise = dwells(rate), _noise_floor(run, kernels)
+    share, guard_periods = (
+        (STATES.minor_share, STATES.periodic_guard)
+        if sticks
+        else (STATES.passing_rate_share, STATES.passing_guard)
+    )
+    slowest = rate_limit(rate, noise.rate, share if rate_share is None else rate_share)
+    # Which way the joint is about to go is known from its first motion on.
+    begin = int(np.argmax(np.abs(rate) > slowest)) if released else edge
+    if released:
+        angle, rate, acceleration = angle[begin:], rate[begin:], acceleration[begin:]
+    middle = slice(begin, run.n_samples - edge)
     guard = min(
         int(np.ceil(guard_periods * run.sample_rate / cutoff)),
         int(STATES.broadband_guard_limit * _measure_reversal_spacing(rate)),
     )
-    noise = _noise_floor(run, kernels)
-    slowest = rate_limit(rate, noise.rate, share if rate_share is None else rate_share)
     moving = moving_mask(rate, slowest, guard)
     if run.valid is not None:
         # What the kernel weighs most reaches half a period of the cut-off to either side.
@@ -99,12 +107,12 @@ def broadband_states(
         noise=noise,
         method="broadband",
         bandwidth=cutoff,
-        dropped=edge / run.sample_rate,
+        dropped=middle.start / run.sample_rate,
         repeated=repeated,
         rate_measured=run.rate is not None,
         slowest=slowest,
         guard=guard,
-        lead=None if repeated else _lead(run.angle, low, first),
+        lead=None if repeated or released else _lead(run.angle, low, first),
         inputs=filtered_inputs(run.inputs, middle, cutoff, run.sample_rate, repeated),
         fusion=run.fusion,
     )
@@ -135,16 +143,36 @@ def _kernels_for(run: Run, bandwidth: float | None) -> tuple[float, tuple[Array,
     return cutoff, kernels
 
 
+def _released(run: Run) -> bool:
+    """Return whether a free motion begins at rest, aside from where it ends: its first tenth is a parabola's."""
+    if np.ptp(run.moment) > 0 or run.rate is not None or run.valid is not None:
+        return False
+    away = run.angle - np.mean(run.angle[-run.n_samples // 8 :])
+    height = float(np.mean(away[:FEWEST_AT_REST]))
+    gone = np.flatnonzero(np.abs(away - height) > 0.1 * abs(height))
+    count = int(gone[0]) if gone.size else 0
+    if count < FEWEST_AT_REST:
+        return False
+    time = np.linspace(0, 1, count)
+    fit, covariance = np.polyfit(time, away[:count], 2, cov=True)
+    return bool(abs(fit[1]) < max(0.005 * abs(height), 3 * np.sqrt(covariance[1, 1])))
+
+
 def _smooth_motion(
-    run: Run, kernels: tuple[Array, Array, Array], repeated: bool
+    run: Run, kernels: tuple[Array, Array, Array], repeated: bool, released: bool
 ) -> tuple[Array, Array, Array]:
-    """Return angle, rate and acceleration of a run by convolution."""
+    """Return angle, rate and acceleration of a run by convolution.
+
+    What is released from rest is continued to before its start by its mirror image, which keeps its acceleration.
+    """
     low, first, second = kernels
     half = low.size // 2
 
     def smooth(signal: Array, kernel: Array) -> Array:
         if repeated:
             signal = np.concatenate([signal[-half:], signal, signal[:half]])
+        elif released:
+            signal = np.concatenate([signal[half:0:-1], signal])
         return convolve(signal, kernel)
 
     angle = smooth(run.angle - run.angle[0], low) + run.angle[0]

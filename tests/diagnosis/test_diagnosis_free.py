@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sindyjoint import diagnose
+from sindyjoint import diagnose, discover
 from sindyjoint.diagnosis.campaign.rows import HalfCycles, reversals, transition_steps
 from sindyjoint.equation import load_catalogue
 from sindyjoint.record import Campaign, Joint, Run
@@ -154,3 +154,21 @@ def test_nothing_is_missing_where_friction_ends_the_swing(seed):
     result = diagnose(Campaign(Joint("stopped", inertia=INERTIA), tuple(runs)), advise=False)
     assert result.verdict == "nothing_missing" and not result.steps
     assert set(result.model.ids) == {"linear_stiffness", "linear_damping", "coulomb_friction"}
+
+
+def test_a_release_that_is_over_after_some_swings_shows_its_law():
+    """The kernel takes more than a swing off an end that is not continued; from rest the mirror image is the motion.
+
+    Seed 4, noise of .1 % of the first height. Three standard errors of the stiffness are 1 %, of the others 2 to 7 %.
+    """
+    rng = np.random.default_rng(4)
+    runs = []
+    for level in (1.0, 0.8, 0.6):
+        angle = stopped(level, 0.6, 8.0) + 1e-3 * rng.standard_normal(int(10 * RATE))
+        runs.append(Run(f"{level:g}", np.zeros(angle.size), angle, RATE))
+    found = discover(Campaign(Joint("released", inertia=INERTIA), tuple(runs)))
+    assert set(found.model.ids) == {"linear_stiffness", "linear_damping", "coulomb_friction"}
+    true = {"linear_stiffness": STIFFNESS, "linear_damping": 0.6, "coulomb_friction": 8.0}
+    for name, value in true.items():
+        low, high = found.model[name].interval95
+        assert low < value < high and found.model[name].coefficient == pytest.approx(value, rel=0.07)

@@ -245,9 +245,10 @@ def _free_decay(states: ForceStates, model: JointModel, group: str, policy: Diag
     ends = reversals(states.rate[::every], limit)
     if ends.size <= policy.fewest_half_cycles:
         return None
-    size = int(ends[-1])
+    # The first swing of what is released is smoothed beside its image: a start in the middle is surer.
+    first, size = int(ends[1]) if states.lead is None else 0, int(ends[-1])
     angle, rate, acceleration, moment = (
-        s[::every][:size] for s in (states.angle, states.rate, states.acceleration, states.moment)
+        s[::every][first:size] for s in (states.angle, states.rate, states.acceleration, states.moment)
     )
     step = every / states.sample_rate
     low = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
@@ -259,10 +260,10 @@ def _free_decay(states: ForceStates, model: JointModel, group: str, policy: Diag
     half_cycles = HalfCycles.build(rate, step, model.slopes(angle, rate), model.inertia, limit, noise, policy)
     if half_cycles is None:
         return None
-    rows = np.arange(size)
+    rows = np.arange(size - first)
     motion = _motion(states, model, (angle, rate, acceleration), step, rows, False)
     target = moment - (model.joint.inertia or 0.0) * acceleration
-    sigma = np.full(size, model.inertia * states.noise.acceleration)
+    sigma = np.full(rows.size, model.inertia * states.noise.acceleration)
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
     return GapRun(
         states.run, group, states.level, motion, target, np.empty((0, 0)), sigma, False, 0.0,
