@@ -207,7 +207,8 @@ def _steps_of_diagnosis(result: Diagnosis, lights: Sequence[Light]) -> list[Step
         )
     target = "CAMPAIGN" if result.source == "campaign" else "RIG"
     if result.settled:
-        steps.append((VERIFY[0].replace("CAMPAIGN", target), "simulate the repaired model and compare"))
+        model = "repaired model" if result.steps else "model"
+        steps.append((VERIFY[0].replace("CAMPAIGN", target), f"simulate the {model} and compare"))
     return [*steps, EXPORT] if result.verdict in ("named", "nothing_missing") else steps or [SEE_FAULTS]
 
 
