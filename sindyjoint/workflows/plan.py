@@ -160,12 +160,12 @@ def plan(
     (True, 1)
     """
     say = progress or (lambda stage: None)
-    both, bounded = model is not None and like is not None, until is None or 0 < until < 1
+    both, bounded = model is not None and like is not None, until is None or 0 < until <= 1
     refuse(
         [
             (both, "a model and a joint that it is like were given; expected one of them"),
             (not 0 < share < 1, f"share is {share!r}; expected a share of the moment between 0 and 1"),
-            (not bounded, f"until is {until!r}; expected a positive share below 1"),
+            (not bounded, f"until is {until!r}; expected a positive share, at most 1"),
         ]
     )
     known_model = None if model is None else as_model(model)

@@ -156,7 +156,7 @@ def test_what_is_no_plan_is_refused_by_field(found, tmp_path, change, error, tex
     ({"limits": {"force": 1.0}}, UnknownNameError, "limit of 'force'"),
     ({"terms": ["k9"]}, UnknownNameError, "term 'k9'; the joint has linear_stiffness"),
     ({"goal": "all"}, InputError, "expected 'widths', 'frequency', 'paper' or 'tell-apart'"),
-    *[({"until": until}, InputError, "expected a positive share below 1") for until in (0.0, 5.0)],
+    *[({"until": until}, InputError, "expected a positive share, at most 1") for until in (0.0, 5.0)],
     ({"model": "a", "like": "panel-root"}, InputError, "a model and a joint that it is like were given"),
     ({"run_time": 2.0}, InputError, "run_time is 2 s; expected between 4.5 s"),
     ({"noise": -1.0}, InputError, "noise is -1.0; expected a positive number"),

@@ -91,7 +91,7 @@ def test_what_only_the_uncertainty_of_numbers_explains_is_minded():
         headline = judge_diagnosis(replace(diagnosis(), final=Gap(0.01, response), **figures), False)
         (light,) = (each for each in headline.question if each.name == "response")
         assert light.colour == colour
-        assert ("uncertainty of the law's numbers leaves 7.8 %" in light.sentence) == (colour != "good")
+        assert ("uncertainty of numbers and drive leaves 7.8 %" in light.sentence) == (colour != "good")
 
 
 def test_of_a_comparison():

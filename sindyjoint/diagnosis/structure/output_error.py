@@ -17,6 +17,7 @@ from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.evidence.score import GROUPS, Evidence, Score
 from sindyjoint.numeric import Array
+from sindyjoint.record import LARGEST
 
 # Step of the differences, in standard errors of numbers that have a prior: a simulation in time has events, and a
 # smaller one would see them.
@@ -175,7 +176,8 @@ def differences(
             moved = x.copy()
             moved[place] += way
             ahead = evaluate(moved)
-            if ahead is not None:
+            # A law that pushes without bound has no derivative.
+            if ahead is not None and np.all(np.abs(ahead) < LARGEST):
                 columns[:, column] = (ahead - here) / way
                 break
     return columns

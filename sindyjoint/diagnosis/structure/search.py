@@ -14,6 +14,7 @@ from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, Outpu
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.numeric import Array, norms_of
 from sindyjoint.parallel import side_by_side
+from sindyjoint.record import LARGEST
 
 # All candidates get so many steps of the fit; those that then lie among the first get the rest.
 SCREEN_STEPS, SCREENED = 2, 12
@@ -126,7 +127,7 @@ def _promising(
             x[places] = inside
         else:
             there = problem.residuals(x, horizon, change)
-            if there is None:
+            if there is None or not np.all(np.abs(there) < LARGEST):
                 continue
             promised, _ = _linear(base, there)
         if best is None or promised < best[0]:
