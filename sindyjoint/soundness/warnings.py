@@ -81,7 +81,8 @@ def _warn_of_evidence(
             f"tell them apart): {', '.join(indistinct)}",
         ),
         (
-            least.moving_fraction < SOUNDNESS.large_part,
+            # A free motion comes to rest; only what is driven can be driven harder.
+            least.moving_fraction < SOUNDNESS.large_part and bool(np.ptp(least.moment)),
             f"run {least.run!r} moves in only {100 * least.moving_fraction:.0f} % of its samples, the others tell "
             "nothing: drive it harder",
         ),

@@ -172,3 +172,4 @@ def test_a_release_that_is_over_after_some_swings_shows_its_law():
     for name, value in true.items():
         low, high = found.model[name].interval95
         assert low < value < high and found.model[name].coefficient == pytest.approx(value, rel=0.07)
+    assert not any("drive it harder" in line for line in found.warnings)
