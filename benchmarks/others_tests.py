@@ -142,7 +142,7 @@ def outcome(test: Callable[..., None], arguments: tuple[Any, ...]) -> str:
     try:
         with patch.multiple(module, **ours):
             test(*arguments)
-    except (Exception, pytest.fail.Exception) as error:
+    except (Exception, pytest.fail.Exception) as error:  # what is counted here
         return f"{type(error).__name__}: {error}"
     return "passed"
 

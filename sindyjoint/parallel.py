@@ -327,6 +327,7 @@ def _processes() -> Iterator[None]:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", r"\d+ tasks which were still being processed", UserWarning)
             yield
+    # Ctrl-C above all: else the processes would end their tasks first.
     except BaseException:
         get_reusable_executor(kill_workers=True).shutdown(wait=False, kill_workers=True)
         raise

@@ -1,6 +1,7 @@
 """The arrows of the design: layers look down only, and what makes motion never meets what explains it."""
 
 import ast
+import re
 from functools import cache
 from pathlib import Path
 
@@ -176,6 +177,21 @@ def test_nothing_evaluates_text_or_unpickles():
             if isinstance(node, ast.Import | ast.ImportFrom):
                 names = {a.name for a in node.names} | {getattr(node, "module", None)}
                 assert not names & {"pickle", "dill", "cloudpickle"}, path
+
+
+def unexplained(text: str) -> list[str]:
+    """Return the handlers of any fault that no comment on or before their line gives a reason for."""
+    lines = text.splitlines()
+    broad = [at for at, line in enumerate(lines) if re.match(r"\s*except( \(?(Base)?Exception\b.*)?:", line)]
+    return [lines[at] for at in broad if "#" not in lines[at] and not lines[at - 1].lstrip().startswith("#")]
+
+
+def test_who_handles_any_fault_says_why():
+    for path in [*files(), *sorted((PACKAGE.parent / "benchmarks").glob("*.py"))]:
+        assert not unexplained(path.read_text(encoding="utf-8")), path
+    assert unexplained("try:\n    f()\nexcept Exception as error:\n    pass") == [
+        "except Exception as error:"
+    ]
 
 
 @cache

@@ -77,6 +77,7 @@ def parse_unit(text: str) -> Any:
         )
     try:
         return unit_registry().parse_units("dimensionless" if text.strip() == "1" else text)
+    # pint fails on unknown spellings with whatever its parser meets.
     except Exception as error:
         raise UnitError(
             f"unit {text!r} cannot be read ({_first_line(error)}); known are m, kg, s, rad, N, Hz, deg, K, "

@@ -152,8 +152,8 @@ def output_folder(
             sums = sums_of(stage)
             write_bytes(stage / SUMS, sums_text(sums, kinds=dict.fromkeys(sums, kind)).encode())
             _move_in(stage, target, sums, kind, whole, force)
+    # Also after Ctrl-C: what this call made goes, innermost first, as far as it is empty.
     except BaseException:
-        # What this call made, innermost first, as far as it is empty.
         for folder in created:
             with suppress(OSError):
                 folder.rmdir()
@@ -227,6 +227,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                 os.replace(target, old)
             try:
                 os.replace(stage, target)
+            # Whatever stops it, the old results stand again.
             except BaseException:
                 if old.exists():
                     os.replace(old, target)

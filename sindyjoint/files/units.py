@@ -137,9 +137,10 @@ def _try_parse(unit: str) -> pint.Unit | None:
 
 @contextmanager
 def _with_factor(unit: pint.Unit | str, where: str) -> Iterator[None]:
-    """Refuse what pint refuses, each in another way: logarithms, scales with another zero in products, huge powers."""
+    """Refuse what pint refuses."""
     try:
         yield
+    # Logarithms, scales with another zero in products, huge powers: each in another way.
     except Exception:
         raise UnitError(
             f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ..."
@@ -162,6 +163,7 @@ def _kelvin(value: float, unit: pint.Unit) -> float | None:
     """Return a temperature in kelvin, of a scale such as °C with its own zero; None of another kind of unit."""
     try:
         kelvin = float(registry().Quantity(value, unit).to("kelvin").magnitude)
+    # pint refuses units of another kind, or in products with a decibel, each in another way.
     except Exception:
         return None
     return kelvin if math.isfinite(kelvin) else None

@@ -60,7 +60,8 @@ CAMPAIGN = Campaign(
 
 @pytest.mark.parametrize("format", ["csv", "tsv", "npz", "parquet", "h5", "mat"])
 def test_every_format_returns_every_bit(format, tmp_path):
-    pytest.importorskip({"parquet": "pyarrow", "h5": "h5py"}.get(format, "numpy"))
+    if library := {"parquet": "pyarrow", "h5": "h5py"}.get(format):
+        pytest.importorskip(library)
     manifest = write_campaign(CAMPAIGN, tmp_path / "out", format)
     assert manifest == tmp_path / "out" / "campaign.toml"
     assert_same(CAMPAIGN, load_campaign(tmp_path / "out"))

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.io
 
 from sindyjoint import JointRegressor
 from sindyjoint.discovery.large.tables import discover_rows
@@ -105,8 +106,7 @@ def test_a_clock_of_tdms_goes_on_from_segment_to_segment(tmp_path):
 
 
 def test_older_kinds_of_a_format_are_loaded_as_a_whole(tmp_path):
-    scipy_io = pytest.importorskip("scipy.io")
-    scipy_io.savemat(tmp_path / "five.mat", {"angle": np.arange(5.0)})
+    scipy.io.savemat(tmp_path / "five.mat", {"angle": np.arange(5.0)})
     assert open_blocks(tmp_path / "five.mat") is None
     (tmp_path / "one.feather").write_bytes(b"FEA1" + bytes(20))
     with pytest.raises(InputError, match="is Feather of version 1"):
