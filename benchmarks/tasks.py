@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -306,6 +307,15 @@ def simulation() -> dict[str, Any]:
     return record
 
 
+def repeated(campaign: Any, times: int) -> Any:
+    """Return a campaign whose runs, of whole periods, are so many times as long."""
+    runs = [
+        replace(run, moment=np.tile(run.moment, times), angle=np.tile(run.angle, times))
+        for run in campaign.runs
+    ]
+    return campaign.with_runs(tuple(runs))
+
+
 def workflows() -> dict[str, Any]:
     """Discovery, diagnosis and report of the built-in virtual test, warm, and the cold command with its profile."""
     import cProfile
@@ -346,6 +356,7 @@ def workflows() -> dict[str, Any]:
         found, warm = timed(lambda: discover(campaign), 3)
         _, report = timed(lambda: write_results(found, Path(folder) / "out"), 2)
         _, named = timed(lambda: diagnose(campaign))
+        spent = [timed(lambda long=repeated(campaign, n): discover(long))[1]["cpu"] for n in (1, 11)]
         profile = cProfile.Profile()
         profile.runcall(discover, Path(folder) / "campaign")
     rows_of = pstats.Stats(profile).get_stats_profile().func_profiles.items()  # type: ignore[attr-defined]
@@ -355,6 +366,7 @@ def workflows() -> dict[str, Any]:
         "of it imports": loading["seconds"],
         "processor time beyond imports": beyond,
         "discover, warm": warm,
+        "a further sample": (spent[1] - spent[0]) / (10 * sum(run.n_samples for run in campaign.runs)),
         "diagnose": named,
         "report": report,
         "profile": [f"{p.tottime:.3f} s in {name} ({Path(p.file_name).name})" for name, p in top],
