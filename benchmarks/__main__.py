@@ -31,8 +31,8 @@ import numpy as np
 from benchmarks.resumed import with_rows, write_rows
 
 HERE = Path(__file__).resolve().parent
-# What is reckoned of a large batch: samples, bytes of one, workers, and bytes per second from their disk; read twice, for
-# the hash of each file is held.
+# What is reckoned of a large batch: samples, bytes of one, workers, bytes per second from their disk. Read twice: each
+# file is hashed.
 SAMPLES, WIDTH, WORKERS, DISK = 1e12, 16, 50, 1.5e9
 ROWS: list[dict[str, str]] = []  # what is printed, as rows of the guide's page
 
