@@ -5,8 +5,6 @@ simulations, is counted as it is done (:func:`spend`), and ends where the portio
 know.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import signal
@@ -60,7 +58,7 @@ class Spent(Exception):
     It is no error of the package: the stage that has the portion ends with what it has.
     """
 
-    def __init__(self, portion: Portion) -> None:
+    def __init__(self, portion: "Portion") -> None:
         super().__init__(portion.stopped)
         self.portion = portion
 

@@ -1,7 +1,5 @@
 """What is known of a run beside motion and moment: inputs of the law, its file, units of columns, noise of sensors."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -76,7 +74,7 @@ class Input:
         if math.isnan(self.reference) and self.tested is not None:
             object.__setattr__(self, "reference", sum(self.tested) / 2)
 
-    def tested_by(self, parts: Sequence[Array]) -> Input:
+    def tested_by(self, parts: Sequence[Array]) -> "Input":
         """Return it with the range and the levels of its values in the parts of some data, usually runs."""
         # A constant takes the memory of one value, and the time.
         parts = [v[:1] if v.strides == (0,) else v for v in parts]

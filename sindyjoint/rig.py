@@ -5,8 +5,6 @@ Four strain gauges sit at the lower end of the additional beam (1 and 2 on one s
 three laser spots at the joint (1 and 2 above it, 3 below). A virtual sensor runs the equations backwards.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
@@ -174,7 +172,7 @@ class SensorNoise:
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InputError(f"noise of the {name} is {value!r}; expected a finite number above zero")
 
-    def scaled(self, factor: float) -> SensorNoise:
+    def scaled(self, factor: float) -> "SensorNoise":
         """Return the noise of all channels times a factor, as that of a mean of samples is."""
         values = (self.moment, self.angle, self.rate, self.acceleration)
         return SensorNoise(*(None if value is None else factor * value for value in values))
@@ -241,7 +239,7 @@ class Fusion:
         shape = self.white_noise(np.fft.rfftfreq(size, 1 / sample_rate), sample_rate)
         return np.fft.irfft(spectrum * shape, size)
 
-    def scaled(self, factor: float) -> Fusion:
+    def scaled(self, factor: float) -> "Fusion":
         """Return the same with the noise of all sensors times a factor, as of a mean of samples."""
         names = ("noise", "angle_noise", "rate_noise", "drift")
         return replace(self, **{name: factor * getattr(self, name) for name in names})

@@ -1,7 +1,5 @@
 """What a command says on stderr while it works: the stage, how far it is, how long it will take."""
 
-from __future__ import annotations
-
 import re
 import signal
 import sys
@@ -60,7 +58,7 @@ class Progress:
         self._interrupted = False
         self._restore: Any = None
 
-    def begin(self) -> Progress:
+    def begin(self) -> "Progress":
         """Begin to show what happens, and to heed Ctrl-C at the next stage where Python loses it."""
         main = threading.current_thread() is threading.main_thread()
         if main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:

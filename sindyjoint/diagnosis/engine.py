@@ -1,7 +1,5 @@
 """A diagnosis from the first gap to the verdict and to further runs, alike for a campaign and for a structure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic
@@ -57,7 +55,7 @@ class Stages:
     say: Callable[[str], None]
 
     @classmethod
-    def of(cls, policy: DiagnosisPolicy, say: Callable[[str], None]) -> Stages:
+    def of(cls, policy: DiagnosisPolicy, say: Callable[[str], None]) -> "Stages":
         """Return the portions that a policy gives."""
         works = policy.search_work, policy.verdict_work, policy.numbers_work, policy.parts_work
         search, verdict, numbers, parts = (Portion(work, work / policy.slowest) for work in works)

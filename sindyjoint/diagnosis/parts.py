@@ -1,7 +1,5 @@
 """What the gap is made of, in parts that add up, and the regions that hold more of it than their share."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 

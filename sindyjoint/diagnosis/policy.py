@@ -1,7 +1,5 @@
 """The limits that decide what a diagnosis answers, and in which of them a structure differs from a campaign."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """What a diagnosis asks of its data, campaign or pulse record; steps of a search; the greedy one that simulates."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Protocol, Self, TypeVar

@@ -1,7 +1,5 @@
 """The records of a diagnosis."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -27,7 +25,7 @@ class KindNumbers:
     elements: dict[str, dict[str, tuple[float, float]]]
 
     @classmethod
-    def of(cls, model: JointModel) -> KindNumbers:
+    def of(cls, model: JointModel) -> "KindNumbers":
         """Return those of a model."""
         return cls(
             {term.id: (term.coefficient, term.standard_error) for term in model.terms},

@@ -1,7 +1,5 @@
 """What a diagnosis comes to: sound data first, then whether the model explains them, then names and their steps."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile

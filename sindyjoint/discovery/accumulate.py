@@ -9,8 +9,6 @@ Reference: the Cholesky QR with preconditioning of Fukaya, Kannan, Nakatsukasa, 
 Comput. 42(1), 2020, with the factor of the first rows instead of a shifted one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -47,7 +45,7 @@ class Base:
     free: Array
 
     @classmethod
-    def of(cls, factor: Factor) -> Base | None:
+    def of(cls, factor: Factor) -> "Base | None":
         """Return the coordinates that suit rows like those of a factor; ``None`` where these are too few."""
         size = factor.triangle.shape[0]
         if factor.rows < 2 * size:

@@ -10,8 +10,6 @@ Journal of Computational and Graphical Statistics 15(1), 2006, 139-156; the idea
 Wilson, Technometrics 16(4), 1974.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Folds are made by scikit-learn's splitters over runs, usually one frequency or o
 come from merged factors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

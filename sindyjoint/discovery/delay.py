@@ -9,8 +9,6 @@ A law that lacks a term takes a delay for it: friction that grows with the angle
 competes with the candidate terms, and is that of the law they make.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 

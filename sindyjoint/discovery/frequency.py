@@ -10,8 +10,6 @@ Higgins and Thompson 2002 (I²); Schuirmann 1987 (two one-sided tests), as an in
 (Berger 1982).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations

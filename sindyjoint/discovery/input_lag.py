@@ -1,7 +1,5 @@
 """How late a joint follows an input that moves within a run: a first-order lag, as a fluid or a coil has."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Importing this module imports pysindy; nothing else in the catalogue code does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -86,7 +84,7 @@ class TermLibrary(BaseFeatureLibrary):
         self.scale = scale
 
     @classmethod
-    def of_regression(cls, regression: TermRegression) -> TermLibrary:
+    def of_regression(cls, regression: TermRegression) -> "TermLibrary":
         """Return the library of the candidates of a regression, fitted, in physical units."""
         terms, reference = regression.terms_, regression.reference_
         catalogue = Catalogue("candidates", "candidate terms of a fit", tuple(each.term for each in terms))
@@ -97,7 +95,7 @@ class TermLibrary(BaseFeatureLibrary):
         return library
 
     @x_sequence_or_item
-    def fit(self, x_full: list[Any], y: Any = None) -> TermLibrary:
+    def fit(self, x_full: list[Any], y: Any = None) -> "TermLibrary":
         """Resolve the catalogue against the data and learn the columns' scales.
 
         Parameters

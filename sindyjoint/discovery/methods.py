@@ -6,8 +6,6 @@ afresh, because pysindy's keep state. What a method yields is a sequence of colu
 choice on the path are the same for all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Every door is this one; :class:`~sindyjoint.JointRegressor` gives it to scikit-learn.
 """
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -72,7 +70,7 @@ class SelectionRules:
     random_state: Any = None
 
     @classmethod
-    def of(cls, estimator: Any, forced: Sequence[str], signs: Mapping[str, int]) -> SelectionRules:
+    def of(cls, estimator: Any, forced: Sequence[str], signs: Mapping[str, int]) -> "SelectionRules":
         """Return the rules in the parameters of an estimator, with these names of columns."""
         held = {f.name: getattr(estimator, f.name) for f in fields(cls) if f.name not in ("forced", "signs")}
         return cls(**held, forced=tuple(forced), signs=dict(signs))

@@ -11,8 +11,6 @@ the scatter of replicate blocks, keeps its coefficient whichever group is held o
 least share, unless a smaller one predicts held-out groups as well.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

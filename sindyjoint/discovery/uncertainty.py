@@ -6,8 +6,6 @@ what a repeated test would draw again. Score bootstrap: Kline and Santos, Journa
 weights of runs: Rubin, The Bayesian bootstrap, Annals of Statistics 9(1), 1981.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ becomes ∫φM dt + I·∫φ′θ̇ dt = Σ cⱼ·∫φfⱼ dt, without the acce
 the moment is no function of (θ, θ̇).
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from functools import lru_cache

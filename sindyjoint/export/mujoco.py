@@ -5,8 +5,6 @@ constraint, which creeps. Springs that yield are those of fixed tendons (4.0); a
 branch, K²/L stiff and L/R slow, and one without a magnet holds LuGre's friction.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from math import sqrt
 from xml.sax.saxutils import quoteattr
@@ -107,7 +105,9 @@ class _Polynomial:
     fits: tuple[tuple[ModelTerm, Array | None, bool], ...]
 
     @classmethod
-    def of(cls, terms: tuple[ModelTerm, ...], cycles: Cycles, variable: str, powers: int = 4) -> _Polynomial:
+    def of(
+        cls, terms: tuple[ModelTerm, ...], cycles: Cycles, variable: str, powers: int = 4
+    ) -> "_Polynomial":
         """Fit the terms; what is a power already stays exactly that, and what no polynomial is near has no share."""
         fits: list[tuple[ModelTerm, Array | None, bool]] = []
         columns = _basis(variable, getattr(cycles, variable))[4 - powers :][:, cycles.moving].T

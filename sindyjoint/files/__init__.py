@@ -1,7 +1,5 @@
 """The door: campaigns from files into SI units, and back."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 from sindyjoint.hooks import fetched

@@ -1,7 +1,5 @@
 """What everybody asks of a result first: can I trust it, and what next; made of a discovery."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,7 +45,7 @@ class Excitations:
     recovered: bool = False
 
     @classmethod
-    def of(cls, measured: Campaign | RigTest) -> Excitations:
+    def of(cls, measured: Campaign | RigTest) -> "Excitations":
         """Return what the runs of a campaign, or of a structure's test, that are fitted to excite."""
         runs = measured.identification_runs
         frequencies = tuple(run.frequency for run in runs if run.frequency is not None)

@@ -1,7 +1,5 @@
 """One question, which terms the joint has, put to every method, frequency and library on the same evidence."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -69,7 +67,7 @@ class Question:
     rule: dict[str, Any]
 
     @classmethod
-    def of(cls, found: Discovery, names: tuple[str, ...], random_state: Any) -> Question:
+    def of(cls, found: Discovery, names: tuple[str, ...], random_state: Any) -> "Question":
         """Return the question with the rule of a discovery."""
         regressor = found.regressor
         rule = {"significance": regressor.significance, "least_share": regressor.least_share_}

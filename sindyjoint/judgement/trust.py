@@ -5,8 +5,6 @@ the measured motion explained to within what does not repeat? *Predicts*: is tha
 *Determined*: did the runs excite what the coefficients stand for?
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -62,7 +60,7 @@ class Gap:
     interval: tuple[float, float]
 
     @classmethod
-    def of(cls, runs: Sequence[Explained]) -> Gap:
+    def of(cls, runs: Sequence[Explained]) -> "Gap":
         """Return the gap of some runs; its interval by the jackknife over runs, or over the blocks of fewer than three.
 
         Of the mean square, whose square root it is (Efron and Stein 1981).

@@ -1,7 +1,5 @@
 """What is known before a plan is made: ranges of the joint, how far it was tested, what runs have told."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -63,7 +61,7 @@ class JointRange:
         corners[:, wide] += choices * (self.high - self.low)[wide]
         return [with_coefficients(self.model, row) for row in np.unique(corners, axis=0)]
 
-    def narrowed(self, ranges: Mapping[str, tuple[float, float]]) -> JointRange:
+    def narrowed(self, ranges: Mapping[str, tuple[float, float]]) -> "JointRange":
         """Return the same joint with some of its coefficients in other ranges.
 
         Raises

@@ -1,7 +1,5 @@
 """What results show: one view for each kind, in one registry; figures, tables, pages, files."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 from sindyjoint.hooks import fetched

@@ -1,7 +1,5 @@
 """What a figure is: a name, how to read it, panels, their axes and places; and its drawing."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -131,8 +129,8 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
 
 def plot(
     ax: Axes,
-    x: Scale | str,
-    y: Scale | str,
+    x: "Scale | str",
+    y: "Scale | str",
     curves: Iterable[Curve],
     title: object = "",
     *,

@@ -1,7 +1,5 @@
 """The output-error problem: residuals of simulated responses as a function of a model's numbers and nuisances."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -75,7 +73,7 @@ class OutputError:
         nuisance: Sequence[Nuisance],
         window: float | None,
         test: TestNuisances | None = None,
-    ) -> OutputError:
+    ) -> "OutputError":
         """Collect the parameters of a model and those of the runs; negative friction starts at zero."""
         test = test or TestNuisances("")
         simulable = without_negative_friction(model)

@@ -1,7 +1,5 @@
 """Channels of a record, whether of a joint or of a structure: what every detector of a fault looks at."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -243,7 +241,7 @@ class Record:
         longest = SOUNDNESS.minor_share * self.sample_rate / max(fastest, 1e-9)
         return self.declared is not None or max(b - a for a, b in spans) <= longest
 
-    def bridged(self, findings: Iterable[Finding]) -> Record:
+    def bridged(self, findings: Iterable[Finding]) -> "Record":
         """Return the record of a joint with straight lines across the samples of findings that are to be left out."""
         found: dict[str, list[tuple[int, int]]] = {}
         for f in findings:

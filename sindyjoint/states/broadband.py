@@ -1,7 +1,5 @@
 """Force states of a run that does not repeat: one smoothing kernel and its derivatives, or differences along a path."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

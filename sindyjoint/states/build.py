@@ -1,7 +1,5 @@
 """The way from signals to force states, run by run; by what a run is known, and how its channels are aligned."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

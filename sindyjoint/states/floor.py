@@ -6,8 +6,6 @@ difference of their moments is what no law of the motion can explain. Where the 
 sinusoid, the periods of a multisine, they are averaged into one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

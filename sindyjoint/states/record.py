@@ -1,7 +1,5 @@
 """Force states, which every route from signals returns: where the joint moves, and the rows of a regression."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal

@@ -5,8 +5,6 @@ plane is therefore cut into n × n cells and the moment is averaged within each;
 trusted. Crawley and O'Donnell (1987) introduced such maps; Masri and Caughey (1979) the restoring-force surface.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

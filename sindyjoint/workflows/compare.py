@@ -1,7 +1,5 @@
 """What is held beside each other: the answers of methods, frequencies and libraries; two tests of one joint."""
 
-from __future__ import annotations
-
 import inspect
 import time
 from collections.abc import Callable, Sequence
@@ -161,7 +159,7 @@ def _compared(
     replicates: int,
     margin: float,
     forbidden: Sequence[str],
-    clock: _Clock,
+    clock: "_Clock",
 ) -> Comparison:
     found, evidence = question.found, question.evidence
     methods = clock.run("methods", by_method, question)

@@ -5,8 +5,6 @@ the runs, each run is cut into segments of whole periods with force states of th
 carry what differs between them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ Angles of several waveforms are prescribed. Where the campaign was driven by a m
 runs: the joint is then taken to move as it did at the nearest level, at another scale and frequency.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product

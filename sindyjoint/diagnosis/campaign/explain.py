@@ -1,7 +1,5 @@
 """What a campaign's model lacks: the set of effects with the best predictive score, its classes and probabilities."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -199,7 +197,7 @@ class Begun:
     before: float | None = None
     names: frozenset[str] = frozenset()
 
-    def without(self, ids: Collection[str]) -> Begun:
+    def without(self, ids: Collection[str]) -> "Begun":
         """Return this less some candidates."""
         return replace(self, candidates=[each for each in self.candidates if each.id not in ids])
 

@@ -1,7 +1,5 @@
 """The gaps of a model with effects on runs it never saw, beside what noise alone leaves: size, place, pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 

@@ -7,8 +7,6 @@ multiplying by the inverse of its Cholesky factor gives rows of independent unit
 likelihoods (linearised errors in variables; Fuller, Measurement Error Models, 1987, section 1.4).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

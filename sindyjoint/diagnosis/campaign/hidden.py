@@ -1,7 +1,5 @@
 """A virtual test of the inter-panel joint in which the seed hides an effect."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A campaign as evidence: its runs as whitened rows, the model's terms and all candidate effects as columns."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -3,8 +3,6 @@
 Of free motion no moment is measured, and what counts is how it goes on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
@@ -83,7 +81,7 @@ def numbers_of(repaired: Repaired, runs: Sequence[GapRun]) -> Numbers:
     return Numbers(values, covariance, columns, inner)
 
 
-def _slice(at: count[int], size: int) -> slice:
+def _slice(at: "count[int]", size: int) -> slice:
     places = [next(at) for _ in range(size)]
     return slice(places[0], places[0] + size) if places else slice(0, 0)
 

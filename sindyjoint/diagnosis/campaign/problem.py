@@ -1,7 +1,5 @@
 """A campaign as a problem: its runs as rows, the model with the effects so far, the effects that it can show."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -114,7 +112,7 @@ class CampaignProblem(Problem):
         effects: Sequence[Effect],
         policy: DiagnosisPolicy,
         actuator: Actuator | None = None,
-    ) -> CampaignProblem:
+    ) -> "CampaignProblem":
         """Return the problem of a campaign, and of a model or the terms of a library fitted to it."""
         share = STATES.passing_rate_share
         states = one_after_another(campaign, campaign_states(campaign, rate_share=share))

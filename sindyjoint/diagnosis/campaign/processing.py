@@ -5,8 +5,6 @@ model is simulated under the measured moment, its angle goes through the same ke
 itself is taken off what it leaves of the measurement. Where runs repeat, the harmonics that are kept see to that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -6,8 +6,6 @@ searched, within bounds, from a fixed grid. Rows are in units of noise, so that 
 ratio.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -60,7 +58,7 @@ class GapRegression:
         model: JointModel,
         found: Sequence[FittedEffect] = (),
         policy: DiagnosisPolicy = CAMPAIGN,
-    ) -> GapRegression:
+    ) -> "GapRegression":
         """Return the regression of a model, with effects found before beside its terms."""
         columns = [stack(runs, lambda r: base_columns(model, r)), *(effect_rows(runs, e) for e in found)]
         base, target = np.hstack(columns), np.concatenate([run.white(run.target) for run in runs])

@@ -1,7 +1,5 @@
 """A model with effects added: its fit, its gap on runs it never saw, and the law that simulates it."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 Channels that drift within a run are put right first: a mean period would take that for an offset.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -73,7 +71,7 @@ class Work:
         model: JointModel,
         effects: Sequence[FittedEffect] = (),
         policy: DiagnosisPolicy = CAMPAIGN,
-    ) -> Work:
+    ) -> "Work":
         """Return the work with the rows that its states, and the model with its effects, make."""
         free = is_free(campaign)
         rows = gap_runs(states, model, groups, policy, free=free)
@@ -93,7 +91,7 @@ class Work:
         model: JointModel,
         effects: Sequence[FittedEffect] = (),
         states: Sequence[ForceStates] | None = None,
-    ) -> Work:
+    ) -> "Work":
         """Return the work with another model, effects and, where channels were put right, states."""
         states = self.states if states is None else states
         return Work.build(self.campaign, self.runs, states, self.groups, model, effects, self.policy)

@@ -6,8 +6,6 @@ Maxwell model) stand for laws with a memory. Columns in frequency, time and acce
 runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

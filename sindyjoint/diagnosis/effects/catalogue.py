@@ -4,8 +4,6 @@ An effect is a named change of a setup. Of a joint and its channels it has colum
 motion; of a structure one number, and a place of :data:`~sindyjoint.diagnosis.effects.setup.PLACES` where it acts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property

@@ -1,7 +1,5 @@
 """Effects as changes of the setup of a simulated structure, with scaled numbers that a fit can move; of its joints."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any

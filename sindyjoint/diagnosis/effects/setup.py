@@ -1,7 +1,5 @@
 """What a simulated structure is made of, and where in it an effect outside the joints may act."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -44,7 +42,7 @@ class Setup:
     gain: float = 1.0
     zero: float = 0.0
     drift: float = 0.0
-    kinds: dict[str, Setup] = field(default_factory=dict)
+    kinds: "dict[str, Setup]" = field(default_factory=dict)
 
     @property
     def motion_key(self) -> tuple[Any, ...]:
@@ -56,7 +54,7 @@ class Setup:
         """The beams of the chain."""
         return [item for item in self.items if isinstance(item, Beam)]
 
-    def with_beams(self, change: Callable[[Beam], Beam]) -> Setup:
+    def with_beams(self, change: Callable[[Beam], Beam]) -> "Setup":
         """Return the setup with other beams."""
         return replace(self, items=tuple(change(i) if isinstance(i, Beam) else i for i in self.items))
 

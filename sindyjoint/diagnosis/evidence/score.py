@@ -12,8 +12,6 @@ with r the prediction error of group g and P the information that the other grou
 of S is the sum over the groups, at the σ that makes it largest. Differences of scores are probabilities.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

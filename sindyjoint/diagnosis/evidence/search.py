@@ -5,8 +5,6 @@ of all candidates wins where there is nothing but noise (measured on simulated n
 their deviates, so that no single group decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """The response gap of records: how large, and where in time, amplitude and frequency, or in which segment, it lies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

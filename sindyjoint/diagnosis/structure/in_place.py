@@ -1,7 +1,5 @@
 """A diagnosis from the runs of a structure: what the laws of its joints lack against what the structure lacks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -110,7 +108,7 @@ class RunsDiagnosis(StructureProblem):
     kept: RunsProblem | None = None
 
     @classmethod
-    def of(cls, problem: RunsProblem, kept: RunsProblem | None, effects: Sequence[Effect]) -> RunsDiagnosis:
+    def of(cls, problem: RunsProblem, kept: RunsProblem | None, effects: Sequence[Effect]) -> "RunsDiagnosis":
         """Return the diagnosis of a problem, whose numbers are fitted first.
 
         Raises
@@ -200,7 +198,7 @@ class RunsDiagnosis(StructureProblem):
         """Return none: further runs of a structure are not searched for."""
         return (), 0, 0
 
-    def diagnosis(self, first: RunsDiagnosis, found: Mapping[str, Any]) -> Diagnosis:
+    def diagnosis(self, first: "RunsDiagnosis", found: Mapping[str, Any]) -> Diagnosis:
         """Return the result: the model of each kind of joint, and the structure's numbers."""
         problem, x = self.pulse, self.best.x
         covariance = problem.covariance(x)

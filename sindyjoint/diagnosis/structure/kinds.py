@@ -1,7 +1,5 @@
 """The joints of one kind in a structure: their model, and its numbers as a fit moves them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -41,7 +39,7 @@ class JointKind:
     root: Array
 
     @classmethod
-    def of(cls, name: str, places: tuple[int, ...], model: JointModel, least: float) -> JointKind:
+    def of(cls, name: str, places: tuple[int, ...], model: JointModel, least: float) -> "JointKind":
         """Return joints whose numbers move by their covariance, each by `least` of itself at least."""
         laws = JointLaws(model, model_law(model).softening_limit)
         kept = kept_numbers(model)

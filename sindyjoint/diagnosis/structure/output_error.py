@@ -4,8 +4,6 @@ Unknown are numbers of laws and structure, which keep to their covariance, and t
 bounded Gauss–Newton search on the simulated response.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol, Self

@@ -1,7 +1,5 @@
 """The pulse record of a structure as a problem: a model in its joint, its coefficients and the effects so far."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -87,7 +85,7 @@ class StructureProblem(Problem):
         random_state: RNG,
         policy: DiagnosisPolicy,
         say: Say,
-    ) -> StructureProblem:
+    ) -> "StructureProblem":
         """Return the problem of a rig; one that names no records is tested virtually, with something hidden in it."""
         rig, kept_out = open_rig(rig), [open_rig(each) for each in hold_out]
         model, places, drawn = model_in_place(rig, model, policy)

@@ -4,8 +4,6 @@ Fits go over horizons that grow: over a long record a slightly wrong frequency i
 begins with all of it ends in the nearest wrong cycle.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Self
@@ -66,7 +64,7 @@ class PulseProblem(OutputError):
     places: frozenset[str]
     kind: JointKind
     records: tuple[MeasuredResponse, ...]
-    noise: tuple[RecordNoise, ...]
+    noise: "tuple[RecordNoise, ...]"
     found: tuple[Change, ...] = ()
     pulse_uncertainty: float = 0.0
     step_error: tuple[Array, ...] = ()

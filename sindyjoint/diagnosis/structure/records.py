@@ -1,7 +1,5 @@
 """Runs of a structure as an output-error problem, those that do not repeat in segments beside those that do."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -110,7 +108,7 @@ class RecordsProblem(RunsProblem):
         """Return the problem for a first look round some numbers: itself."""
         return self
 
-    def whitened(self, x: Array, extra: Change | None = None) -> RecordsProblem:
+    def whitened(self, x: Array, extra: Change | None = None) -> "RecordsProblem":
         """Return the problem with residuals weighed at some numbers, and segments that begin where they fit best.
 
         Raises

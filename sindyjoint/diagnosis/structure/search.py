@@ -1,7 +1,5 @@
 """The search for the effect that explains the gap of a pulse test: every candidate is fitted by output error."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 

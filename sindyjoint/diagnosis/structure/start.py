@@ -1,7 +1,5 @@
 """What a diagnosis of a pulse test starts from: rig, model, candidates, and records or a virtual test."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """CSV, TSV and other text tables: preamble, comment lines, delimiter, a header, perhaps a row of units."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import re
@@ -247,7 +245,7 @@ class _Layout:
     top: int
     """Line number of the header."""
 
-    def of(self, lines: list[str], numbers: list[int]) -> _Layout:
+    def of(self, lines: list[str], numbers: list[int]) -> "_Layout":
         """Return rows to be read by the same rules: decimal commas made points, all rows of one length."""
         delimiter, width = self.delimiter, len(self.names)
         if delimiter != "," and any(map(has_decimal_comma, split_fields(lines[0], delimiter))):
