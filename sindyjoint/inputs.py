@@ -254,6 +254,8 @@ class FileUnit:
     named : bool
         Whether the file states it by the ending of the column's name only (``"angle_mrad"``), which may mean another
         thing.
+    beside : tuple of str
+        Columns of the file that measure the same quantity, move otherwise, and are not used.
     """
 
     channel: str
@@ -262,6 +264,7 @@ class FileUnit:
     column: str = ""
     stated: str = ""
     named: bool = False
+    beside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

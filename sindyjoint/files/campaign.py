@@ -203,7 +203,7 @@ class _RunLoader:
         self.simulated |= opened.simulated
         reader = RunReader(
             opened, channels, self.manifest.rig, self.motion, self.file, self.notes,
-            self.inputs.columns(table), rows is not None,
+            self.inputs.columns(table), rows is not None, frequency,
         )  # fmt: skip
         signals, rate = reader.read()
         measured = {key.removeprefix(INPUT): each for key, each in signals.items() if key.startswith(INPUT)}

@@ -2,18 +2,22 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, UnitError, refuse
+from sindyjoint.files.drafting.survey import ROLES, is_twin, role_of
 from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
 from sindyjoint.files.readers import Table
 from sindyjoint.files.timeaxis import (
     advanced,
+    bridged,
     check_order,
+    longest_part,
     margin,
     resampled,
     uniform_rate,
@@ -21,7 +25,8 @@ from sindyjoint.files.timeaxis import (
 )
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
 from sindyjoint.inputs import FileUnit
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, main_frequency
+from sindyjoint.policy import SHARED
 from sindyjoint.record import Motion
 from sindyjoint.rig import SensorNoise, bending_moment, check_positive, full_bridge_strain, joint_angle
 
@@ -49,6 +54,8 @@ MEASURED = ("moment", "angle", "rate", "acceleration")
 CHANNEL_KEYS = tuple(dict.fromkeys(keys[quantity][0] for keys in KEYS.values() for quantity in MEASURED))
 # Among the channels that were read: False at samples that the recorder lost.
 VALID = "valid"
+# Of a mark that was interpolated between 0 (missing) and 1, from which a sample is there.
+MOST = 0.99
 # Begins the names of inputs of the law among them.
 INPUT = "input "
 
@@ -149,6 +156,8 @@ class RunReader:
     """Inputs of the law that are columns of the file."""
     part: bool = False
     """Whether the table is a part of a longer one, of which no sample may be missing."""
+    frequency: float | None = None
+    """Of the excitation, as declared."""
 
     def read(self) -> tuple[dict[str, Any], float]:
         """Return moment, angle, rate and acceleration, as far as measured, SI, shape (n,), and the sampling rate, Hz.
@@ -161,7 +170,7 @@ class RunReader:
         InputError
             For columns that are missing or unusable, an irregular time axis, or a dead channel.
         """
-        columns = self._columns()
+        columns, present = self._columns()
         signals: dict[str, Array] = {}
         constants: dict[str, float] = {}
         for quantity, key, unit, channel in declared(self.channels, self.motion):
@@ -175,14 +184,19 @@ class RunReader:
                     if channel.offset is not None
                     else 0.0
                 )
-                signals[quantity] = _scaled(columns[channel.column], factor, offset, where)
+                other = 0.0 if channel.minus is None else columns[channel.minus]
+                signals[quantity] = _scaled(columns[channel.column] - other, factor, offset, where)
         if self.rig is not None:
             self._add_gauges(self.rig, columns, signals)
         # As they stand in the file; files/inputs.py knows their units.
         signals |= {
             f"{INPUT}{name}": columns[each.column] for name, each in self.inputs.items() if each.column
         }
+        if present is not None:
+            signals[VALID] = present.astype(float)
         signals, rate = self._timed(signals, columns)
+        if present is not None:
+            signals = self._longest_part(signals, rate)
         self._refuse_dead(signals)
         signals = self._remove_delays(signals, rate)
         n = next(iter(signals.values())).size
@@ -195,19 +209,54 @@ class RunReader:
         for quantity, key, unit, channel in declared(self.channels, self.motion):
             if channel.column is not None and channel.unit is not None:
                 factor = conversion(channel.unit, unit, f"{self.manifest}: [channels] {key}", channel.gain)
-                found.append(self.table.unit(quantity, channel.column, channel.unit, factor))
+                of_column = self.table.unit(quantity, channel.column, channel.unit, factor)
+                found.append(replace(of_column, beside=self._list_beside(quantity, channel.column)))
+                if channel.minus is not None:
+                    found.append(self.table.unit(quantity, channel.minus, channel.unit, factor))
         return tuple(found)
 
-    def _columns(self) -> dict[Column, Array]:
-        """Return all columns that this run needs, read in one go."""
+    def _list_beside(self, quantity: str, column: Column) -> tuple[str, ...]:
+        """Return the columns that measure the same as a channel, move otherwise, and are not used."""
+        role = ROLES[self.motion].get(quantity)
+        used = {self.table.names[each - 1] if isinstance(each, int) else each for each in self._wanted()}
+        named = [
+            name
+            for at, name in enumerate(self.table.names, start=1)
+            if name not in used
+            and role
+            and role_of(name, (self.table.stated_unit(at) or ("", ""))[1]) == role
+        ]
+        found = []
+        for name in named:
+            # What cannot be read is no channel.
+            with suppress(InputError):
+                own, other = self.table.columns([column, name], gaps=True)
+                if own.size == other.size and np.ptp(other) > 0 and not is_twin(own, other):
+                    found.append(name)
+        return tuple(found)
+
+    def _columns(self) -> tuple[dict[Column, Array], NDArray[np.bool_] | None]:
+        """Return all columns that this run needs, read in one go, and which samples all of them have; None for all.
+
+        Straight lines run across what is missing.
+        """
+        columns = self._wanted()
+        found = dict(zip(columns, self.table.columns(columns, gaps=not self.part), strict=True))
+        if all(np.isfinite(values).all() for values in found.values()):
+            return found, None
+        self._refuse_lengths({str(name): values.size for name, values in found.items()})
+        present = np.logical_and.reduce([np.isfinite(values) for values in found.values()])
+        return {name: bridged(values) for name, values in found.items()}, present
+
+    def _wanted(self) -> list[Column]:
         axis = self.channels.time
         wanted = [axis.column if isinstance(axis, TimeChannel) else None]
-        wanted += [channel.column for _, _, _, channel in declared(self.channels, self.motion)]
+        for _, _, _, channel in declared(self.channels, self.motion):
+            wanted += [channel.column, channel.minus]
         wanted += [each.column for each in self.inputs.values()]
         if self.rig is not None:
             wanted += [*(self.rig.strain or []), *(self.rig.displacement or [])]
-        columns = [column for column in wanted if column is not None]
-        return dict(zip(columns, self.table.columns(columns), strict=True))
+        return [column for column in wanted if column is not None]
 
     def _add_gauges(self, rig: RigTable, columns: dict[Column, Array], signals: dict[str, Array]) -> None:
         """Turn strains and displacements into moment and angle by Eqs. 1–3."""
@@ -241,7 +290,9 @@ class RunReader:
     def _timed(self, signals: dict[str, Array], columns: dict[Column, Array]) -> tuple[dict[str, Any], float]:
         """Return the channels on a uniform time axis, and its rate, Hz."""
         known = KEYS[self.motion]
-        sizes = {known[name][0] if name in known else name: values.size for name, values in signals.items()}
+        sizes = {
+            known[name][0] if name in known else name: x.size for name, x in signals.items() if name != VALID
+        }
         axis = self.channels.time
         if not isinstance(axis, TimeChannel):
             self._refuse_lengths(sizes)
@@ -257,12 +308,32 @@ class RunReader:
             lost = None if self.part else with_lost_samples(time, signals)
             if lost is not None:
                 filled, rate, present = lost
-                return filled | {VALID: present}, rate
+                return filled | {VALID: present & (filled.get(VALID, 1.0) > MOST)}, rate
             if not self.channels.resample:
                 raise
         signals, rate = resampled(time, signals, where, self.table.row)
         self.notes.append(f"{self.table.path.name}: irregular samples were interpolated to {rate:g} Hz")
         return signals, rate
+
+    def _longest_part(self, signals: dict[str, Any], rate: float) -> dict[str, Any]:
+        """Return the longest part of a run in which nothing is missing that other samples do not show.
+
+        These are the other periods of a steady run, and the neighbours of a gap that is short against the motion.
+        """
+        present = np.asarray(signals.pop(VALID)) > MOST
+        if not rate:
+            return {name: values[present] for name, values in signals.items()}
+        gap = present.size
+        if self.frequency is None or np.mean(~present) > SHARED.large_part:
+            fastest = max(main_frequency(values, rate) for values in signals.values() if np.ptp(values) > 0)
+            gap = int(SHARED.minor_share * rate / fastest)
+        kept = longest_part(present, gap)
+        if kept != slice(0, present.size):
+            self.notes.append(
+                f"{self.table.path.name}: columns hold no number in {np.count_nonzero(~present)} of {present.size} "
+                f"samples; used from {kept.start / rate:.3g} s to {kept.stop / rate:.3g} s"
+            )
+        return {name: values[kept] for name, values in signals.items()} | {VALID: present[kept]}
 
     def _declared_rate(self) -> float:
         given, where = self.channels.rate, f"{self.manifest}: [channels] rate"

@@ -35,6 +35,10 @@ class Channel(StrictTable):
         default=None,
         description="Another file of the same run, with the same instants, that holds the column.",
     )
+    minus: Column | None = Field(
+        default=None,
+        description="Column of the same unit that is subtracted, as the motion of the other body is.",
+    )
     unit: str | None = Field(default=None, description="Unit of the values in the file, any that pint knows.")
     gain: str | None = Field(default=None, description="Factor with its unit, such as '35.15 N/V'.")
     offset: str | None = Field(
@@ -56,8 +60,8 @@ class Channel(StrictTable):
     def _column_or_constant(self) -> Channel:
         if self.model_fields_set <= {"noise", "gain_uncertainty"} and self.model_fields_set:
             return self
-        stray = self.unit or self.gain or self.offset or self.noise or self.file
-        carried = "a constant carries its unit; file, unit, gain, offset and noise belong to a column"
+        stray = self.unit or self.gain or self.offset or self.noise or self.file or self.minus
+        carried = "a constant carries its unit; file, minus, unit, gain, offset and noise belong to a column"
         refuse(
             [
                 (

@@ -121,6 +121,26 @@ def with_lost_samples(
     return filled, float(f"{1 / slope:.9g}"), present
 
 
+def bridged(values: Array) -> Array:
+    """Return values with straight lines across those that are no numbers."""
+    at, present = np.arange(values.size), np.isfinite(values)
+    return values if present.all() else np.interp(at, at[present], values[present])
+
+
+def longest_part(present: NDArray[np.bool_], gap: int) -> slice:
+    """Return the longest part of a record without a gap of so many samples, from its first to its last sample.
+
+    Examples
+    --------
+    >>> longest_part(np.array([0, 1, 0, 0, 1, 1, 0, 1, 0], dtype=bool), 2)
+    slice(4, 8, None)
+    """
+    known = np.flatnonzero(present)
+    parts = np.split(known, np.flatnonzero(np.diff(known) > gap) + 1)
+    longest = max(parts, key=len)
+    return slice(int(longest[0]), int(longest[-1]) + 1)
+
+
 def _resolution(time: Array) -> float:
     """Return the step between neighbouring values that the stamps could have taken, s."""
     for digits in range(10):

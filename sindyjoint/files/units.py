@@ -83,7 +83,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*(.
 
 # Units in the names of columns: ``force [kN]``, ``angle (mrad)``, ``angle_mrad``.
 _BRACKETS = re.compile(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$")
-_ENDING = re.compile(r"^(?P<base>.*?)(?:\s*/\s*|_|\s+)(?P<unit>[^\W\d_][\w*·^]*|°|µ\w+)$")
+_ENDING = re.compile(r"^(?P<base>.*?)(?:\s*/\s*|_|\s+)(?P<unit>[^\W\d_](?:[^\W_]|[*·^])*|°|µ\w+)$")
 # What an ending must be to count as a unit; single letters only after a word.
 KNOWN = {
     "rad", "mrad", "urad", "µrad", "deg", "°", "degrees", "Grad", "grad", "Nm", "mNm", "Nmm", "Ncm", "kNm", "kN", "mN",
@@ -329,7 +329,7 @@ def unit_in_name(name: str) -> tuple[str, bool] | None:
 
     Examples
     --------
-    >>> unit_in_name("Force [kN]"), unit_in_name("angle_mrad"), unit_in_name("angle_rad_from_upright")
+    >>> unit_in_name("Force [kN]"), unit_in_name("angle_upper_mrad"), unit_in_name("angle_rad_from_upright")
     (('kN', False), ('mrad', True), ('rad', True))
     >>> unit_in_name("rpm"), unit_in_name("gyro_rad_per_s"), unit_in_name("gyro_deg_s"), unit_in_name("force_in_beam")
     (('rpm', True), None, None, None)
@@ -344,7 +344,9 @@ def unit_in_name(name: str) -> tuple[str, bool] | None:
         return None
     base, unit = ending["base"], ending["unit"]
     last = re.split(r"[./]", base)[-1]
-    if unit in KNOWN or (unit in LETTERS and len(last) > 3 and last.isalpha()):
+    # Not the last part of rad_per_s.
+    whole = {"per", *KNOWN - {"in"}}.isdisjoint(base.split("_"))
+    if whole and (unit in KNOWN or (unit in LETTERS and len(last) > 3 and last.isalpha())):
         return _spelled(unit), True
     # Within the name, where plain words follow: no rad_per_s, and in is a word.
     words = name.split("_")

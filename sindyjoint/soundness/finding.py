@@ -44,6 +44,7 @@ KINDS = (
     "low_pass",
     "mains_hum",
     "no_signal",
+    "other_sensor",
     "repeated_block",
     "reversed_sign",
     "run_differs",
@@ -230,6 +231,10 @@ EFFECTS: dict[str, dict[str, str]] = {
         MOMENT: "k1, c1 and M_F are wrong by that factor",
         OTHER: "k1 and c1 are wrong by that factor, k3 by its cube",
         STRUCTURE: "{shown}",
+    },
+    "other_sensor": {
+        MOMENT: "part of the {moment} that moves the joint may be missing: every coefficient is smaller by that",
+        OTHER: "the motion may be that of one body and not of the joint: k1, c1 and M_F come out too small",
     },
 }
 EFFECTS |= {

@@ -259,3 +259,29 @@ def test_a_negative_inertia_is_called_impossible_everywhere(sindyjoint, tmp_path
     assert record["trust"]["determined"]["colour"] == "poor"
     page = (results / "report.html").read_text(encoding="utf-8")
     assert "negative, which is impossible" in page
+
+
+def test_of_two_angles_that_differ_none_is_guessed_and_check_says_what_is_not_used(sindyjoint, tmp_path):
+    moment, angle = swing(2.0)
+    base = 0.1 * moment
+    table(
+        tmp_path / "a.csv",
+        "time_s,torque_Nm,angle_upper_mrad,angle_lower_mrad",
+        TIME,
+        moment,
+        angle + base,
+        base,
+    )
+    asked = sindyjoint("init", tmp_path, "--yes")
+    assert asked.status == 2 and "angle: which column is the angle" in asked.stderr
+    both = "angle_upper_mrad - angle_lower_mrad"
+    assert f"Of sensors on both sides of the joint it is '{both}'" in asked.stderr
+    assert sindyjoint("init", tmp_path, "--set", f"angle={both}").status == 0
+    written = (tmp_path / "campaign.toml").read_text()
+    assert manifest(tmp_path)["channels"]["angle"]["minus"] == "angle_lower_mrad"
+    told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
+    assert "other_sensor" not in {f["id"] for f in told["findings"]}
+    (tmp_path / "campaign.toml").write_text(written.replace('minus = "angle_lower_mrad", ', ""))
+    told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
+    (found,) = [f for f in told["findings"] if f["id"] == "other_sensor"]
+    assert "minus = 'angle_lower_mrad'" in found["remedy"]

@@ -2,22 +2,18 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sindyjoint.errors import InputError, UnknownNameError, nearest
 from sindyjoint.files.channels import CHANNEL_KEYS, KEYS
-from sindyjoint.files.drafting.survey import MOTIONS, WORDS, Bundle, Column, is_clock
+from sindyjoint.files.drafting.survey import MOTIONS, ROLES, WORDS, Bundle, Column, is_clock, is_twin
 from sindyjoint.files.timeaxis import decays
 from sindyjoint.files.units import COUNTS, KNOWN, conversion, needs_gain, parse_quantity, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 
-ROLES: dict[Motion, dict[str, str]] = {
-    "rotation": {"moment": "moment", "angle": "angle", "rate": "angular rate"},
-    "translation": {"moment": "force", "angle": "displacement", "rate": "velocity"},
-}
 _OWN = {motion: {key for key, _ in keys.values()} - {"acceleration"} for motion, keys in KEYS.items()}
 ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate", "runs", "validate") + tuple(
     f"{key}{part}" for key in CHANNEL_KEYS for part in ("", ".unit", ".gain")
@@ -26,8 +22,6 @@ ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate", "ru
 OTHERS = {"time", "temperature", "acceleration", "velocity", "angular rate", "counter"}
 # What a joint carries that swings freely.
 NO_LOAD: dict[Motion, str] = {"rotation": "0 N*m", "translation": "0 N"}
-# Two columns so alike are one signal, wanted and measured.
-TWINS = 0.999
 EXAMPLES = {"moment": "N*m", "angle": "mrad", "force": "N", "displacement": "mm", "rate_of_angle": "rad/s"}
 
 
@@ -206,18 +200,28 @@ def _choose(
 ) -> Column | None:
     """Return the column that was named, or the only one that can be meant, or the likeliest of several."""
     if key in dialogue.answers:
-        column = bundle.find(dialogue.answers[key])
+        answer = dialogue.answers[key]
+        column, (one, sign, other) = bundle.find(answer), answer.partition(" - ")
+        both = [bundle.find(each.strip()) for each in (one, other)]
+        if column is None and sign and both[0] is not None and both[1] is not None:
+            column = replace(both[0], minus=both[1].key, values=both[0].values - both[1].values)
         if column is None:
             raise InputError(
-                f"{bundle.name}: {key} = {dialogue.answers[key]!r} is no column; columns there: {_list(bundle.columns)}"
+                f"{bundle.name}: {key} = {answer!r} is no column; columns there: {_list(bundle.columns)}"
             )
         return column
+    moving = [column for column in candidates if np.ptp(column.values) > 0] or candidates
     # The same instants stand in every file of a run; a velocity beside the displacement is welcome, not needed.
-    if len(candidates) > 1 and key != "time" and not key.startswith("rate_of"):
-        likeliest = _measured(candidates)
-        dialogue.ask(key, f"which column is the {role} ({_list(candidates)})?", str(likeliest.key))
+    if len(moving) > 1 and key != "time" and not key.startswith("rate_of"):
+        likeliest = _measured(moving)
+        text = f"which column is the {role} ({_list(moving)})?"
+        differ = [c for c in moving if c is not likeliest and not is_twin(c.values, likeliest.values)]
+        if differ and role in MOTIONS:
+            text += f" Of sensors on both sides of the joint it is '{likeliest.key} - {differ[0].key}'"
+        # Which of sensors that differ is meant, nothing in the files tells.
+        dialogue.ask(key, text, None if differ else str(likeliest.key))
         return likeliest
-    return candidates[0] if candidates else None
+    return moving[0] if moving else None
 
 
 def _guess_by_shape(
@@ -250,7 +254,7 @@ def _guess_by_shape(
         work = sum(_work(*run) for run in whole)
         rough = np.array([work, -work])
     guess = open_ones[int(np.argmax(rough) if quantity == "moment" else np.argmin(rough))]
-    guess = _measured([c for c in open_ones if _is_twin(c, guess)])
+    guess = _measured([c for c in open_ones if c is guess or is_twin(c.values, guess.values)])
     dialogue.ask(key, f"which column is the {key.replace('_', ' ')} ({_list(open_ones)})?", str(guess.key))
     return guess
 
@@ -261,15 +265,8 @@ def _list(columns: Sequence[Column]) -> str:
 
 def _measured(candidates: Sequence[Column]) -> Column:
     """Return the measured one of a signal and its command: the rougher one; the first of signals that differ."""
-    twins = [column for column in candidates if _is_twin(column, candidates[0])]
+    twins = [candidates[0], *(c for c in candidates[1:] if is_twin(c.values, candidates[0].values))]
     return max(twins, key=lambda column: _roughness(column.values))
-
-
-def _is_twin(one: Column, other: Column) -> bool:
-    if one is other or one.values.size != other.values.size:
-        return one is other
-    moving = np.ptp(one.values) > 0 and np.ptp(other.values) > 0
-    return bool(moving and abs(np.corrcoef(one.values, other.values)[0, 1]) > TWINS)
 
 
 def _work(load: Array, motion: Array) -> float:

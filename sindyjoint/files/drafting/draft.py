@@ -211,17 +211,21 @@ def _draft_run(
             continue
         key = KEYS[motion][quantity][0]
         unit, gain = units[quantity] = find_unit(column, quantity, motion, dialogue, peers[quantity])
-        pairs = {"file": column.file, "column": column.key, "unit": unit, "gain": gain}
+        pairs = {
+            "file": column.file, "column": column.key, "minus": column.minus, "unit": unit, "gain": gain
+        }  # fmt: skip
         parts = [f"{name} = {toml_string(value)}" for name, value in pairs.items() if value or name == "unit"]
         channels[key] = f"{{ {', '.join(parts)} }}" + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
-        used.append(UsedColumn(bundle.name, column.key, key, unit, _why(column, key, unit, dialogue)))
+        called = column.key if column.minus is None else f"{column.key} - {column.minus}"
+        used.append(UsedColumn(bundle.name, called, key, unit, _why(column, key, unit, dialogue)))
     key = KEYS[motion]["moment"][0]
     if "moment" not in columns:
         load = dialogue.answers.get(key, NO_LOAD[motion])
         channels[key] = f"{{ constant = {toml_string(load)} }}{dialogue.mark(key)}"
         used.append(UsedColumn(bundle.name, None, key, load, dialogue.why(key, "constant")))
+    taken = {(c.file, key) for c in columns.values() for key in (c.key, c.minus)}
     for column in bundle.columns:
-        if column not in columns.values():
+        if (column.file, column.key) not in taken:
             why = f"looks like {column.role}" if column.role else "neither name nor unit tell"
             why = why if np.ptp(column.values) else f"constant at {column.values[0]:g}"
             used.append(UsedColumn(bundle.name, column.key, UNUSED, column.unit, why))
@@ -233,8 +237,8 @@ def _draft_run(
             raise InputError(f"{bundle.name}: column {column.key} never changes")
     if angle.values.size != moment.size:
         raise InputError(f"{bundle.name}: its channels differ in length")
-    called = f"{bundle.name} {bundle.run}"
-    frequency = None if rate is None else find_frequency(angle.values, moment, rate, called)
+    name = f"{bundle.name} {bundle.run}"
+    frequency = None if rate is None else find_frequency(angle.values, moment, rate, name)
     unit, gain = units[of_motion]
     si, raw = KEYS[motion][of_motion][1], needs_gain(unit)
     factor = 1.0 if raw and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)

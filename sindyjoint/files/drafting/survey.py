@@ -11,12 +11,15 @@ import numpy as np
 
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
 from sindyjoint.files.manifest import natural_order
-from sindyjoint.files.readers import READERS, open_blocks, read_table
+from sindyjoint.files.readers import READERS, ending_of, open_blocks, read_table
+from sindyjoint.files.timeaxis import bridged
 from sindyjoint.files.units import KNOWN, LETTERS, unit_in_name, unit_ratio
 from sindyjoint.numeric import Array
-from sindyjoint.record import MINIMUM_SAMPLES
+from sindyjoint.record import MINIMUM_SAMPLES, Motion
 from sindyjoint.text import control_character
 
+# Two columns so alike are one signal, wanted and measured.
+TWINS = 0.999
 # Of a larger file only so many rows are looked at.
 LARGE, ROWS = 1 << 26, 1 << 18
 # What a unit can only be the unit of, by SI unit.
@@ -50,6 +53,10 @@ WORDS = {
     "position": {"position", "pos", "q", "qm"},
     "counter": {"pulse", "pulses", "count", "counts", "counter", "ticks", "index", "idx", "number", "scan", "cycle"},
 }  # fmt: skip
+ROLES: dict[Motion, dict[str, str]] = {
+    "rotation": {"moment": "moment", "angle": "angle", "rate": "angular rate"},
+    "translation": {"moment": "force", "angle": "displacement", "rate": "velocity"},
+}
 LOADS = {"moment", "force"}
 MOTIONS = {"angle", "displacement", "position"}
 _CHANNEL_WORDS = frozenset().union(*WORDS.values()) | {"data", "channel", "ch", "signal"}
@@ -74,6 +81,8 @@ class Column:
         What it measures, as far as unit and names show.
     file : str or None
         The file that holds it, where that is not the run's first one.
+    minus : str, int or None
+        What the manifest calls the column that is subtracted already.
     """
 
     key: str | int
@@ -82,6 +91,7 @@ class Column:
     values: Array
     role: str | None = None
     file: str | None = None
+    minus: str | int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +149,7 @@ def survey_folder(folder: Path) -> tuple[tuple[Bundle, ...], tuple[tuple[str, st
     data = {
         name: path
         for name, path in sorted(found, key=lambda item: natural_order(item[0]))
-        if path.suffix.lower() in READERS and path.is_file() and not path.name.startswith(".")
+        if ending_of(path) in READERS and path.is_file() and not path.name.startswith(".")
     }
     here = {name: path for name, path in data.items() if "/" not in name} or data
     if not here:
@@ -166,7 +176,7 @@ def _read(path: Path, name: str) -> Bundle:
     columns, scalars, refused = [], [], []
     for position, title in enumerate(table.names, start=1):
         try:
-            values = table.columns([position])[0]
+            values = bridged(table.columns([position], gaps=True)[0])
         except InputError as error:
             # A column of words, or with blanks, is no channel.
             refused.append(str(error).removeprefix(f"{path}: "))
@@ -332,6 +342,12 @@ def _told(file: Bundle, known: dict[tuple[tuple[str, ...], str], str]) -> tuple[
         role = found[-1].role or role_of_words(PurePosixPath(file.name).stem)
         found[-1] = replace(found[-1], role=role)
     return tuple(found)
+
+
+def is_twin(one: Array, other: Array) -> bool:
+    """Return whether two signals are one but for their scale and noise."""
+    moving = np.ptp(one) > 0 and np.ptp(other) > 0
+    return bool(moving and one.size == other.size and abs(np.corrcoef(one, other)[0, 1]) > TWINS)
 
 
 def is_clock(values: Array) -> bool:

@@ -14,6 +14,7 @@ import math
 import os
 import re
 import warnings
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -141,13 +142,15 @@ class Table:
         remarks = (*self.remarks, *other.remarks)
         return replace(self, names=(*self.names, name), load=load, units=tuple(units), remarks=remarks)
 
-    def columns(self, wanted: Sequence[str | int]) -> list[Array]:
-        """Return the requested columns as finite float64 arrays.
+    def columns(self, wanted: Sequence[str | int], gaps: bool = False) -> list[Array]:
+        """Return the requested columns as float64 arrays.
 
         Parameters
         ----------
         wanted : sequence of str or int
             Names, or positions counted from 1.
+        gaps : bool
+            Whether samples may be missing, which are NaN or infinite then, as long as most are there.
 
         Raises
         ------
@@ -161,7 +164,9 @@ class Table:
         if len(arrays) != len(distinct):
             raise InputError(f"{self.path}: holds no rows; it may be damaged")
         loaded = dict(zip(distinct, arrays, strict=True))
-        return [self._check_column(name, loaded[at]) for name, at in zip(wanted, positions, strict=True)]
+        return [
+            self._check_column(name, loaded[at], gaps) for name, at in zip(wanted, positions, strict=True)
+        ]
 
     def stated_unit(self, name: str | int) -> tuple[str, str, bool] | None:
         """Return a column's name, the unit that the file states for it, and whether only the name's ending does.
@@ -203,7 +208,7 @@ class Table:
         )
         raise InputError(f"{self.path}: column {name!r} is missing; {hint}columns there: {shown or 'none'}")
 
-    def _check_column(self, name: str | int, values: NDArray) -> Array:
+    def _check_column(self, name: str | int, values: NDArray, gaps: bool) -> Array:
         array = np.asarray(values)
         if array.dtype.kind not in "fiub":
             raise InputError(f"{self.path}: column {name!r} holds {array.dtype}; expected real numbers")
@@ -211,7 +216,7 @@ class Table:
         if array.ndim != 1:
             raise InputError(f"{self.path}: column {name!r} has shape {array.shape}; expected one dimension")
         bad = np.flatnonzero(~np.isfinite(array))
-        if bad.size:
+        if bad.size and not (gaps and 2 * bad.size < array.size):
             raise InputError(
                 f"{self.path}: column {name!r} holds {array[bad[0]]} in {self.row(int(bad[0]))}"
                 + (f" and {bad.size - 1} more value(s) that are not finite" if bad.size > 1 else "")
@@ -355,6 +360,7 @@ READERS = {
     **dict.fromkeys((".uff", ".unv"), ("recorders", "read_uff")),
     ".tdms": ("recorders", "read_tdms"),
 }
+PACKED = ".gz"
 # What reads segments of rows as well; of NPZ, MATLAB v5 and universal files the libraries load all or nothing.
 IN_SEGMENTS = ("read_text", "read_parquet", "read_feather", "read_mat", "read_hdf5", "read_npy", "read_tdms")
 # Readers of files that may have lines above their table.
@@ -395,17 +401,47 @@ def read_table(path: str | Path, skip: int | None = None) -> tuple[Table, str]:
         near = difflib.get_close_matches(file.name, there, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise MissingInputError(f"{file}: there is no such file{hint}")
-    if file.suffix.lower() not in READERS:
+    ending = ending_of(file)
+    if ending not in READERS:
         known = ", ".join(ending.removeprefix(".") for ending in READERS)
-        raise InputError(f"{file}: ending {file.suffix!r} is unknown; expected one of {known}")
+        raise InputError(
+            f"{file}: ending {file.suffix!r} is unknown; expected one of {known}, also with {PACKED}"
+        )
     with suppress(OSError):
         check_bytes(file, check_regular(file))
     data = read_regular(file)
     if not data:
         raise InputError(f"{file}: is empty")
-    if skip is not None and READERS[file.suffix.lower()][1] not in WITH_PREAMBLE:
+    if skip is not None and READERS[ending][1] not in WITH_PREAMBLE:
         raise InputError(f"{file}: skip = {skip} was given; only text tables and sheets have lines to skip")
-    return _read(file, data, skip), hashlib.sha256(data).hexdigest()
+    content = _unpacked(file, data) if file.suffix.lower() == PACKED else data
+    return _read(file, content, skip), hashlib.sha256(data).hexdigest()
+
+
+def ending_of(path: Path) -> str:
+    """Return the ending that tells the format of a file: of run.csv.gz it is .csv.
+
+    Examples
+    --------
+    >>> ending_of(Path("run.CSV")), ending_of(Path("run.csv.gz"))
+    ('.csv', '.csv')
+    """
+    ending = path.suffix.lower()
+    return Path(path.stem).suffix.lower() if ending == PACKED else ending
+
+
+def _unpacked(path: Path, data: bytes) -> bytes:
+    """Return what is packed in the bytes of a gzip file, no more of it than a file may take in memory."""
+    opened, parts = zlib.decompressobj(wbits=31), [b""]
+    while data:
+        with foreign(path, "gzip"):
+            parts.append(opened.decompress(data, largest_bytes() + 1))
+        check_bytes(path, sum(map(len, parts)))
+        if not opened.eof:
+            raise InputError(f"{path}: ends early: it was cut off; copy it again")
+        # Several may stand one after the other.
+        data, opened = opened.unused_data, zlib.decompressobj(wbits=31)
+    return b"".join(parts)
 
 
 def open_blocks(path: str | Path, skip: int | None = None) -> Table | None:
@@ -433,14 +469,14 @@ def open_blocks(path: str | Path, skip: int | None = None) -> Table | None:
 
 @lru_cache(maxsize=4)
 def _open(file: Path, state: tuple[int, int], skip: int | None) -> Table | None:
-    _, function = READERS.get(file.suffix.lower(), ("", ""))
+    _, function = READERS.get(file.suffix.lower(), ("", ""))  # not of what is packed
     own = skip if function in WITH_PREAMBLE else None
     return _read(file, None, own) if function in IN_SEGMENTS else None
 
 
 def _read(file: Path, data: bytes | None, skip: int | None) -> Any:
     """Call the reader of a file, of all its bytes or, without them, of the parts that are asked for."""
-    module, function = READERS[file.suffix.lower()]
+    module, function = READERS[ending_of(file)]
     options = {} if skip is None else {"skip": skip}
     # A library may read bad bytes and fail where what it has read is asked for.
     with foreign(file, file.suffix[1:]):

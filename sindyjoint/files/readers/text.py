@@ -26,6 +26,9 @@ DAY = 86400.0
 ALIKE = 3
 # A preamble is longer than this in no file that anybody writes.
 LONGEST = 400
+# What programs write where there is no number.
+MISSING = {"", "na", "n/a", "#n/a", "null", "none", "-", "--"}
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 
 
 def find_delimiter(lines: Sequence[str], sample: str | None = None) -> str | None:
@@ -147,7 +150,7 @@ def preamble_length(lines: Sequence[str]) -> int:
 def _kind(field: str) -> str:
     if is_number(field):
         return "number"
-    return "stamp" if is_stamp(field) else "text" if field else "blank"
+    return "stamp" if is_stamp(field) else "blank" if field.lower() in MISSING else "text"
 
 
 def _is_broken_row(kinds: Sequence[str], pattern: Sequence[str]) -> bool:
@@ -255,9 +258,13 @@ class _Layout:
                 # Counting delimiters is fast and nearly always enough; quoted or trailing ones need the careful way.
                 quick = len(line.split()) if delimiter is None else line.count(delimiter) + 1
                 if quick != width and (found := len(split_fields(line, delimiter))) != width:
+                    unequal = f"{self.path}: line {number} has {found} fields and line {self.top} has {width}"
+                    if number == numbers[-1] and found < width:
+                        raise InputError(
+                            f"{unequal}: the file ends there, cut off; copy it again, or remove that line"
+                        )
                     raise InputError(
-                        f"{self.path}: line {number} has {found} fields and line {self.top} has {width}; expected "
-                        "equal numbers (put # before lines that belong to no table)"
+                        f"{unequal}; expected equal numbers (put # before lines that belong to no table)"
                     )
         return replace(self, lines=lines, numbers=numbers)
 
@@ -286,8 +293,8 @@ class _Layout:
                     comments=None,
                     quotechar=quote,
                 )
-            except ValueError as error:
-                raise self._explained(numeric, error) from error
+            except ValueError:
+                values = self._field_by_field(numeric)
             columns |= dict(zip(numeric, np.ascontiguousarray(values.T), strict=True))
         return [columns[position] for position in wanted]
 
@@ -302,19 +309,24 @@ class _Layout:
                 "expected a time stamp, such as 12:30:00.25"
             ) from error
 
-    def _explained(self, wanted: Sequence[int], error: ValueError) -> InputError:
-        """Find the first field that is not a number."""
-        for line, number in zip(self.lines, self.numbers, strict=True):
+    def _field_by_field(self, wanted: Sequence[int]) -> NDArray[np.float64]:
+        """Return columns as numbers, NaN where there is none, or refuse the first field that is something else."""
+        values = np.full((len(self.lines), len(wanted)), np.nan)
+        for row, (line, number) in enumerate(zip(self.lines, self.numbers, strict=True)):
             fields = split_fields(line, self.delimiter)
-            for position in wanted:
+            for place, position in enumerate(wanted):
                 field = fields[position] if position < len(fields) else ""
-                if not is_number(field):
-                    given = f"holds {field!r:.40}" if field else "is blank"
+                if _THOUSANDS.fullmatch(field):
+                    field = field.replace(",", "")
+                if is_number(field) and "," not in field:
+                    values[row, place] = float(field)
+                elif field.lower() not in MISSING:
                     hint = ", or [channels] rate instead of these dates" if _DATE.search(field) else ""
-                    return InputError(
-                        f"{self.path}: line {number}: column {self.names[position]!r} {given}; expected a number{hint}"
+                    raise InputError(
+                        f"{self.path}: line {number}: column {self.names[position]!r} holds {field!r:.40}; expected a "
+                        f"number{hint}"
                     )
-        return InputError(f"{self.path}: cannot be read as a table of numbers ({error})")
+        return values
 
 
 def _layout(path: Path, text: str, skip: int | None) -> _Layout:

@@ -75,6 +75,20 @@ def find_unequal_units(campaign: Campaign, words: Words) -> Iterator[Finding]:
             )
 
 
+def find_other_sensors(campaign: Campaign, words: Words) -> Iterator[Finding]:
+    """Yield columns that measure what a channel does, move otherwise, and are used nowhere."""
+    sources = (run.source for run in campaign.runs if run.source is not None)
+    found = {(u.channel, u.column, other) for source in sources for u in source.units for other in u.beside}
+    for channel, column, other in sorted(found):
+        remedy = f"is it of the other body, subtract it: minus = {other!r} in the channel's line"
+        if channel == "moment":
+            remedy = "make sure that the one that is used acts on the joint"
+        extent = (
+            f"column {other!r} is not used; it shows the {words.of(channel)} too, and not as {column!r} does"
+        )
+        yield words.finding("other_sensor", None, channel, "note", extent, remedy)
+
+
 def find_sizes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield angles beyond half a turn, and motions too small or too large for any joint."""
     unit = words.unit("angle")
