@@ -100,7 +100,7 @@ def broadband_states(
         acceleration=acceleration,
         moment=run.moment[middle],
         moving=moving,
-        block=_blocks(moving),
+        block=_blocks(moving, int(np.ceil(run.sample_rate / cutoff))),
         replicate=None,
         noise=noise,
         method="broadband",
@@ -116,11 +116,16 @@ def broadband_states(
     )
 
 
-def _blocks(moving: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Return the block of each sample: equal times, or as many moving samples where one block would hold them all."""
+def _blocks(moving: NDArray[np.bool_], cell: int) -> NDArray[np.intp]:
+    """Return the block of each sample: equal times, or as many moving samples where one block would hold them all.
+
+    No block of moving samples is shorter than the ``cell`` over which what the kernel passes of the noise is alike.
+    """
     blocks = np.arange(moving.size) * BLOCKS // moving.size
     if np.unique(blocks[moving]).size < 2:
-        blocks = np.minimum(np.cumsum(moving) * BLOCKS // max(int(moving.sum()), 1), BLOCKS - 1)
+        count = int(moving.sum())
+        most = int(np.clip(count // cell, 2, BLOCKS))
+        blocks = np.minimum(np.cumsum(moving) * most // max(count, 1), most - 1)
     return blocks
 
 
