@@ -227,7 +227,8 @@ def best_runs(choice: Choice, count: int, until: float | None = None) -> list[in
     """Return the places of the best ``count`` runs, each as often as it is to be made, the most informative first.
 
     Greedily, and at random, then by exchange of single runs until none is better (Fedorov 1972); then in the order in
-    which each is the best next. Fewer runs where these already bring every joint far below the widest that is enough.
+    which each is the best next, settings that no run has first. Fewer runs where these already bring every joint far
+    below the widest that is enough.
     """
     chosen: list[int] = []
     for _ in range(count):
@@ -262,7 +263,8 @@ def _ordered(choice: Choice, chosen: list[int]) -> list[int]:
     waiting, order = list(chosen), list[int]()
     while waiting:
         costs = choice.costs(tuple(sorted(order)), len(chosen))
-        best = min(waiting, key=lambda i: costs[i])
+        # Planned anew after each run, those at the end would be put off for ever.
+        best = min(waiting, key=lambda i: (choice.missing([*order, i]), costs[i]))
         waiting.remove(best)
         order.append(best)
     return order
