@@ -198,7 +198,11 @@ def zero_start(straight: Problem, last: Problem) -> tuple[Problem, tuple[Step, .
     others = [e for e in last.found if e.family != "measurement"]
     constant = next((e for e in straight.candidates if e.id == CONSTANT), None)
     offset = next((e for e in straight.candidates if e.id == ZERO), None)
-    centred = [e for e in straight.candidates if has_middle(e)]
+    # A corner on one side, wherever it lies, would take the place of a zero.
+    fixed = [
+        replace(e, variants=tuple(v for v in e.variants if not v.has_special)) for e in straight.candidates
+    ]
+    centred = [e for e in fixed if has_middle(e)]
     # An odd and an even law beside each other may be one law about another middle.
     centres = [e for e in last.found if e.name in {each.id for each in centred}]
     if not (zeros or len(centres) > 1) or constant is None or offset is None or not centred:

@@ -91,6 +91,11 @@ class Variant(Form):
         """Numbers that a fit of the variant chooses."""
         return len(self.columns) + len(self.parameters)
 
+    @property
+    def has_special(self) -> bool:
+        """Whether it becomes a simpler effect at an end of a parameter's range."""
+        return any(parameter.special for parameter in self.parameters)
+
     def units(self, motion: str) -> dict[str, str]:
         """Return the units of all parameters by name, for ``"rotation"`` or ``"translation"``."""
         own = {c.symbol: c.unit for c in self.columns} | {p.name: p.unit for p in self.parameters}
