@@ -204,7 +204,9 @@ def one(name, seed, kind, wrong, refine=None):
         "factors": [*factors],
     }
     if result.refinement is not None:
-        record["refinement"] = result.refinement.to_dict()
+        record["refinement"] = {
+            name: getattr(result.refinement, name) for name in ("refined", "reason", "before", "after")
+        }
     record |= {"kinds": {}, "update": None if result.update is None else result.update.change.tolist()}
     for found in result.laws:
         truth = dict(zip(TERMS, (getattr(laws[found.kind], n) for n in NAMES), strict=True))

@@ -60,12 +60,11 @@ def _listed(value: Any) -> Any:
 
 
 def rows_of(table: Mapping[str, Any]) -> list[list[str]]:
-    """Return the cells of a table, of the benchmark's JSON where that is kept; then rows of earlier code."""
+    """Return the cells of a table, of the benchmark's JSON."""
     names = table.get("results", ())
     records = [each for name in names for each in json.loads((RESULTS / name).read_text("utf-8"))]
     shown = [each for each in records if each.get("kind") in table.get("kinds", [each.get("kind")])]
-    fresh = [[formatted(cell, record) for cell in table["cells"]] for record in shown]
-    return fresh + table.get("rows", [])
+    return [[formatted(cell, record) for cell in table["cells"]] for record in shown]
 
 
 def row(cells: list[str]) -> str:
