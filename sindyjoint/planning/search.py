@@ -83,12 +83,14 @@ class Choice:
         frequencies = [*made, *(self.runs[i].frequency for i in chosen)]
         return made_small(self.goals[0][0], information, self.coefficients, self.terms, frequencies)
 
-    def missing(self, chosen: Sequence[int], alone: bool = False) -> int:
+    def missing(self, chosen: Sequence[int]) -> int:
         """Return how many settings are missing: of so many frequencies each at so many levels."""
-        made = () if alone else self.known_runs
         # Levels are shares of the highest at their frequency: the same place among them is the same level.
         count, levels = len(self.policy.levels), dict[float, set[str]]()
-        for frequency, level in (*made, *((self.runs[i].frequency, str(i % count)) for i in chosen)):
+        for frequency, level in (
+            *self.known_runs,
+            *((self.runs[i].frequency, str(i % count)) for i in chosen),
+        ):
             levels.setdefault(_same(frequency), set()).add(level)
         possible = min(self.policy.fewest, self._band.size)
         most = sorted((min(len(each), self.policy.fewest_levels) for each in levels.values()), reverse=True)
@@ -143,9 +145,7 @@ class Choice:
         most = max(count // 2, -(-count // self._band.size))
         made = np.bincount(at[[*chosen]], minlength=at.max() + 1)
         crowded = np.maximum(made - most, 0).sum() + (made[at] >= most)
-        # A plan that has runs enough tests all frequencies itself, whatever was made before.
-        alone = count >= self.policy.fewest * self.policy.fewest_levels
-        return np.array([self.missing([*chosen, i], alone) for i in range(len(self.runs))]) + crowded
+        return np.array([self.missing([*chosen, i]) for i in range(len(self.runs))]) + crowded
 
     @kept
     def _grid_widths(self, count: int) -> Array:

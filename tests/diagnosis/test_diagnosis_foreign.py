@@ -37,6 +37,7 @@ def test_a_law_of_no_catalogue_is_no_name(name, seed):
         ("jenkins_element", 511),  # little half-cycles between pulls
         ("quadratic_damping", 512),  # noise of the rate by a steep damping
         ("channel_delay", 740),  # a zero of the force explains it to within the noise
+        ("bilinear_stiffness", 8702),  # a stop wherever its corner lies takes the place of a zero
     ],
 )
 def test_an_effect_of_the_catalogue_is_named_whoever_made_the_motion(name, seed):

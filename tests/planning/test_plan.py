@@ -122,6 +122,15 @@ def test_after_one_run_what_was_thought_before_still_holds(made):
     assert any("outside of the range that was given" in text for text in next_.warnings)
 
 
+@pytest.mark.parametrize("drive", ["angle", "moment"])
+def test_a_setting_that_is_missing_is_all_that_is_asked_for(drive):
+    """Renewed after each run, a plan put it off for ever: a test whose goal was reached did not end."""
+    tested = simulate(frequencies=(2, 5, 8), levels=(0.85, 0.5), duration=4.0, sample_rate=500.0)
+    few = replace(tested, runs=tested.runs[:-1])
+    next_ = plan(campaign=few, drive=drive, band=(2.0, 8.0), time=60.0, run_time=5.0, until=0.9)
+    assert next_.now.missing == 1 and [run.frequency for run in next_.runs] == [8.0]
+
+
 def test_a_plan_is_played_and_becomes_a_campaign(found, tmp_path):
     path = tmp_path / "plan.toml"
     path.write_text(plan_text(found.runs, replace(found.sensors, angle=2e-6)))
