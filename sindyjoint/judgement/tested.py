@@ -4,8 +4,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from sindyjoint.diagnosis.parts import NOT_DIVIDED
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Diagnosis, Gap
-from sindyjoint.diagnosis.verdict import UNDECIDED
+from sindyjoint.diagnosis.verdict import UNDECIDED, Gaps, discount
 from sindyjoint.discovery.delay import ChannelDelay
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.equation.calibration import with_gain_uncertainty
@@ -24,8 +25,9 @@ from sindyjoint.states import campaign_states, content_hash, with_lags
 from sindyjoint.text import spelled
 from sindyjoint.trust import Trust
 
-# Where one of these says no, something is missing.
+# Where one of these says no, something is missing, and a verdict that says otherwise becomes another.
 DENYING = ("explained", "predicts")
+DENIED = {"nothing_missing": UNDECIDED, "named": "partly_named", "ambiguous": "partly_named"}
 
 
 def followed(campaign: Campaign, model: JointModel | None) -> tuple[Campaign, tuple[InputLag, ...]]:
@@ -96,10 +98,15 @@ class Tested:
             # Of one campaign one floor: completed states lack none of the motion that their processing cuts off.
             result = replace(result, noise_floor=replace(result.noise_floor, moment=floor))
         denied = next((each for each in lights if each.name in DENYING and each.colour == "poor"), None)
-        if result.verdict == "nothing_missing" and denied is not None:
-            # Of a free motion the response alone is judged, and few decays are followed by more than one law.
+        if result.verdict in DENIED and denied is not None:
+            # Of a free motion the response alone is judged, and few decays are followed by more than one law; nor are
+            # effects named whole that predict a run left out by no more than the uncertainty of their numbers.
             reason = f"{result.reason}, yet the law is not one to rely on: {denied.sentence}"
-            result = replace(result, verdict=UNDECIDED, reason=reason)
+            verdict = DENIED[result.verdict]
+            steps = discount(
+                result.steps, verdict, Gaps(result.initial, result.final, result.noise_floor), CAMPAIGN
+            )
+            result = replace(result, verdict=verdict, reason=reason, steps=steps)
         result = replace(result, trust=trust)
         return replace(result, trust=judge_diagnosis(result, self.campaign.simulated))
 

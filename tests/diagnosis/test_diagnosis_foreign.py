@@ -17,7 +17,17 @@ def answer(kind, name, seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name, seed", [("second_oscillator", 1), ("chaotic_oscillator", 1)])
+@pytest.mark.parametrize(
+    "name, seed",
+    [
+        ("second_oscillator", 1),
+        ("chaotic_oscillator", 1),
+        (
+            "logarithmic_creep",
+            8701,
+        ),  # a run left out is predicted by no more than what the numbers are unsure by
+    ],
+)
 def test_a_law_of_no_catalogue_is_no_name(name, seed):
     record = answer("foreign", name, seed)
     assert judge(record) == "right", record["reason"]
