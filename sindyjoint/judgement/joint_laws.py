@@ -172,9 +172,13 @@ def _find_law(
         if rows is not None:
             errors, more = _beyond(found.regressor, rows, states, recovered, slow)
         few = few_rows(*_counted(recovered))
-        if not more or few:
+        weak = "" if errors is None else _weakest(found, errors, options.get("forced", ()))
+        if weak and not few:
+            options = {**options, "forbidden": (*options.get("forbidden", ()), weak)}
+        elif not more or few:
             break
-        added = (*added, more)
+        else:
+            added = (*added, more)
     discovery = _judged(test, kind, recovered, found.regressor, rows, errors)
     words = [few] if few else []
     if added:
@@ -247,6 +251,15 @@ def _beyond(
     # The slow angles follow each of them otherwise: those that are about alike are fitted.
     rivals = [rest[place] for place in np.flatnonzero(size > ALIKE * size.max())]
     return errors, min(rivals, key=left_with).id if len(rivals) > 1 else rivals[0].id
+
+
+def _weakest(found: _Search, errors: LawErrors, forced: Sequence[str]) -> str:
+    """Return the term that stands least out of the noise of the sensors, where its interval holds zero; else ""."""
+    assert found.rows is not None
+    ratios = np.abs(found.rows.coefficients) / np.sqrt(np.diag(errors.covariance))
+    place = int(np.argmin(ratios))
+    name = _terms_of(found.regressor)[place].id
+    return name if ratios[place] < 1.96 and name not in forced else ""
 
 
 def _counted(recovered: Sequence[Recovered]) -> tuple[int, int]:

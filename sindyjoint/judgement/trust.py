@@ -157,8 +157,8 @@ def judge_gap(gap: Gap, floor: Floor, motion: str) -> Light:
         return light(colour, f"{size}; {floor.words}")
     colour = colour_of_misfit(gap.value, floor.relative, JUDGEMENT.predicts)
     sentence = f"{size}, noise floor {percent(floor.relative)} {floor.words}"
-    if floor.bound and colour == "good":
-        # What a law lacks is in the bound, too.
+    if (floor.bound or floor.relative >= 1) and colour == "good":
+        # What a law lacks is in the bound, too; a floor as large as the moment hides any.
         return light("fair" if gap.value <= JUDGEMENT.large_part else "poor", sentence)
     if colour != "good":
         sentence += f": {percent(beyond_noise(gap.value, floor.relative))} is neither model nor noise"
