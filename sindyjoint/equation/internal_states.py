@@ -10,17 +10,15 @@ the step: exact where the rate is linear in its state, and stable however short 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.operations import pointer, program, run_lanes, shifted
 from sindyjoint.numeric import Array
-
-if TYPE_CHECKING:
-    from sindyjoint.equation.evaluation import TermFunction
 
 Integers = NDArray[np.int64]
 

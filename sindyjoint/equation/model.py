@@ -6,7 +6,7 @@ import json
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy
@@ -16,6 +16,7 @@ from sindyjoint.described import Described, same
 from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model_parts import INERTIA, Fitted, ModelTerm, model_at, range_warnings
+from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, UnknownNameError, refuse
 from sindyjoint.inputs import Input
@@ -23,9 +24,6 @@ from sindyjoint.numeric import Array
 from sindyjoint.plain import from_plain
 from sindyjoint.record import Joint
 from sindyjoint.text import rounded
-
-if TYPE_CHECKING:
-    from sindyjoint.equation.terms import ResolvedTerm
 
 __all__ = ["INERTIA", "Fitted", "JointModel", "ModelTerm", "model_terms"]
 

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import numpy as np
-from numba import njit
-from numpy.typing import NDArray
-
-from sindyjoint.numeric import Array
-
-if TYPE_CHECKING:
-    from sindyjoint.equation.evaluation import TermFunction
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import njit, types
 from numba.extending import intrinsic as numba_intrinsic
+from numpy.typing import NDArray
+
+from sindyjoint.equation.evaluation import TermFunction
+from sindyjoint.numeric import Array
 
 # Its annotations describe the Python function, which takes a typing context first; callers do not give that.
 intrinsic: Any = numba_intrinsic

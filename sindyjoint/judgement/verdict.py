@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from sindyjoint.described import same
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, competing_delay
 from sindyjoint.discovery.evidence import fit_columns
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.over_inputs import LevelLaw, law_at_levels, vanishing
@@ -20,9 +21,6 @@ from sindyjoint.soundness.finding import Finding
 from sindyjoint.soundness.warnings import channel_words
 from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, spelled
-
-if TYPE_CHECKING:
-    from sindyjoint.discovery.regression import TermRegression
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files import write_campaign
 from sindyjoint.inputs import constant
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.sensors import SENSOR_RIG
 from sindyjoint.mechanics.transient import Response
@@ -28,9 +29,6 @@ from sindyjoint.planning.plan_file import play, read_plan
 from sindyjoint.record import Campaign
 from sindyjoint.response.laws import model_law
 from sindyjoint.response.verify_rig import PLACEHOLDERS, joint_range_warnings, place_by_name
-
-if TYPE_CHECKING:
-    from sindyjoint.mechanics.laws import Law
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -40,6 +40,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, competing_delay, find_delay, shifted
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.candidates import rate_free
 from sindyjoint.equation.catalogue import default_candidates
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
@@ -47,9 +48,6 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import DIFFERENCE, Array
 from sindyjoint.policy import SHARED
 from sindyjoint.states import ForceStates, moment_floor, regression_rows
-
-if TYPE_CHECKING:
-    from sindyjoint.discovery.regression import TermRegression
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sindyjoint.diagnosis.campaign.numbers import is_element
+from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
 from sindyjoint.diagnosis.campaign.repair import Repaired, refine_effect, refit
 from sindyjoint.diagnosis.campaign.rows import reference_scales
+from sindyjoint.diagnosis.effects.catalogue import Variant
+from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
@@ -23,11 +25,6 @@ from sindyjoint.record import Campaign
 from sindyjoint.response.compared import corrected, simulated_gap
 from sindyjoint.response.refinement import refine
 from sindyjoint.states import campaign_states, one_after_another
-
-if TYPE_CHECKING:
-    from sindyjoint.diagnosis.campaign.problem import CampaignProblem
-    from sindyjoint.diagnosis.effects.catalogue import Variant
-    from sindyjoint.diagnosis.effects.fitted import FittedEffect
 
 # Forms of an element whose misfits, a χ², are within this of the least are not told apart: they are as probable as one
 # to twenty.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,12 +16,10 @@ from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.inputs import Input, reference_values
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.numeric import Array
 from sindyjoint.response.laws import Instant, LawInRun, Part, law_in_run, sum_law, with_added
 from sindyjoint.states import ForceStates
-
-if TYPE_CHECKING:
-    from sindyjoint.mechanics.laws import Law
 
 # A nonlinear parameter of an element that no catalogue knows is searched within this factor of its value.
 REACH = 5.0

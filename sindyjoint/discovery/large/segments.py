@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
+from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, hierarchy, row_arguments, run_factors
 from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
@@ -28,10 +29,6 @@ from sindyjoint.limits import DISCOVERY
 from sindyjoint.parallel import Executor, ordered_map
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, force_states, group_labels, regression_rows
-
-if TYPE_CHECKING:
-    from sindyjoint.discovery.regression import TermRegression
-    from sindyjoint.equation.terms import ResolvedTerm
 
 
 @dataclass(frozen=True, eq=False)
