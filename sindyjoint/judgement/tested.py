@@ -98,7 +98,8 @@ class Tested:
             # Of one campaign one floor: completed states lack none of the motion that their processing cuts off.
             result = replace(result, noise_floor=replace(result.noise_floor, moment=floor))
         denied = next((each for each in lights if each.name in DENYING and each.colour == "poor"), None)
-        if result.verdict in DENIED and denied is not None:
+        noise = result.final.moment <= CAMPAIGN.clearly * result.noise_floor.moment
+        if denied is not None and result.verdict in DENIED and not (noise and result.steps):
             # Of a free motion the response alone is judged, and few decays are followed by more than one law; nor are
             # effects named whole that predict a run left out by no more than the uncertainty of their numbers.
             reason = f"{result.reason}, yet the law is not one to rely on: {denied.sentence}"
