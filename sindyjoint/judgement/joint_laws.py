@@ -152,16 +152,20 @@ def _find_law(
 ) -> tuple[Discovery, str, tuple[Recovered, ...], LawErrors | None]:
     """Return the discovery, why there is none, the whole states, and how the coefficients err.
 
-    A term that stands out of the known noise of the sensors is in the law, however little of the moment it carries.
+    A term that stands out of the known noise of the sensors is in the law, however little of the moment it carries; one
+    whose interval holds zero, by that noise, is not.
     """
     if UNSEEN in catalogue_of(options.get("library", "extended")):
         options = {**options, "forbidden": (*options.get("forbidden", ()), UNSEEN)}
     states = tuple(each.states for each in recovered)
     slow = [slow_part(each.recovery, each.joint) for each in recovered]
     weights = run_weights(states)
+    forced, forbidden = tuple(options.get("forced", ())), tuple(options.get("forbidden", ()))
     added: tuple[str, ...] = ()
-    for _ in range(1 + STANDING_OUT):
-        found = _search(states, slow, weights, {**options, "forced": (*options.get("forced", ()), *added)})
+    # What was taken out never comes back: the search ends.
+    while True:
+        asked = {**options, "forced": (*forced, *added), "forbidden": forbidden}
+        found = _search(states, slow, weights, asked)
         recovered = tuple(
             replace(each, states=state, unseen=values, weight=float(weight))
             for each, state, values, weight in zip(
@@ -172,13 +176,13 @@ def _find_law(
         if rows is not None:
             errors, more = _beyond(found.regressor, rows, states, recovered, slow)
         few = few_rows(*_counted(recovered))
-        weak = "" if errors is None else _weakest(found, errors, options.get("forced", ()))
-        if weak and not few:
-            options = {**options, "forbidden": (*options.get("forbidden", ()), weak)}
-        elif not more or few:
-            break
-        else:
+        weak = "" if errors is None else _weakest(found, errors, forced)
+        if weak:
+            added, forbidden = tuple(name for name in added if name != weak), (*forbidden, weak)
+        elif more and not few and len(added) < STANDING_OUT:
             added = (*added, more)
+        else:
+            break
     discovery = _judged(test, kind, recovered, found.regressor, rows, errors)
     words = [few] if few else []
     if added:

@@ -53,6 +53,13 @@ def test_the_law_of_an_elastic_joint_has_no_friction(found):
     assert found.misfit == pytest.approx(1.0, abs=0.2) and found.found
 
 
+def test_no_term_is_shown_whose_interval_holds_zero(runs):
+    """However many are taken by their share: all of them go, none is asked for and forbidden at once."""
+    (law,) = discover_rig(rig_test(runs), random_state=0, threshold=1e-4).laws
+    assert {"linear_stiffness", "cubic_stiffness", "linear_damping"} <= set(law.discovery.model.ids)
+    assert all(low * high > 0 for low, high in (term.interval95 for term in law.discovery.model.terms))
+
+
 def test_what_a_structure_advises_next_are_commands_that_take_a_structure(found):
     steps = [do for do, _ in (*found.trust.next_steps, *found.laws[0].discovery.trust.next_steps)]
     assert found.trust.next_steps and not any("compare" in do for do in steps)
