@@ -1,5 +1,6 @@
 """A plan: its runs and the precision expected of them, on a terminal, as pictures, as a page, as files."""
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -54,9 +55,10 @@ def draw_runs(data: Plan, ax: Axes) -> Axes:
 
 
 def _spans(numbers: Sequence[int]) -> str:
-    """Return numbers in words, a span on each line: 1, 4–9."""
+    """Return numbers in words, a few spans on each line: 1, 4–9."""
     parts = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
-    return ",\n".join(f"{part[0]}" if part.size == 1 else f"{part[0]}–{part[-1]}" for part in parts)
+    spans = ", ".join(f"{part[0]}" if part.size == 1 else f"{part[0]}–{part[-1]}" for part in parts)
+    return textwrap.fill(spans, 7)
 
 
 def draw_curve(data: Plan, ax: Axes) -> Axes:
