@@ -38,7 +38,7 @@ VERDICTS = {
     "partly_named": ("undecided", "A part of what was missing has a name; the rest is unexplained."),
     "unknown": ("refuted", "Something is missing that none of the known effects explains."),
     "undecided": ("undecided", "The data do not decide whether anything is missing."),
-    "nothing_missing": ("confirmed", "Nothing is missing: the residual is noise."),
+    "nothing_missing": ("confirmed", "Nothing is missing that these runs show."),
 }
 
 
