@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, UnitError, refuse
-from sindyjoint.files.drafting.survey import ROLES, is_twin, role_of
+from sindyjoint.files.drafting.survey import ROLES, moves_otherwise, role_of
 from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
 from sindyjoint.files.readers import Table
 from sindyjoint.files.timeaxis import (
@@ -23,7 +23,7 @@ from sindyjoint.files.timeaxis import (
     uniform_rate,
     with_lost_samples,
 )
-from sindyjoint.files.units import conversion, parse_quantity, split_quantity
+from sindyjoint.files.units import conversion, parse_quantity, split_quantity, unit_ratio
 from sindyjoint.inputs import FileUnit
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.policy import SHARED
@@ -184,8 +184,8 @@ class RunReader:
                     if channel.offset is not None
                     else 0.0
                 )
-                other = 0.0 if channel.minus is None else columns[channel.minus]
-                signals[quantity] = _scaled(columns[channel.column] - other, factor, offset, where)
+                found = [columns[column] for column in channel.columns]
+                signals[quantity] = _scaled(found[0] - sum(found[1:]), factor, offset, where)
         if self.rig is not None:
             self._add_gauges(self.rig, columns, signals)
         # As they stand in the file; files/inputs.py knows their units.
@@ -209,29 +209,25 @@ class RunReader:
         for quantity, key, unit, channel in declared(self.channels, self.motion):
             if channel.column is not None and channel.unit is not None:
                 factor = conversion(channel.unit, unit, f"{self.manifest}: [channels] {key}", channel.gain)
-                of_column = self.table.unit(quantity, channel.column, channel.unit, factor)
-                found.append(replace(of_column, beside=self._list_beside(quantity, channel.column)))
-                if channel.minus is not None:
-                    found.append(self.table.unit(quantity, channel.minus, channel.unit, factor))
+                own = [self.table.unit(quantity, column, channel.unit, factor) for column in channel.columns]
+                beside = () if channel.minus else self._list_beside(quantity, channel.column, channel.unit)
+                found += [replace(own[0], beside=beside), *own[1:]]
         return tuple(found)
 
-    def _list_beside(self, quantity: str, column: Column) -> tuple[str, ...]:
+    def _list_beside(self, quantity: str, column: Column, unit: str) -> tuple[str, ...]:
         """Return the columns that measure the same as a channel, move otherwise, and are not used."""
         role = ROLES[self.motion].get(quantity)
         used = {self.table.names[each - 1] if isinstance(each, int) else each for each in self._wanted()}
-        named = [
-            name
-            for at, name in enumerate(self.table.names, start=1)
-            if name not in used
-            and role
-            and role_of(name, (self.table.stated_unit(at) or ("", ""))[1]) == role
-        ]
         found = []
-        for name in named:
+        for at, name in enumerate(self.table.names, start=1):
+            stated = (self.table.stated_unit(at) or ("", ""))[1]
+            if not role or name in used or role_of(name, stated) != role:
+                continue
             # What cannot be read is no channel.
             with suppress(InputError):
-                own, other = self.table.columns([column, name], gaps=True)
-                if own.size == other.size and np.ptp(other) > 0 and not is_twin(own, other):
+                own, other = map(bridged, self.table.columns([column, name], gaps=True))
+                ratio = unit_ratio(stated, unit) or 1.0
+                if own.size == other.size and moves_otherwise(own, ratio * other):
                     found.append(name)
         return tuple(found)
 
@@ -252,7 +248,7 @@ class RunReader:
         axis = self.channels.time
         wanted = [axis.column if isinstance(axis, TimeChannel) else None]
         for _, _, _, channel in declared(self.channels, self.motion):
-            wanted += [channel.column, channel.minus]
+            wanted += channel.columns
         wanted += [each.column for each in self.inputs.values()]
         if self.rig is not None:
             wanted += [*(self.rig.strain or []), *(self.rig.displacement or [])]

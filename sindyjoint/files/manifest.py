@@ -19,6 +19,8 @@ from sindyjoint.tables import StrictTable, first_complaint
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"
+# Instead of the column that is subtracted: none is to be.
+NONE = "none"
 
 
 class Channel(StrictTable):
@@ -37,7 +39,8 @@ class Channel(StrictTable):
     )
     minus: Column | None = Field(
         default=None,
-        description="Column of the same unit that is subtracted, as the motion of the other body is.",
+        description="Column of the same unit that is subtracted, as the motion of the other body is; 'none': there is "
+        "none.",
     )
     unit: str | None = Field(default=None, description="Unit of the values in the file, any that pint knows.")
     gain: str | None = Field(default=None, description="Factor with its unit, such as '35.15 N/V'.")
@@ -55,6 +58,12 @@ class Channel(StrictTable):
         default=None,
         description="Relative standard uncertainty of the calibration, such as '1 %'; common to all runs.",
     )
+
+    @property
+    def columns(self) -> list[Column]:
+        """Return the column, and the one that is subtracted."""
+        both = [self.column, None if self.minus == NONE else self.minus]
+        return [column for column in both if column is not None]
 
     @model_validator(mode="after")
     def _column_or_constant(self) -> Channel:

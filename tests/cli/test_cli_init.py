@@ -285,3 +285,43 @@ def test_of_two_angles_that_differ_none_is_guessed_and_check_says_what_is_not_us
     told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
     (found,) = [f for f in told["findings"] if f["id"] == "other_sensor"]
     assert "minus = 'angle_lower_mrad'" in found["remedy"]
+    # Trust is withheld until it is written what the other one is.
+    assert told["verdict"] == "doubtful"
+    (tmp_path / "campaign.toml").write_text(written.replace('"angle_lower_mrad", ', '"none", '))
+    told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
+    assert told["verdict"] == "sound"
+    # So init writes it, where one of two was the answer.
+    alone = sindyjoint("init", tmp_path, "--set", "angle=angle_upper_mrad", "--force")
+    assert alone.status == 0 and manifest(tmp_path)["channels"]["angle"]["minus"] == "none"
+
+
+@pytest.mark.parametrize(
+    "title, other, found",
+    [
+        # Of a base that turns in proportion, no correlation tells.
+        ("angle_lower_mrad", lambda angle, noise: 0.3 * angle, True),
+        ("angle_lower_rad", lambda angle, noise: 0.3e-3 * angle, True),
+        ("angle_lower_mrad", lambda angle, noise: 0.1 * noise, False),
+        ("angle_2_mrad", lambda angle, noise: angle + 0.05 * noise, False),
+        ("angle_coarse_deg", lambda angle, noise: np.degrees(np.round(angle, 1) / 1e3), False),
+    ],
+)
+def test_a_second_sensor_counts_where_it_moves_otherwise_beyond_noise(
+    sindyjoint, tmp_path, title, other, found
+):
+    moment, angle = swing(2.0)
+    second = other(angle, np.random.default_rng(6).standard_normal(angle.size))
+    table(tmp_path / "a.csv", f"time_s,torque_Nm,angle_mrad,{title}", TIME, moment, angle, second)
+    (tmp_path / "campaign.toml").write_text(
+        """[channels]
+time = { column = "time_s", unit = "s" }
+moment = { column = "torque_Nm", unit = "N*m" }
+angle = { column = "angle_mrad", unit = "mrad" }
+[[run]]
+file = "a.csv"
+frequency = 2.0
+"""
+    )
+    told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
+    assert ("other_sensor" in {f["id"] for f in told["findings"]}) == found
+    assert (told["verdict"] == "doubtful") == found

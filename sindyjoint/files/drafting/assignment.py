@@ -9,6 +9,7 @@ import numpy as np
 from sindyjoint.errors import InputError, UnknownNameError, nearest
 from sindyjoint.files.channels import CHANNEL_KEYS, KEYS
 from sindyjoint.files.drafting.survey import MOTIONS, ROLES, WORDS, Bundle, Column, is_clock, is_twin
+from sindyjoint.files.manifest import NONE
 from sindyjoint.files.timeaxis import decays
 from sindyjoint.files.units import COUNTS, KNOWN, conversion, needs_gain, parse_quantity, unit_ratio
 from sindyjoint.numeric import Array
@@ -209,19 +210,27 @@ def _choose(
             raise InputError(
                 f"{bundle.name}: {key} = {answer!r} is no column; columns there: {_list(bundle.columns)}"
             )
+        if column.minus is None and role in MOTIONS and _differing(candidates, column):
+            # Of several, this one alone: it was asked.
+            column = replace(column, minus=NONE)
         return column
     moving = [column for column in candidates if np.ptp(column.values) > 0] or candidates
     # The same instants stand in every file of a run; a velocity beside the displacement is welcome, not needed.
     if len(moving) > 1 and key != "time" and not key.startswith("rate_of"):
         likeliest = _measured(moving)
         text = f"which column is the {role} ({_list(moving)})?"
-        differ = [c for c in moving if c is not likeliest and not is_twin(c.values, likeliest.values)]
+        differ = _differing(moving, likeliest)
         if differ and role in MOTIONS:
             text += f" Of sensors on both sides of the joint it is '{likeliest.key} - {differ[0].key}'"
         # Which of sensors that differ is meant, nothing in the files tells.
         dialogue.ask(key, text, None if differ else str(likeliest.key))
         return likeliest
     return moving[0] if moving else None
+
+
+def _differing(candidates: Sequence[Column], chosen: Column) -> list[Column]:
+    """Return the candidates that move, and not as the chosen one does."""
+    return [c for c in candidates if np.ptp(c.values) > 0 and not is_twin(c.values, chosen.values)]
 
 
 def _guess_by_shape(

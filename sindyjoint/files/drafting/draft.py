@@ -18,6 +18,7 @@ from sindyjoint.files.drafting.assignment import (
 )
 from sindyjoint.files.drafting.run import draft_time, find_course, find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files, split_runs
+from sindyjoint.files.manifest import NONE
 from sindyjoint.files.units import conversion, needs_gain
 from sindyjoint.files.writers import manifest_text, toml_string
 from sindyjoint.record import Motion
@@ -216,7 +217,7 @@ def _draft_run(
         }  # fmt: skip
         parts = [f"{name} = {toml_string(value)}" for name, value in pairs.items() if value or name == "unit"]
         channels[key] = f"{{ {', '.join(parts)} }}" + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
-        called = column.key if column.minus is None else f"{column.key} - {column.minus}"
+        called = column.key if column.minus in (None, NONE) else f"{column.key} - {column.minus}"
         used.append(UsedColumn(bundle.name, called, key, unit, _why(column, key, unit, dialogue)))
     key = KEYS[motion]["moment"][0]
     if "moment" not in columns:

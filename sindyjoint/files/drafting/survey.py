@@ -15,6 +15,7 @@ from sindyjoint.files.readers import READERS, ending_of, open_blocks, read_table
 from sindyjoint.files.timeaxis import bridged
 from sindyjoint.files.units import KNOWN, LETTERS, unit_in_name, unit_ratio
 from sindyjoint.numeric import Array
+from sindyjoint.policy import SHARED
 from sindyjoint.record import MINIMUM_SAMPLES, Motion
 from sindyjoint.text import control_character
 
@@ -348,6 +349,13 @@ def is_twin(one: Array, other: Array) -> bool:
     """Return whether two signals are one but for their scale and noise."""
     moving = np.ptp(one) > 0 and np.ptp(other) > 0
     return bool(moving and one.size == other.size and abs(np.corrcoef(one, other)[0, 1]) > TWINS)
+
+
+def moves_otherwise(own: Array, other: Array) -> bool:
+    """Return whether another signal in the unit of the own one moves, and not as that does, beyond noise and 5 %."""
+    # White noise has twice its variance in its differences.
+    moving = (np.var(x) - np.var(np.diff(x)) / 2 for x in (other, other - own))
+    return bool(min(moving) > SHARED.tolerated**2 * np.var(own))
 
 
 def is_clock(values: Array) -> bool:

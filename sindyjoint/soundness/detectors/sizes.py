@@ -11,7 +11,7 @@ from sindyjoint.limits import SOUNDNESS
 from sindyjoint.measurement.sensors import disagreement
 from sindyjoint.numeric import Array, line_spectrum
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.finding import Finding, Words
+from sindyjoint.soundness.finding import Finding, Severity, Words
 from sindyjoint.soundness.record import Channel, Record
 
 # Relative difference of two spellings of one unit.
@@ -80,13 +80,14 @@ def find_other_sensors(campaign: Campaign, words: Words) -> Iterator[Finding]:
     sources = (run.source for run in campaign.runs if run.source is not None)
     found = {(u.channel, u.column, other) for source in sources for u in source.units for other in u.beside}
     for channel, column, other in sorted(found):
-        remedy = f"is it of the other body, subtract it: minus = {other!r} in the channel's line"
+        remedy = f"is it of the other body, subtract it: minus = {other!r} in the channel's line; else write minus = 'none'"
         if channel == "moment":
             remedy = "make sure that the one that is used acts on the joint"
         extent = (
             f"column {other!r} is not used; it shows the {words.of(channel)} too, and not as {column!r} does"
         )
-        yield words.finding("other_sensor", None, channel, "note", extent, remedy)
+        severity: Severity = "note" if channel == "moment" else "biases"
+        yield words.finding("other_sensor", None, channel, severity, extent, remedy)
 
 
 def find_sizes(records: Sequence[Record], words: Words) -> Iterator[Finding]:
