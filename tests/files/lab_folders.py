@@ -148,6 +148,16 @@ def runs_below(folder: Path, truth: Campaign) -> dict[str, str]:
     return {}
 
 
+def runs_with_pauses(folder: Path, truth: Campaign) -> dict[str, str]:
+    """One table with all runs of a day; the clock goes on from one to the next."""
+    parts = [
+        np.column_stack([number * 41.3 + run.time, run.moment, 1e3 * run.angle])
+        for number, (_, run) in enumerate(files(truth))
+    ]
+    (folder / "day.csv").write_text("time_s,torque_Nm,theta_mrad\n" + rows(np.vstack(parts).T, ","))
+    return {}
+
+
 def sheets(folder: Path, truth: Campaign) -> dict[str, str]:
     """A workbook with a sheet for each run, and one of notes."""
     openpyxl = pytest.importorskip("openpyxl")
@@ -219,6 +229,7 @@ LAB: list[Callable[[Path, Campaign], dict[str, str]]] = [
     rate_above,
     arm_and_stroke,
     runs_below,
+    runs_with_pauses,
     sheets,
     mat_units,
     bench_words,

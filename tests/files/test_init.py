@@ -97,6 +97,25 @@ def test_a_unit_that_is_stated_and_not_known_is_never_guessed(unit, tmp_path):
         init(tmp_path)
 
 
+def test_runs_of_a_day_are_cut_at_pauses_and_each_keeps_its_rate(tmp_path):
+    rng, parts = np.random.default_rng(3), []
+    for number, (rate, lost) in enumerate(((500.0, 40), (50.0, 0), (50.0, 0), (1000.0, 0))):
+        time = np.arange(0, 8, 1 / rate)
+        load, motion = np.sin(15 * time), np.sin(15 * time - 0.3)
+        made = np.column_stack([30.0 * number + time, load, motion]) + [0, 1e-3, 1e-3] * rng.standard_normal(
+            (time.size, 3)
+        )
+        # What a recorder loses is no end of a run.
+        parts.append(np.delete(made, slice(1000, 1000 + lost), axis=0))
+    head = "time_s,torque_Nm,theta_mrad"
+    np.savetxt(tmp_path / "day.csv", np.vstack(parts), delimiter=",", header=head, comments="", fmt="%.6f")
+    drafted = init(tmp_path).draft
+    assert [run.samples for run in drafted.runs] == [3960, 400, 400, 8000]
+    runs = load_campaign(tmp_path).runs
+    assert [run.sample_rate for run in runs] == pytest.approx([500, 50, 50, 1000], rel=1e-3)
+    assert runs[0].valid is not None and np.count_nonzero(~runs[0].valid) == 40
+
+
 def test_columns_of_several_joints_are_no_runs(tmp_path):
     time = np.arange(0, 4, 2e-3)
     table = np.column_stack([time, *(np.sin((3 + i) * time) for i in range(4))])

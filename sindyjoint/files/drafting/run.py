@@ -15,6 +15,7 @@ from sindyjoint.files.timeaxis import (
     check_order,
     decays,
     uniform_rate,
+    with_lost_samples,
 )
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.files.writers import toml_string
@@ -78,6 +79,9 @@ def draft_time(
         return uniform_rate(time, bundle.name, str)
     except InputError:
         steps = np.diff(time)
+        lost = with_lost_samples(time, {}) if np.all(steps > 0) else None
+        if lost is not None:
+            return lost[1]
         rate = float((time.size - 1) / (time[-1] - time[0])) if time[-1] > time[0] else 0.0
         if np.all(steps > 0) and steps.max() <= LONGEST_GAP * np.median(steps):
             channels["resample"] = "true  # the time stamps are irregular"

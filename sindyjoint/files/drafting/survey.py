@@ -8,11 +8,12 @@ from itertools import pairwise
 from pathlib import Path, PurePosixPath
 
 import numpy as np
+import scipy
 
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
 from sindyjoint.files.manifest import natural_order
 from sindyjoint.files.readers import READERS, ending_of, open_blocks, read_table
-from sindyjoint.files.timeaxis import bridged
+from sindyjoint.files.timeaxis import LONGEST_GAP, bridged
 from sindyjoint.files.units import KNOWN, LETTERS, unit_in_name, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.policy import SHARED
@@ -201,21 +202,27 @@ def _read(path: Path, name: str) -> Bundle:
     )
     if blocks is not None and len(_by_restart(file)) > 1:
         raise InputError(
-            "its time begins anew, and it is too large to be looked at whole: make a file of each run"
+            "its time leaps, as where a run ends, and it is too large to be looked at whole: make a file of each run"
         )
     return file
 
 
 def _by_restart(file: Bundle) -> tuple[Bundle, ...]:
-    """Return the runs that stand one below the other, each with a time that begins as that of the first one."""
+    """Return the runs that stand one below the other: where the time leaps, back or ahead, one ends.
+
+    What a recorder loses within a run is short beside it.
+    """
     clock = next((c for c in file.columns if role_of(c.title, c.unit) == "time"), None)
     size = 0 if clock is None else clock.values.size
     if clock is None or any(column.values.size not in (1, size) for column in file.columns):
         return (file,)
-    back = np.flatnonzero(np.diff(clock.values) < 0) + 1
-    anew = np.abs(clock.values[back] - clock.values[0]) <= np.median(np.abs(np.diff(clock.values)))
-    edges = [0, *map(int, back), size]
-    if not back.size or not anew.all() or min(np.diff(edges)) < MINIMUM_SAMPLES:
+    steps = np.abs(np.diff(clock.values))
+    # The usual step nearby: runs may differ in their rates.
+    leaps = np.flatnonzero(steps > LONGEST_GAP * scipy.ndimage.uniform_filter1d(steps, MINIMUM_SAMPLES + 1))
+    lasting = np.median([np.ptp(part) for part in np.split(clock.values, leaps + 1)])
+    ends = leaps[steps[leaps] > SHARED.minor_share * lasting] + 1
+    edges = [0, *map(int, ends), size]
+    if not ends.size or min(np.diff(edges)) < MINIMUM_SAMPLES:
         return (file,)
     parts = [
         replace(

@@ -80,7 +80,9 @@ def find_other_sensors(campaign: Campaign, words: Words) -> Iterator[Finding]:
     sources = (run.source for run in campaign.runs if run.source is not None)
     found = {(u.channel, u.column, other) for source in sources for u in source.units for other in u.beside}
     for channel, column, other in sorted(found):
-        remedy = f"is it of the other body, subtract it: minus = {other!r} in the channel's line; else write minus = 'none'"
+        remedy = (
+            f"is it of the other body, write minus = {other!r} in the channel's line, else minus = 'none'"
+        )
         if channel == "moment":
             remedy = "make sure that the one that is used acts on the joint"
         extent = (
