@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from sindyjoint.clock import single_threaded
-from sindyjoint.discovery.delay import ChannelDelay, find_delay, shifted
+from sindyjoint.discovery.delay import ChannelDelay, find_delay, without_delay
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.large.segments import SampleCount, fit_long, has_long_runs
@@ -48,7 +48,14 @@ from sindyjoint.soundness.check import (
     require_sound,
 )
 from sindyjoint.soundness.warnings import list_warnings
-from sindyjoint.states import ForceStates, campaign_states, content_hash, regression_rows, with_lags
+from sindyjoint.states import (
+    ForceStates,
+    campaign_states,
+    content_hash,
+    regression_rows,
+    with_lags,
+    with_later_motion,
+)
 from sindyjoint.workflows.check import the_campaign
 
 if TYPE_CHECKING:
@@ -159,7 +166,7 @@ def discover(
             fresh: TermRegression, prepared: _Prepared
         ) -> tuple[TermSearch, Verdict, ChannelDelay | None]:
             first, counts = _select_terms(fresh, prepared, here, bandwidth, say)
-            best = search_completed(first, prepared.campaign, counts, say) if correct and not long else first
+            best = search_completed(first, prepared.moved, counts, say) if correct and not long else first
             return best, *_judge_terms(best, prepared)
 
         best, verdict, left_in = find(regressor, prepared)
@@ -167,8 +174,10 @@ def discover(
             say("removing the time delay between the channels")
             without = prepared.without(left_in)
             again = find(regressor.again(), without)
-            # What a law lacks looks like a delay: believed is one that leaves noise alone and asks for no more terms.
-            alone = leaves_noise(again[0].model) and len(again[0].model.terms) <= len(best.model.terms)
+            # What a law lacks looks like a delay: believed is one that leaves noise alone, where without it more is
+            # left or as many terms are asked for.
+            fewer = len(again[0].model.terms) <= len(best.model.terms) or not leaves_noise(best.model)
+            alone = leaves_noise(again[0].model) and fewer
             if align or alone:
                 prepared, (best, verdict, left_in) = without, again
     delay = prepared.delay if prepared.lag else left_in
@@ -202,15 +211,31 @@ class _Prepared(NamedTuple):
     """A campaign with the lags of its inputs, its force states, and the delay between its channels."""
 
     campaign: Campaign
+    make_states: Callable[[Campaign], tuple[ForceStates, ...]]
     states: tuple[ForceStates, ...]
-    delay: ChannelDelay | None
-    lag: float
-    lags: Sequence[InputLag]
+    delay: ChannelDelay | None = None
+    lag: float = 0.0
+    lags: Sequence[InputLag] = ()
 
     def without(self, delay: ChannelDelay) -> _Prepared:
-        """Return it with a delay between the channels removed."""
-        states = tuple(shifted(each, delay.time) for each in self.states)
+        """Return it with a delay between the channels removed: states made anew, on the clock of the runs."""
+        aligned = without_delay(self.campaign, delay)
+        states = tuple(
+            replace(made, time=made.time + (run.n_samples - late.n_samples) / 2 / run.sample_rate)
+            for made, run, late in zip(
+                self.make_states(aligned),
+                self.campaign.identification_runs,
+                aligned.identification_runs,
+                strict=True,
+            )
+        )
         return self._replace(states=states, delay=delay, lag=delay.time)
+
+    @property
+    def moved(self) -> Campaign:
+        """The campaign with its motion where that of the states is."""
+        runs = tuple(with_later_motion(run, self.lag) for run in self.campaign.runs)
+        return replace(self.campaign, runs=runs) if self.lag else self.campaign
 
 
 def _prepare(
@@ -230,7 +255,7 @@ def _prepare(
         found = default_candidates(largest, campaign.joint.motion)
         regressor.library = rate_free(found) if campaign.quasi_static else found
     if campaign.quasi_static:
-        return _Prepared(campaign, made, None, 0.0, ())
+        return _Prepared(campaign, make_states, made)
     lags = find_lags(made, inertia, campaign.inputs)
     if lags:
         campaign = with_lags(campaign, {lag.name: lag.time for lag in lags})
@@ -238,8 +263,8 @@ def _prepare(
         regressor.inputs = campaign.inputs
     say("time delay between the channels")
     delay = find_delay(made, inertia, campaign.inputs)
-    lag = delay.time if align and delay is not None and delay.significant else 0.0
-    return _Prepared(campaign, tuple(shifted(s, lag) for s in made), delay, lag, lags)
+    prepared = _Prepared(campaign, make_states, made, delay, lags=lags)
+    return prepared.without(delay) if align and delay is not None and delay.significant else prepared
 
 
 def _select_terms(
