@@ -84,6 +84,7 @@ _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*(.
 # Units in the names of columns: ``force [kN]``, ``angle (mrad)``, ``angle_mrad``.
 _BRACKETS = re.compile(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$")
 _ENDING = re.compile(r"^(?P<base>.*?)(?:\s*/\s*|_|\s+)(?P<unit>[^\W\d_](?:[^\W_]|[*·^])*|°|µ\w+)$")
+_QUOTIENT = re.compile(r"(?:^|[_\s])(?P<over>[^\W\d_]+)/(?P<under>[^\W\d_]+)(?P<square>\^?2|²)?$")
 # What an ending must be to count as a unit; single letters only after a word.
 KNOWN = {
     "rad", "mrad", "urad", "µrad", "deg", "°", "degrees", "Grad", "grad", "Nm", "mNm", "Nmm", "Ncm", "kNm", "kN", "mN",
@@ -333,12 +334,17 @@ def unit_in_name(name: str) -> tuple[str, bool] | None:
     (('kN', False), ('mrad', True), ('rad', True))
     >>> unit_in_name("rpm"), unit_in_name("gyro_rad_per_s"), unit_in_name("gyro_deg_s"), unit_in_name("force_in_beam")
     (('rpm', True), None, None, None)
+    >>> unit_in_name("LDV_mm/s"), unit_in_name("a m/s2"), unit_in_name("torque/value")
+    (('mm/s', False), ('m/s^2', False), None)
     """
     bracketed = _BRACKETS.search(name)
     if bracketed:
         return _spelled(bracketed[1]), False
     if name.strip() in KNOWN - {"in"}:
         return _spelled(name.strip()), True
+    quotient = _QUOTIENT.search(name.strip())
+    if quotient and is_unit(quotient["over"]) and is_unit(quotient["under"]):
+        return f"{quotient['over']}/{quotient['under']}{'^2' if quotient['square'] else ''}", False
     ending = _ENDING.match(name.strip())
     if ending is None:
         return None

@@ -325,3 +325,53 @@ frequency = 2.0
     told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
     assert ("other_sensor" in {f["id"] for f in told["findings"]}) == found
     assert (told["verdict"] == "doubtful") == found
+
+
+def test_a_velocity_is_no_displacement(sindyjoint, tmp_path):
+    force, velocity = swing(20.0)
+    table(tmp_path / "a.csv", "t,F_kN,LDV_mm/s", TIME, force, velocity)
+    done = sindyjoint("init", tmp_path, "--yes")
+    assert done.status == 2 and not (tmp_path / "campaign.toml").exists()
+    assert (
+        "LDV_mm/s (velocity); a rate leaves the displacement open: add a column with its integral"
+        in done.stderr
+    )
+    # Nor where somebody wrote it by hand.
+    (tmp_path / "campaign.toml").write_text(
+        """[joint]
+motion = "translation"
+[channels]
+time = { column = "t", unit = "s" }
+force = { column = "F_kN", unit = "kN" }
+displacement = { column = "LDV_mm/s", unit = "mm" }
+[[run]]
+file = "a.csv"
+"""
+    )
+    told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
+    assert told["verdict"] == "unsound"
+    (found,) = [f for f in told["findings"] if f["id"] == "unit_mismatch"]
+    assert "the file states 'mm/s': that is no such quantity" in found["extent"]
+
+
+def test_a_force_on_a_lever_is_a_moment_with_the_length_of_the_lever(sindyjoint, tmp_path):
+    force, angle = swing(2.0)
+    for name in "abcde":
+        table(tmp_path / f"{name}.csv", "time_s,force_N,theta_mrad", TIME, force, angle)
+    done = sindyjoint("init", tmp_path, "--yes")
+    assert done.status == 2 and done.stderr.count("holds no column for the moment") == 1
+    told = done.stderr[done.stderr.index("--set") :]
+    assert sindyjoint("init", tmp_path, *shlex.split(told)).status == 0
+    assert manifest(tmp_path)["channels"]["moment"] == {"column": "force_N", "unit": "N", "gain": "0.2 m"}
+
+
+def test_channels_of_two_rates_are_told_with_their_lengths(sindyjoint, tmp_path):
+    h5py = pytest.importorskip("h5py")
+    moment, angle = swing(2.0)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["Torque"], file["Angle"] = moment, angle[::4]
+        file["Torque"].attrs["unit"], file["Angle"].attrs["unit"] = "Nm", "mrad"
+    told = sindyjoint("init", tmp_path, "--yes").stderr
+    assert (
+        "no column for the angle ('Angle' has 600 samples and the others 2400: bring all to one rate)" in told
+    )

@@ -21,6 +21,11 @@ ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate", "ru
 )
 # Never taken for moment or angle, whatever else is missing.
 OTHERS = {"time", "temperature", "acceleration", "velocity", "angular rate", "counter"}
+# What a lever makes a channel of, and the gain of one of 0.2 m.
+LEVERS = {
+    "moment": ("force", "0.2 m"), "angle": ("displacement", "5 rad/m"),
+    "force": ("moment", "5 1/m"), "displacement": ("angle", "0.2 m/rad"),
+}  # fmt: skip
 # What a joint carries that swings freely.
 NO_LOAD: dict[Motion, str] = {"rotation": "0 N*m", "translation": "0 N"}
 EXAMPLES = {"moment": "N*m", "angle": "mrad", "force": "N", "displacement": "mm", "rate_of_angle": "rad/s"}
@@ -249,13 +254,7 @@ def _guess_by_shape(
     open_ones = [c for c in moving if c.role in (None, "position", "command")]
     needed = 2 if quantity == "moment" and not any(c.role for c in moving) else 1
     if len(open_ones) < needed:
-        names = ", ".join(column.title for column in bundle.columns)
-        none = {"moment": NO_LOAD["rotation"], "force": NO_LOAD["translation"]}.get(key)
-        hint = f"; where it was zero, as in a free decay, set {key}='{none}'" if none else ""
-        refused = f" ({'; '.join(bundle.refused)})" if bundle.refused else ""
-        raise InputError(
-            f"{bundle.name}: holds no column for the {key}{refused}; columns there: {names}{hint}"
-        )
+        raise _missing(bundle, key)
     many = [[peer.find(str(column.key)) for column in open_ones] for peer in alike]
     whole = [[column.values for column in run if column is not None] for run in many if None not in run]
     rough = np.mean([[_roughness(values) for values in run] for run in whole], axis=0)
@@ -266,6 +265,24 @@ def _guess_by_shape(
     guess = _measured([c for c in open_ones if c is guess or is_twin(c.values, guess.values)])
     dialogue.ask(key, f"which column is the {key.replace('_', ' ')} ({_list(open_ones)})?", str(guess.key))
     return guess
+
+
+def _missing(bundle: Bundle, key: str) -> InputError:
+    """Return what a run holds instead of a column for a channel, and what to do."""
+    names = ", ".join(f"{c.title} ({c.role})" if c.role else c.title for c in bundle.columns)
+    refused = f" ({'; '.join(bundle.refused)})" if bundle.refused else ""
+    said = f"{bundle.name}: holds no column for the {key}{refused}; columns there: {names}"
+    other, arm = LEVERS[key]
+    at_arm = next((column for column in bundle.columns if column.role == other), None)
+    none = {"moment": NO_LOAD["rotation"], "force": NO_LOAD["translation"]}.get(key)
+    if at_arm is not None:
+        set_it = f"--set {key}={str(at_arm.key)!r} --set {key}.unit={at_arm.unit or '...'!r} --set {key}.gain={arm!r}"
+        said += f"; where a lever makes it of the {other}, give its length: {set_it}"
+    elif none:
+        said += f"; where it was zero, as in a free decay, set {key}='{none}'"
+    elif any(column.role in ("velocity", "angular rate") for column in bundle.columns):
+        said += f"; a rate leaves the {key} open: add a column with its integral, or an acceleration"
+    return InputError(said)
 
 
 def _list(columns: Sequence[Column]) -> str:

@@ -168,7 +168,13 @@ def draft_manifest(
         except InputError as error:
             left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     if not runs:
-        raise InputError("; ".join(f"{file}: {why}" for file, why in left[:3]))
+        # One reason once, with the files it holds for.
+        reasons: dict[str, list[str]] = {}
+        for file, why in left:
+            reasons.setdefault(why, []).append(file)
+        raise InputError(
+            "; ".join(f"{list_some(names, 'files')}: {why}" for why, names in list(reasons.items())[:3])
+        )
     peaks = [abs(run.peak / runs[0].factor) for run in runs]
     levels = name_levels([f"{run.drafted.file} {run.drafted.run}" for run in runs], peaks, runs[0].unit)
     drafted = [replace(run.drafted, level=level) for run, level in zip(runs, levels, strict=True)]

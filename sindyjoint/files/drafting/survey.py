@@ -119,7 +119,7 @@ class Bundle:
     rows : tuple of int or None
         Its first and last row, from 1, where runs stand one below the other.
     refused : tuple of str
-        Why columns are none of numbers, such as those with blanks.
+        Why columns are none of the run, such as those with blanks, or of another length.
     """
 
     name: str
@@ -283,7 +283,13 @@ def split_runs(file: Bundle) -> tuple[tuple[Bundle, ...], bool]:
 def _of_one_length(file: Bundle, length: int | None = None) -> Bundle:
     """Return a run without the columns of another length than its channels have: by default than the longest."""
     size = max(column.values.size for column in file.columns) if length is None else length
-    return replace(file, columns=tuple(column for column in file.columns if column.values.size == size))
+    other = tuple(
+        f"{column.title!r} has {column.values.size} samples and the others {size}: bring all to one rate"
+        for column in file.columns
+        if column.values.size != size
+    )
+    columns = tuple(column for column in file.columns if column.values.size == size)
+    return replace(file, columns=columns, refused=file.refused + other)
 
 
 def _marks(text: str) -> tuple[str, ...]:
