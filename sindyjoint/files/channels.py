@@ -21,6 +21,7 @@ from sindyjoint.files.timeaxis import (
     margin,
     resampled,
     uniform_rate,
+    unwound,
     with_lost_samples,
 )
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity, unit_ratio
@@ -185,6 +186,8 @@ class RunReader:
                     else 0.0
                 )
                 found = [columns[column] for column in channel.columns]
+                if quantity == "angle":
+                    found = [self._unwound(x, channel.unit or "", factor) for x in found]
                 signals[quantity] = _scaled(found[0] - sum(found[1:]), factor, offset, where)
         if self.rig is not None:
             self._add_gauges(self.rig, columns, signals)
@@ -243,6 +246,13 @@ class RunReader:
         self._refuse_lengths({str(name): values.size for name, values in found.items()})
         present = np.logical_and.reduce([np.isfinite(values) for values in found.values()])
         return {name: bridged(values) for name, values in found.items()}, present
+
+    def _unwound(self, values: Array, unit: str, factor: float) -> Array:
+        """Return the values of an angle or displacement without leaps by whole turns, and take note of it."""
+        found = unwound(values, unit, factor if self.motion == "rotation" else 0.0)
+        if found is not values:
+            self.notes.append(f"the {KEYS[self.motion]['angle'][0]} leaps by whole turns: it was unwound")
+        return found
 
     def _wanted(self) -> list[Column]:
         axis = self.channels.time

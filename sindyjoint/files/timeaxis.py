@@ -7,6 +7,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
+from sindyjoint.files.units import COUNTS
 from sindyjoint.numeric import Array, line_spectrum
 from sindyjoint.policy import SHARED
 from sindyjoint.record import MINIMUM_SAMPLES, Motion
@@ -125,6 +126,37 @@ def bridged(values: Array) -> Array:
     """Return values with straight lines across those that are no numbers."""
     at, present = np.arange(values.size), np.isfinite(values)
     return values if present.all() else np.interp(at, at[present], values[present])
+
+
+def unwound(values: Array, unit: str, one: float = 0.0) -> Array:
+    """Return a motion that does not leap by whole turns, as degrees from 0 to 360 do, or a counter that is full.
+
+    Where they leap, their middle is put within half a turn of zero, so that runs that begin on either side agree.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    unit : str
+        Counts are full at a power of two.
+    one : float
+        What one of the unit is, rad; zero where the motion has no turns.
+
+    Examples
+    --------
+    >>> unwound(np.array([1.0, 0.0, 359.0, 358.0, 1.0]), "deg", np.pi / 180).tolist()
+    [1.0, 0.0, -1.0, -2.0, 1.0]
+    """
+    turn = 2 * np.pi / abs(one) if one else 0.0
+    if unit in COUNTS:
+        turn = 2.0 ** np.ceil(np.log2(np.ptp(values) + 1))
+    steps = np.diff(values) / turn if turn else np.empty(0)
+    leaps = steps[np.abs(steps) > SHARED.mostly]
+    # What is no whole turn is a spike.
+    whole = np.all(np.abs(leaps - np.round(leaps)) < SHARED.minor_share)
+    if not (leaps.size and whole):
+        return values
+    values = np.unwrap(values, period=turn)
+    return np.asarray(values - turn * np.round(np.median(values) / turn))
 
 
 def longest_part(present: NDArray[np.bool_], gap: int) -> slice:

@@ -10,6 +10,7 @@ from scipy.io import savemat
 
 from sindyjoint import init
 from sindyjoint.errors import InputError
+from sindyjoint.files import load_campaign
 
 RATE = 200.0
 TIME = np.arange(0, 12, 1 / RATE)
@@ -375,3 +376,32 @@ def test_channels_of_two_rates_are_told_with_their_lengths(sindyjoint, tmp_path)
     assert (
         "no column for the angle ('Angle' has 600 samples and the others 2400: bring all to one rate)" in told
     )
+
+
+@pytest.mark.parametrize("unit", ["deg", "counts"])
+def test_an_angle_that_begins_anew_after_a_turn_is_unwound(sindyjoint, tmp_path, unit):
+    one = {"deg": np.pi / 180, "counts": 1e-6}[unit]
+    for name, size in (("a", 3e-3), ("b", 9e-3)):
+        moment, angle = swing(size)
+        # One run begins on this side of zero, the other on that.
+        values = (angle if name == "a" else np.roll(angle, TIME.size // 2)) / one + (
+            0.01 if name == "a" else -0.01
+        )
+        values = values % 360 if unit == "deg" else np.round(values) % 65536
+        table(tmp_path / f"{name}.csv", f"time_s,torque_Nm,angle_{unit}", TIME, moment, values)
+    gain = ["--set", "angle.gain=1e-6 rad/count"] if unit == "counts" else []
+    done = sindyjoint("init", tmp_path, *gain)
+    assert done.status == 0
+    assert [run["frequency"] for run in manifest(tmp_path)["run"]] == [2.0, 2.0]
+    campaign = load_campaign(tmp_path)
+    assert [float(np.ptp(run.angle)) for run in campaign.runs] == pytest.approx([6e-3, 18e-3], rel=0.01)
+    assert max(float(np.abs(run.angle).max()) for run in campaign.runs) < 0.01
+    assert "the angle leaps by whole turns: it was unwound" in campaign.notes
+
+
+def test_a_spike_of_a_sensor_is_no_turn(sindyjoint, tmp_path):
+    moment, angle = swing(2.0)
+    angle[700] = 500.0
+    table(tmp_path / "a.csv", "time_s,torque_Nm,angle_deg", TIME, moment, angle)
+    assert sindyjoint("init", tmp_path).status == 0
+    assert np.degrees(load_campaign(tmp_path).runs[0].angle.max()) == pytest.approx(500.0)

@@ -19,6 +19,7 @@ from sindyjoint.files.drafting.assignment import (
 from sindyjoint.files.drafting.run import draft_time, find_course, find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files, split_runs
 from sindyjoint.files.manifest import NONE
+from sindyjoint.files.timeaxis import unwound
 from sindyjoint.files.units import conversion, needs_gain
 from sindyjoint.files.writers import manifest_text, toml_string
 from sindyjoint.record import Motion
@@ -244,15 +245,15 @@ def _draft_run(
             raise InputError(f"{bundle.name}: column {column.key} never changes")
     if angle.values.size != moment.size:
         raise InputError(f"{bundle.name}: its channels differ in length")
-    name = f"{bundle.name} {bundle.run}"
-    frequency = None if rate is None else find_frequency(angle.values, moment, rate, name)
     unit, gain = units[of_motion]
     si, raw = KEYS[motion][of_motion][1], needs_gain(unit)
     factor = 1.0 if raw and gain is None else conversion(unit, si, f"{bundle.name}: {angle.key}", gain)
-    course, samples = find_course(angle.values, rate, frequency), bundle.columns[0].values.size
+    values = unwound(angle.values, unit, factor if si == "rad" else 0.0)
+    frequency = None if rate is None else find_frequency(values, moment, rate, f"{bundle.name} {bundle.run}")
+    course, samples = find_course(values, rate, frequency), bundle.columns[0].values.size
     drafted = DraftedRun(bundle.name, rate, samples, frequency, "", bundle.run, course, bundle.rows)
     shown = (si, 1.0) if raw else (unit, factor)
-    return _Run(drafted, channels, factor * float(np.ptp(angle.values)) / 2, *shown, tuple(used))
+    return _Run(drafted, channels, factor * float(np.ptp(values)) / 2, *shown, tuple(used))
 
 
 def _used_time(file: str, column: Column | None, channels: dict[str, str], dialogue: Dialogue) -> UsedColumn:
