@@ -257,24 +257,23 @@ def all_cores() -> Iterator[None]:
         _threads.reset(token)
 
 
-def on_threads(start: Callable[[], Callable[[T], R]], tasks: Sequence[T]) -> list[R]:
+def on_threads(work: Callable[[T], R], tasks: Sequence[T]) -> list[R]:
     """Return the results of all tasks, in their order, from as many threads as linear algebra would have taken.
 
     Parameters
     ----------
-    start : callable
-        Called once in each thread: returns the function that does one task, with working memory for this thread.
+    work : callable
+        Does one task in compiled code that lets other threads run.
     tasks : sequence
-        For compiled code that lets other threads run.
     """
     with single_threaded():
-        count, own = min(_threads.get() or 1, len(tasks)), threading.local()
+        count = min(_threads.get() or 1, len(tasks))
         if count < 2:
-            return list(map(start(), tasks))
+            return list(map(work, tasks))
         from concurrent.futures import ThreadPoolExecutor
 
-        with ThreadPoolExecutor(count, initializer=lambda: setattr(own, "work", start())) as pool:
-            return list(pool.map(lambda task: own.work(task), tasks))
+        with ThreadPoolExecutor(count) as pool:
+            return list(pool.map(work, tasks))
 
 
 @contextmanager

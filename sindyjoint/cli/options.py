@@ -108,7 +108,7 @@ METHODS = (
 """Ways to make the path of models, as discovery has them."""
 
 
-REGRESSOR, DISCOVER = "discovery.regression:TermRegression", "workflows.discover:discover"
+REGRESSOR, DISCOVER = "discovery.regression:SelectionRules", "workflows.discover:discover"
 
 CampaignPath = Annotated[
     Path | None,

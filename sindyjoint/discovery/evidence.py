@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array, norms_of
+from sindyjoint.numeric import Array, scaled_least_squares
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +112,6 @@ class Evidence:
         if len(self.groups) < 2:
             return {}
         return {group: merge(r.pooled for r in self.runs if r.group != group) for group in self.groups}
-
-    @cached_property
-    def training_triangles(self) -> Array:
-        """Triangles of these factors, shape (groups, p + 1, p + 1)."""
-        return np.array([factor.triangle for factor in self.training.values()])
 
     @cached_property
     def scattered(self) -> tuple[Array, NDArray[np.intp]]:
@@ -272,17 +267,9 @@ def left_out_estimates(evidence: Evidence, columns: Sequence[int]) -> Array:
     By columns of unit norm; a fold that does not excite a column gives it no coefficient.
     """
     index = [*columns]
-    if not evidence.training or not index:
-        return np.empty((len(evidence.training), len(index)))
-    triangles = evidence.training_triangles[:, :, [*index, -1]]
-    norms = norms_of(triangles, axis=1)
-    triangles = triangles / norms[:, None, :]
-    left, singular, right = np.linalg.svd(triangles[:, :, :-1], full_matrices=False)
-    least = 1e-12 * singular[:, :1]
-    inverse = np.where(singular > least, 1 / np.where(singular > least, singular, 1.0), 0.0)
-    pulled = inverse * (left.transpose(0, 2, 1) @ triangles[:, :, -1:])[:, :, 0]
-    scaled = (right.transpose(0, 2, 1) @ pulled[:, :, None])[:, :, 0]
-    return scaled * norms[:, -1:] / norms[:, :-1]
+    triangles = [factor.triangle for factor in evidence.training.values() if index]
+    found = [scaled_least_squares(each[:, index], each[:, -1], 1e-12) for each in triangles]
+    return np.array(found).reshape(len(evidence.training), len(index))
 
 
 def held_out_errors(evidence: Evidence, columns: Sequence[int], estimates: Array | None = None) -> Array:

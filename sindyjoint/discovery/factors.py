@@ -22,7 +22,6 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import ROUNDING, Array, norms_of
 
 # Numbers of a matrix below which what NumPy does about its decomposition takes longer than the decomposition.
-SMALL = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,8 @@ class Factor:
         weight : array_like, shape (n,), optional
             Non-negative; a weight of two counts a row twice.
         """
-        matrix = np.column_stack([columns, target])
+        # Column after column in memory, as LAPACK takes it without a copy.
+        matrix = np.vstack([np.transpose(columns), target]).T
         rows = float(matrix.shape[0])
         if weight is not None:
             weights = np.asarray(weight, dtype=np.float64)
@@ -152,13 +152,10 @@ def _regular(solution: Array, info: int) -> Array:
 
 def _triangle(matrix: Array) -> Array:
     """Return the square upper triangular factor of a matrix, rows of zeros added where it has too few rows."""
-    if 0 < matrix.size <= SMALL:
-        from scipy.linalg.lapack import dgeqrf
-
-        factored: Array = dgeqrf(matrix)[0][: matrix.shape[1]]
-        triangle = factored * _upper(*factored.shape)
-    else:
-        triangle = np.linalg.qr(matrix, mode="r")  # type: ignore[assignment]
+    if not matrix.size:
+        return np.zeros((matrix.shape[1],) * 2)
+    factored: Array = scipy.linalg.lapack.dgeqrf(matrix)[0][: matrix.shape[1]]
+    triangle = factored * _upper(*factored.shape)
     missing = matrix.shape[1] - triangle.shape[0]
     return np.pad(triangle, ((0, missing), (0, 0))) if missing > 0 else triangle
 

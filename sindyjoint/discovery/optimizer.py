@@ -8,7 +8,8 @@ found is a model of pysindy, too: print, equations, coefficients, predict, score
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -25,13 +26,13 @@ from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, rows_that
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, UnknownNameError
-from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
 Column = int | str
 
 
-class UniqueShareSTLSQ(BaseOptimizer):
+@dataclass(eq=False, repr=False, kw_only=True)
+class UniqueShareSTLSQ(SelectionRules, BaseOptimizer):
     """Sequentially thresholded least squares on unique shares, with exchange.
 
     Where pysindy's ``STLSQ`` compares coefficients with a threshold, this compares what each term alone carries of the
@@ -94,38 +95,15 @@ class UniqueShareSTLSQ(BaseOptimizer):
     ['linear_stiffness', 'cubic_stiffness', 'coulomb_friction']
     """
 
-    def __init__(
-        self,
-        threshold: float | None = None,
-        selection: str = "evidence",
-        significance: float = DISCOVERY.term_significance,
-        least_share: float = DISCOVERY.accuracy,
-        forced: Sequence[Column] = (),
-        forbidden: Sequence[Column] = (),
-        signs: Mapping[Column, int] | None = None,
-        groups: ArrayLike | None = None,
-        runs: ArrayLike | None = None,
-        blocks: ArrayLike | None = None,
-        replicate: tuple[ArrayLike, ArrayLike] | None = None,
-        feature_names: Sequence[str] | None = None,
-        method: Any = "stlsq",
-        random_state: Any = None,
-    ):
-        super().__init__(unbias=False)
-        self.threshold = threshold
-        self.selection = selection
-        self.significance = significance
-        self.least_share = least_share
-        self.forced = forced
-        self.forbidden = forbidden
-        self.signs = signs
-        self.groups = groups
-        self.runs = runs
-        self.blocks = blocks
-        self.replicate = replicate
-        self.feature_names = feature_names
-        self.method = method
-        self.random_state = random_state
+    forbidden: Sequence[Column] = ()
+    groups: ArrayLike | None = None
+    runs: ArrayLike | None = None
+    blocks: ArrayLike | None = None
+    replicate: tuple[ArrayLike, ArrayLike] | None = None
+    feature_names: Sequence[str] | None = None
+
+    def __post_init__(self) -> None:
+        BaseOptimizer.__init__(self, unbias=False)
 
     def set_params(self, **parameters: Any) -> UniqueShareSTLSQ:
         """Set parameters and return the optimizer, as scikit-learn wants it (pysindy returns nothing)."""
@@ -163,7 +141,7 @@ class UniqueShareSTLSQ(BaseOptimizer):
             raise InputError(
                 f"fit got {next(iter(reduce_kws))!r}; sample_weight, groups, runs and blocks are known"
             )
-        self._check_parameters()
+        self.check_rules()
         columns = check_array(np.asarray(x_), dtype=np.float64)
         targets = check_array(np.asarray(y), dtype=np.float64, ensure_2d=False)
         check_consistent_length(columns, targets)
@@ -197,14 +175,14 @@ class UniqueShareSTLSQ(BaseOptimizer):
         shared_motion : bool
             Whether the blocks of a run share one estimate of the motion.
         """
-        self._check_parameters()
+        self.check_rules()
         self._keep([self._choice(evidence, shared_motion)], evidence.ids)
         return self
 
     @classmethod
     def of_regression(cls, regression: TermRegression) -> UniqueShareSTLSQ:
         """Return the optimizer that chose the terms of a regression, fitted."""
-        optimizer = cls(**vars(regression.rules()))
+        optimizer = cls(**{each.name: getattr(regression, each.name) for each in fields(SelectionRules)})
         optimizer.least_share_ = regression.least_share_
         optimizer._keep([(regression.evidence_, regression.selection_result_)], regression.evidence_.ids)
         return optimizer
@@ -218,12 +196,10 @@ class UniqueShareSTLSQ(BaseOptimizer):
         evidence = evidence.take([i for i in range(len(evidence.ids)) if i not in dependent])
         forced = [self._name(names, "forced", column) for column in self.forced]
         signs = {self._name(names, "signs", column): sign for column, sign in (self.signs or {}).items()}
-        selection, self.least_share_ = choose(evidence, SelectionRules.of(self, forced, signs), shared_motion)
+        selection, self.least_share_ = choose(
+            evidence, replace(self, forced=forced, signs=signs), shared_motion
+        )
         return evidence, selection
-
-    def _check_parameters(self) -> None:
-        signs = {str(column): sign for column, sign in (self.signs or {}).items()}
-        SelectionRules.of(self, (), signs).check()
 
     def _names(self, count: int) -> tuple[str, ...]:
         if self.feature_names is None:

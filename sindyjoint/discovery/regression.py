@@ -5,7 +5,7 @@ Every door is this one; :class:`~sindyjoint.JointRegressor` gives it to scikit-l
 
 import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -37,9 +37,9 @@ from sindyjoint.record import Joint, Motion
 SELECTIONS = ("evidence", "one_standard_error")
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False, kw_only=True)
 class SelectionRules:
-    """How terms are chosen.
+    """How terms are chosen: what every estimator has as parameters.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class SelectionRules:
         Least unique share that ``selection="evidence"`` lets pass.
     forced : sequence of str
         Ids of columns that are never removed.
-    signs : mapping of str to int
+    signs : mapping of str to int, optional
         Id of a column to the sign, +1 or -1, that its coefficient must have.
     random_state : int, Generator or None
     """
@@ -65,17 +65,11 @@ class SelectionRules:
     threshold: float | None = None
     significance: float = DISCOVERY.term_significance
     least_share: float = DISCOVERY.accuracy
-    forced: Sequence[str] = ()
-    signs: Mapping[str, int] = field(default_factory=dict)
+    forced: Sequence[Any] = ()
+    signs: Mapping[Any, int] | None = None
     random_state: Any = None
 
-    @classmethod
-    def of(cls, estimator: Any, forced: Sequence[str], signs: Mapping[str, int]) -> "SelectionRules":
-        """Return the rules in the parameters of an estimator, with these names of columns."""
-        held = {f.name: getattr(estimator, f.name) for f in fields(cls) if f.name not in ("forced", "signs")}
-        return cls(**held, forced=tuple(forced), signs=dict(signs))
-
-    def check(self) -> None:
+    def check_rules(self) -> None:
         """Refuse a method, a selection or a number that there is not: UnknownNameError, InputError."""
         check_method(self.method)
         if self.selection not in SELECTIONS:
@@ -86,9 +80,9 @@ class SelectionRules:
             raise InputError(
                 f"threshold is {self.threshold!r}; expected a share of the moment's RMS, from 0 to below 1"
             )
-        for term, sign in self.signs.items():
+        for term, sign in (self.signs or {}).items():
             if sign not in (1, -1):
-                raise InputError(f"signs: {term!r} is {sign!r}; expected +1 or -1")
+                raise InputError(f"signs: {str(term)!r} is {sign!r}; expected +1 or -1")
 
 
 def choose(evidence: Evidence, rules: SelectionRules, shared_motion: bool = False) -> tuple[Selection, float]:
@@ -108,7 +102,7 @@ def choose(evidence: Evidence, rules: SelectionRules, shared_motion: bool = Fals
         For a forced or signed column that is not among the evidence's.
     """
     forced = [_index(evidence, "forced", term) for term in rules.forced]
-    signs = {_index(evidence, "signs", term): int(sign) for term, sign in rules.signs.items()}
+    signs = {_index(evidence, "signs", term): int(sign) for term, sign in (rules.signs or {}).items()}
     least = rules.least_share
     if evidence.pooled.squared_target == 0:
         return Selection((), None, "the moment is zero throughout"), least
@@ -131,38 +125,15 @@ def _index(evidence: Evidence, option: str, term_id: str) -> int:
     return evidence.ids.index(term_id)
 
 
-class TermRegression:
+@dataclass(eq=False, repr=False)
+class TermRegression(SelectionRules):
     """Sparse regression of a joint's moment; parameters and attributes are those of a ``JointRegressor``."""
 
-    def __init__(
-        self,
-        library: Any = "extended",
-        method: Any = "stlsq",
-        selection: str = "evidence",
-        threshold: float | None = None,
-        significance: float = DISCOVERY.term_significance,
-        least_share: float = DISCOVERY.accuracy,
-        forced: Sequence[str] = (),
-        forbidden: Sequence[str] = (),
-        signs: Mapping[str, int] | None = None,
-        fixed: Mapping[str, float] | None = None,
-        motion: Motion = "rotation",
-        inputs: Sequence[str | Input] = (),
-        random_state: Any = None,
-    ):
-        self.library = library
-        self.method = method
-        self.selection = selection
-        self.threshold = threshold
-        self.significance = significance
-        self.least_share = least_share
-        self.forced = forced
-        self.forbidden = forbidden
-        self.signs = signs
-        self.fixed = fixed
-        self.motion = motion
-        self.inputs = inputs
-        self.random_state = random_state
+    library: Any = "extended"
+    forbidden: Sequence[str] = ()
+    fixed: Mapping[str, float] | None = None
+    motion: Motion = "rotation"
+    inputs: Sequence[str | Input] = ()
 
     @classmethod
     def parameters(cls) -> tuple[str, ...]:
@@ -275,7 +246,7 @@ class TermRegression:
         gathered = self._without_dependent(evidence)
         self._moment_rms = gathered.target_rms
         self.evidence_ = self._with_fixed(gathered)
-        self.selection_result_, self.least_share_ = choose(self.evidence_, self.rules(), shared_motion)
+        self.selection_result_, self.least_share_ = choose(self.evidence_, self, shared_motion)
         self._keep_model(samples, len(evidence.runs))
         return self
 
@@ -289,7 +260,7 @@ class TermRegression:
 
     def check_parameters(self) -> None:
         """Refuse a method, a selection or a number that there is not."""
-        self.rules().check()
+        self.check_rules()
         for term in set(self.forced) & set(self.forbidden):
             raise InputError(f"term {term!r} is forced and forbidden; expected one of them")
         for term, value in (self.fixed or {}).items():
@@ -333,10 +304,6 @@ class TermRegression:
         self.indistinct_ = tuple(evidence.ids[i] for i in dependent)
         self.terms_ = tuple(self.terms_[i] for i in keep)
         return evidence.take(keep)
-
-    def rules(self) -> SelectionRules:
-        """Return how terms are chosen."""
-        return SelectionRules.of(self, self.forced, self.signs or {})
 
     def _with_fixed(self, evidence: Evidence) -> Evidence:
         """Take what the fixed terms carry out of the target, and remember their share of it."""

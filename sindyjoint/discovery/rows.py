@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.clock import on_threads
-from sindyjoint.discovery.accumulate import Base, FactorSum, GramSum, Tiles, accurate
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import BLOCK, Array, chunks
 
 Index = slice | NDArray[np.intp]
 
@@ -221,11 +220,43 @@ def row_weights(sample_weight: ArrayLike | None, count: int) -> NDArray[np.float
     return weight
 
 
-def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[list[Factor]]:
-    """Return the factor of every block of every run.
+def factor_of(
+    function: TermFunction, states: Sequence[Array], target: Array, weight: Array | None = None
+) -> Factor:
+    """Return the factor of terms at force states: each tile of rows is decomposed while it is in the cache.
 
-    The blocks of a run are summed in coordinates that are computed from a sample of its rows. If these do not suit
-    all of its rows, they are summed once more in better ones, and if even these do not, one block after the other.
+    Parameters
+    ----------
+    function : TermFunction
+        Of (θ, θ̇, θ̈).
+    states : sequence of ndarray, shape (n,)
+        θ, θ̇ and, where a term needs it, θ̈.
+    target : ndarray, shape (n,)
+    weight : ndarray, shape (n,), optional
+        How often each row counts.
+
+    Raises
+    ------
+    InputError
+        If a term or the target has no finite value somewhere.
+    """
+    size, parts = len(function.outputs) + 1, []
+    absent = [np.nan] * (len(function.arguments) - len(states))
+    for rows in chunks(target.size, BLOCK):
+        columns = function(*(signal[rows] for signal in states), *absent)
+        if not (np.isfinite(columns).all() and np.isfinite(target[rows]).all()):
+            row, column = np.argwhere(~np.isfinite(np.column_stack([columns, target[rows]])))[0]
+            what = "the target" if column == size - 1 else f"column {column + 1} (of {size - 1})"
+            raise InputError(
+                f"rows from {rows.start} of this segment: {what} has no finite value at row {row}; leave the term out "
+                "or repair the row"
+            )
+        parts.append(Factor.of(columns, target[rows], None if weight is None else weight[rows]))
+    return merge(parts or [Factor(np.zeros((size, size)), 0.0)])
+
+
+def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[list[Factor]]:
+    """Return the factor of every block of every run, on threads where they are large.
 
     Parameters
     ----------
@@ -239,69 +270,14 @@ def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[
     InputError
         If a term or a target has no finite value somewhere.
     """
-    threaded = sum(block.y.size for run in runs for block in run) >= THREADED
 
-    def each(work: Callable[..., Any], tasks: list[tuple[Any, ...]]) -> Iterator[Any]:
-        def start() -> Callable[[tuple[Any, ...]], Any]:
-            tiles = Tiles(function)
-            return lambda task: work(tiles, *task)
+    def work(rows: Rows) -> Factor:
+        return factor_of(function, [*rows.X.T], rows.y, rows.weight)
 
-        return iter(on_threads(start, tasks) if threaded else map(start(), tasks))
-
-    bases = list(each(_sampled_base, [(run,) for run in runs]))
-    found: dict[int, list[Factor]] = {}
-    for _ in range(2):
-        pending = [i for i, base in enumerate(bases) if base is not None and i not in found]
-        grams = each(_gram, [(bases[i], block) for i in pending for block in runs[i]])
-        for i in pending:
-            factors, suited = _factors(bases[i], runs[i], [next(grams) for _ in runs[i]])
-            if suited:
-                found[i] = factors
-            else:
-                bases[i] = Base.of(merge(factors))
-    pending = [i for i in range(len(runs)) if i not in found]
-    singly = each(_factor, [(block,) for i in pending for block in runs[i]])
-    found |= {i: [next(singly) for _ in runs[i]] for i in pending}
-    return [found[i] for i in range(len(runs))]
-
-
-def _sampled_base(tiles: Tiles, run: Sequence[Rows]) -> Base | None:
-    """Return coordinates for the rows of a run, from a sample that is spread over its blocks."""
-    # Rows of a run that show how alike its columns are.
-    share = -(-2048 // len(run))
-    spread = [block[:: max(1, block.y.size // share)] for block in run]
-    stacked = np.concatenate([tiles.columns(*_signals(rows[:share])) for rows in spread], axis=1).T
-    if not np.isfinite(stacked).all():
-        raise InputError("a term or the target has no finite value")
-    return Base.of(Factor.of(stacked[:, :-1], stacked[:, -1]))
-
-
-def _gram(tiles: Tiles, base: Base, rows: Rows) -> Array:
-    total = GramSum(base)
-    tiles.add_to(total, *_signals(rows))
-    return total.gram
-
-
-def _factors(base: Base, run: Sequence[Rows], grams: Sequence[Array]) -> tuple[list[Factor], bool]:
-    """Return the factors of blocks from their products, and whether the coordinates suited all of their rows."""
-    factors = [Factor(base.factor_of(gram), _count(rows)) for gram, rows in zip(grams, run, strict=True)]
-    total = np.sum(grams, axis=0)
-    weakest = base.weakest(total, float(sum(rows.y.size for rows in run)))
-    return factors, accurate(float(np.trace(total)), weakest)
-
-
-def _factor(tiles: Tiles, rows: Rows) -> Factor:
-    total = FactorSum(len(tiles.function.outputs))
-    tiles.add_to(total, *_signals(rows))
-    return Factor(total.factor().triangle, _count(rows))
-
-
-def _signals(rows: Rows) -> tuple[list[Array], Array, Array | None]:
-    return [*rows.X.T], rows.y, rows.weight
-
-
-def _count(rows: Rows) -> float:
-    return float(rows.y.size if rows.weight is None else rows.weight.sum())
+    blocks = [block for run in runs for block in run]
+    threaded = sum(block.y.size for block in blocks) >= THREADED
+    found = iter(on_threads(work, blocks) if threaded else map(work, blocks))
+    return [[next(found) for _ in run] for run in runs]
 
 
 def row_arguments(columns: int, inputs: Sequence[str]) -> tuple[str, ...]:

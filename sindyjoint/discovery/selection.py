@@ -161,75 +161,39 @@ def exchange(
     parents = parents or {}
     gram = factor.triangle.T @ factor.triangle
     kept = sorted(kept)
-    error = _error(gram, kept)
+    error, _ = _score_additions(gram, kept)
     while True:
         # By more than rounding, too: an exact fit leaves a residual of either sign, and would be swapped for ever.
         best, best_error = None, error - max(1e-6 * error, 1e-15 * gram[-1, -1])
-        errors, gains = _score_swaps(factor, gram, kept)
         needed = {*forced, *(parent for column in kept for parent in parents.get(column, ()))}
-        for index, leaving in enumerate(kept):
-            if leaving in needed:
-                continue
+        for leaving in (column for column in kept if column not in needed):
+            stay = [column for column in kept if column != leaving]
+            without, gains = _score_additions(gram, stay)
+            gains[kept] = -np.inf
             for column, wanted in parents.items():
                 if leaving in wanted or not set(wanted) <= set(kept):
-                    gains[index, column] = -np.inf
-            entering = int(np.argmax(gains[index]))
-            trial_error = errors[index] - gains[index, entering]
-            if trial_error < best_error:
-                best, best_error = sorted([c for c in kept if c != leaving] + [entering]), float(trial_error)
+                    gains[column] = -np.inf
+            entering = int(np.argmax(gains))
+            if without - gains[entering] < best_error:
+                best, best_error = sorted([*stay, entering]), float(without - gains[entering])
         if best is None:
             return kept
         kept, error = best, best_error
 
 
-def _score_swaps(factor: Factor, gram: Array, kept: Sequence[int]) -> tuple[Array, Array]:
-    """Return the residual without each column in turn, shape (k,), and how much each outsider then gains, shape (k, p).
+def _score_additions(gram: Array, stay: Sequence[int]) -> tuple[float, Array]:
+    """Return the residual sum of squares of some columns, and by how much each one, joining them, lowers it.
 
-    With S what the kept columns leave of the Gram matrix, V its rows of them times their inverse A, and v the part of
-    V for one of them, S + v·vᵀ/A_ii is what they leave without that one.
+    From the Gram matrix of [X | y], shape (p + 1, p + 1); the gains have shape (p,).
     """
-    p = gram.shape[0] - 1
-    inverse = factor.take(kept).inverse() if len(kept) > 1 else np.full((1, 1), np.inf)
-    inflation = np.einsum("ij,ij->i", inverse, inverse)
-    # Columns of unit norm with variances that are inflated by more are swapped by separate fits.
-    if not np.all(inflation < 1e6):
-        without = [[column for column in kept if column != leaving] for leaving in kept]
-        errors, gains = (
-            np.array([_error(gram, stay) for stay in without]),
-            np.array([_score_additions(gram, stay) for stay in without]),
-        )
-    else:
-        crossed = gram[:, [*kept]]
-        solved = crossed @ (inverse @ inverse.T)
-        target = gram[:, -1] - solved @ crossed[-1]
-        residual = target + solved.T * (solved[-1] / inflation)[:, None]
-        norm = np.diag(gram) - np.einsum("ij,ij->i", solved, crossed) + solved.T**2 / inflation[:, None]
-        errors, norm, residual = residual[:, -1], norm[:, :p], residual[:, :p]
-        gains = np.where(norm > 1e-10, residual**2 / np.maximum(norm, 1e-10), 0.0)
-    gains[:, [*kept]] = -np.inf
-    return errors, gains
-
-
-def _error(gram: Array, kept: Sequence[int]) -> float:
-    """Return the residual sum of squares of some columns from the Gram matrix of [X | y]."""
-    if not kept:
-        return float(gram[-1, -1])
-    index = np.asarray(kept)
-    moment = gram[index, -1]
-    return float(gram[-1, -1] - moment @ np.linalg.lstsq(gram[np.ix_(index, index)], moment, rcond=None)[0])
-
-
-def _score_additions(gram: Array, stay: Sequence[int]) -> Array:
-    """Return by how much each column, joining ``stay``, lowers the residual sum of squares, shape (p,)."""
-    p = gram.shape[0] - 1
-    if not stay:
-        return gram[:p, -1] ** 2 / np.diag(gram)[:p]
-    index = np.asarray(stay)
-    solved = np.linalg.lstsq(gram[np.ix_(index, index)], gram[index, :], rcond=None)[0]
-    residual = gram[:p, -1] - gram[:p, index] @ solved[:, -1]
-    norm = np.diag(gram)[:p] - np.einsum("ij,ji->i", gram[:p, index], solved[:, :p])
+    index = np.asarray(stay, dtype=int)
+    crossed = gram[:, index]
+    solved = np.linalg.lstsq(gram[np.ix_(index, index)], crossed.T, rcond=None)[0]
+    residual = gram[:, -1] - crossed @ solved[:, -1]
+    norm = np.diag(gram) - np.einsum("ij,ji->i", crossed, solved)
     # A column inside the span of the others has no residual; 1e-10 of its square is rounding.
-    return np.where(norm > 1e-10, residual**2 / np.maximum(norm, 1e-10), 0.0)
+    gains = np.where(norm > 1e-10, residual**2 / np.maximum(norm, 1e-10), 0.0)
+    return float(residual[-1]), gains[:-1]
 
 
 def path_of(evidence: Evidence, sets: Sequence[Sequence[int]]) -> tuple[Step, ...]:

@@ -22,7 +22,7 @@ from sindyjoint.numeric import BLOCK, chunks
 if TYPE_CHECKING:
     import sympy
 
-UNARY = {
+FUNCTIONS: dict[str, np.ufunc] = {
     "abs": np.absolute,
     "sign": np.sign,
     "sqrt": np.sqrt,
@@ -33,8 +33,6 @@ UNARY = {
     "tan": np.tan,
     "tanh": np.tanh,
     "atan": np.arctan,
-}
-BINARY = {
     "add": np.add,
     "subtract": np.subtract,
     "multiply": np.multiply,
@@ -58,7 +56,7 @@ class TermFunction:
         Names of the arguments, in the order of the call.
     constants : tuple of float
     operations : tuple of (str, int, int)
-        Name in :data:`UNARY` or :data:`BINARY`, register of the first operand, register of the second or -1.
+        Name in :data:`FUNCTIONS`, register of the first operand, register of the second or -1.
     outputs : tuple of int
         Register of each expression.
     """
@@ -96,39 +94,16 @@ class TermFunction:
             )
         n = sizes.pop() if sizes else 1
         out = np.empty((n, len(self.outputs)), order="F")
-        scratch = np.empty((len(self.operations), min(n, BLOCK)))
         for rows in chunks(n, BLOCK):
-            inputs = [array[rows] if array.ndim else array[()] for array in arrays]
-            self.tile(inputs, scratch[:, : rows.stop - rows.start], out[rows].T)
+            registers: list[Any] = [array[rows] if array.ndim else array[()] for array in arrays]
+            registers += self.constants
+            with np.errstate(all="ignore"):
+                for name, one, other in self.operations:
+                    operands = [registers[one]] if other < 0 else [registers[one], registers[other]]
+                    registers.append(FUNCTIONS[name](*operands))
+            for column, register in enumerate(self.outputs):
+                out[rows, column] = registers[register]
         return out
-
-    def tile(self, inputs: Sequence[Any], scratch: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-        """Evaluate every expression on a few rows, into memory that is reused.
-
-        Parameters
-        ----------
-        inputs : sequence of ndarray, shape (n,), or float
-            One per argument.
-        scratch : ndarray, shape (number of operations, n)
-        out : ndarray, shape (p, n)
-            A row per expression.
-        """
-        rows_of = {register: row for row, register in enumerate(self.outputs)}
-        first = len(self.arguments) + len(self.constants)
-        registers: list[Any] = [*inputs, *self.constants]
-        with np.errstate(all="ignore"):
-            for number, (name, one, other) in enumerate(self.operations):
-                # A result goes straight into its row of the output.
-                target = rows_of.get(first + number)
-                row = scratch[number] if target is None else out[target]
-                if other < 0:
-                    UNARY[name](registers[one], out=row)
-                else:
-                    BINARY[name](registers[one], registers[other], out=row)
-                registers.append(row)
-        for row_number, register in enumerate(self.outputs):
-            if register < first or rows_of[register] != row_number:
-                out[row_number] = registers[register]
 
 
 def compile_terms(
@@ -238,7 +213,7 @@ class _Program:
             return self._operation(
                 name, self.register(expression.args[0]), self._constant(float(expression.args[1]))
             )
-        if name in BINARY:
+        if FUNCTIONS[name].nin == 2:
             return self._fold(name, [self.register(argument) for argument in expression.args])
         return self._operation(name, self.register(expression.args[0]))
 

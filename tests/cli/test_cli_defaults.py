@@ -8,7 +8,7 @@ import typer
 
 from sindyjoint.cli import default_of, given, make_app
 
-REGRESSOR, DISCOVER = "discovery.regression:TermRegression", "workflows.discover:discover"
+REGRESSOR, DISCOVER = "discovery.regression:SelectionRules", "workflows.discover:discover"
 TEST, PLAN = "mechanics.virtual:virtual_test", "mechanics.virtual:VirtualTest"
 SPREAD = ("jobs", "workers", "cluster")
 OF_REGRESSOR = ("method", "selection", "threshold")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from sindyjoint.discovery.accumulate import TOLERANCE, FactorSum, Tiles
-from sindyjoint.discovery.factors import Factor, dependent_columns
+from sindyjoint.discovery.factors import Factor, dependent_columns, merge
+from sindyjoint.discovery.rows import factor_of
 from sindyjoint.equation import Reference, compile_terms, load_catalogue, term_columns
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import BLOCK
@@ -21,11 +21,8 @@ def conditioned(seed, condition, n=20_000, p=20):
 
 
 def summed(columns, target, size=BLOCK):
-    total = FactorSum(columns.shape[1])
-    block = np.column_stack([columns, target]).T
-    for start in range(0, target.size, size):
-        total.add(np.ascontiguousarray(block[:, start : start + size]))
-    return total.factor()
+    parts = [slice(start, start + size) for start in range(0, target.size, size)]
+    return merge(Factor.of(columns[part], target[part]) for part in parts)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -37,7 +34,7 @@ def test_solution_matches_lstsq_on_the_rows_at_condition_1e6(seed):
         return np.linalg.norm(c - reference) / np.linalg.norm(reference)
 
     assert error(summed(columns, target).solve()) <= 1e-9
-    # The plain Gram matrix, which this replaces, would not do.
+    # A plain Gram matrix would not do.
     assert error(np.linalg.solve(columns.T @ columns, columns.T @ target)) > 1e-7
 
 
@@ -45,7 +42,7 @@ def test_solution_matches_lstsq_on_the_rows_at_condition_1e6(seed):
 def test_the_size_of_the_blocks_does_not_matter(size):
     columns, target = conditioned(9, 1e3, n=3001, p=6)
     factor, whole = summed(columns, target, size), Factor.of(columns, target)
-    np.testing.assert_allclose(factor.solve(), whole.solve(), rtol=TOLERANCE)
+    np.testing.assert_allclose(factor.solve(), whole.solve(), rtol=1e-9)
     assert factor.rows == 3001
     assert factor.squared_error(whole.solve()) == pytest.approx(whole.squared_error(whole.solve()), rel=1e-9)
 
@@ -74,22 +71,20 @@ def test_terms_are_evaluated_as_everywhere_else():
     angle, rate = 8e-4 * rng.uniform(-1, 1, 9001), 0.02 * rng.uniform(-1, 1, 9001)
     moment = 6066 * angle + 1.9 * np.sign(rate) + 0.01 * rng.normal(size=9001)
     terms = load_catalogue("extended").resolve(Reference(8e-4, 0.02, 5.0))
-    tiles, total = Tiles(compile_terms([term.expression for term in terms])), FactorSum(len(terms))
-    for part in np.array_split(np.arange(9001), 5):
-        tiles.add_to(total, (angle[part], rate[part]), moment[part])
+    function, parts = compile_terms([term.expression for term in terms]), np.array_split(np.arange(9001), 5)
+    total = merge(factor_of(function, (angle[part], rate[part]), moment[part]) for part in parts)
     whole = Factor.of(term_columns(terms, angle, rate), moment)
-    scaled, other = total.factor().normalised()[0], whole.normalised()[0]
+    scaled, other = total.normalised()[0], whole.normalised()[0]
     np.testing.assert_allclose(scaled.solve(), other.solve(), rtol=1e-8, atol=1e-10)
 
 
 @pytest.mark.parametrize("row", [3, 9321])
 def test_a_term_without_a_finite_value_is_refused(row):
-    # In the first rows, which are decomposed, and in later ones, which are not.
     terms = load_catalogue("paper").resolve()
-    tiles, total = Tiles(compile_terms([term.expression for term in terms])), FactorSum(len(terms))
+    function = compile_terms([term.expression for term in terms])
     angle, rate = np.random.default_rng(0).normal(size=(2, 12_000))
     rate[row] = np.nan
     with pytest.raises(
         InputError, match=rf"rows from {row // BLOCK * BLOCK} .*column 4 .* at row {row % BLOCK};"
     ):
-        tiles.add_to(total, (angle, rate), np.ones(12_000))
+        factor_of(function, (angle, rate), np.ones(12_000))

@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.accumulate import FactorSum, Tiles
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
 from sindyjoint.discovery.large.segments import Passed, Segment, largest_of, pass_over, relative
-from sindyjoint.discovery.rows import PARTS, SEGMENTS
+from sindyjoint.discovery.rows import PARTS, SEGMENTS, factor_of
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.errors import InputError
@@ -210,8 +209,7 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
 def run_rows(task: RowTask) -> Segment:
     """Work through a segment of rows."""
     source = _open_file(task.path)
-    tiles = None if task.function is None else Tiles(task.function)
-    total = None if task.function is None else FactorSum(len(task.function.outputs))
+    factors = []
     largest = np.zeros(3)
     for start in range(task.start, task.stop, task.size):
         table = source.table(start, min(start + task.size, task.stop))
@@ -221,12 +219,12 @@ def run_rows(task: RowTask) -> Segment:
         if more and task.inertia is not None:
             moment = moment - task.inertia * more[0]
         largest = np.maximum(largest, [np.max(np.abs(x)) for x in (angle, rate, moment)])
-        if tiles is not None and total is not None:
+        if task.function is not None:
             states = (angle, rate, *more) if task.inertia is None else (angle, rate)
-            tiles.add_to(total, states, moment)
+            factors.append(factor_of(task.function, states, moment))
     top = (float(largest[0]), float(largest[1]), float(largest[2]))
     rows = task.stop - task.start
-    return Segment(() if total is None else (total.factor(),), top, rows, rows)
+    return Segment((merge(factors),) if factors else (), top, rows, rows)
 
 
 def _segments(paths: Sequence[Path], groups: Sequence[str] | None) -> list[RunSegments]:
