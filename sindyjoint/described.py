@@ -180,8 +180,7 @@ class Shown(Described):
         return str(supplied("display").html_of(self))
 
     def _repr_latex_(self) -> str | None:
-        found: str | None = supplied("display").latex_of(self)
-        return found
+        return supplied("display").latex_of(self)
 
     @property
     def figures(self) -> tuple[str, ...]:
@@ -240,5 +239,4 @@ class Shown(Described):
         OutputError
             If the folder cannot be written, or holds other files of these names.
         """
-        path: Path = supplied("display").report(self, folder, force)
-        return path
+        return supplied("display").report(self, folder, force)

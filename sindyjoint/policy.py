@@ -206,14 +206,10 @@ def policies() -> dict[str, Any]:
     for place in ("policy", "limits", "diagnosis.policy"):
         *folders, _ = place.split(".")
         for name, record in vars(import_module(f"sindyjoint.{place}")).items():
-            if _is_policy(record):
+            if (
+                is_dataclass(record)
+                and not isinstance(record, type)
+                and all(f.metadata for f in fields(record))
+            ):
                 found[" ".join(folders if name == "POLICY" else [*folders, name.lower()])] = record
     return found
-
-
-def _is_policy(record: Any) -> bool:
-    return (
-        is_dataclass(record)
-        and not isinstance(record, type)
-        and all({"meaning", "unit", "source"} <= set(field.metadata) for field in fields(record))
-    )

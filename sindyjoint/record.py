@@ -385,14 +385,12 @@ class Campaign(Shown):
         >>> campaign.runs[0].frequency, float(campaign.runs[0].angle.max())
         (3.0, 0.002)
         """
-        campaign: Campaign = supplied("arrays").campaign_from_arrays(**signals)
-        return campaign
+        return supplied("arrays").campaign_from_arrays(**signals)
 
     @classmethod
     def from_frames(cls, frames: Any, **options: Any) -> Campaign:
         """Return a campaign of one data frame or several; see :func:`sindyjoint.files.arrays.campaign_from_frames`."""
-        campaign: Campaign = supplied("arrays").campaign_from_frames(frames, **options)
-        return campaign
+        return supplied("arrays").campaign_from_frames(frames, **options)
 
     def with_runs(self, runs: tuple[Run, ...]) -> Campaign:
         """Return the same campaign with other runs."""

@@ -88,9 +88,8 @@ def entries_of(kind: type[T], data: Any, called: str) -> T:
         The message names file and field.
     """
     try:
-        record: T = from_plain(kind, data)
+        return from_plain(kind, data)
     except Misfit as error:
         place, said = error.args
         where = heading([part for part in place.split(".") if part], data)
         raise InputError(": ".join(filter(None, (called, where, said)))) from None
-    return record

@@ -68,10 +68,9 @@ def answer(
         show(result)
         if place is not None:
             typer.echo(f"\nreport: {place / 'report.html'}")
-    found: R = result
-    if stopped or not good(found):
+    if stopped or not good(result):
         raise typer.Exit(1)
-    return found
+    return result
 
 
 def call(function: str, *arguments: Any, **options: Any) -> Callable[[], Any]:

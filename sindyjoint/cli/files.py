@@ -112,8 +112,7 @@ def _check(manifest: Path, force: bool, progress: Progress) -> tuple[Check[Any],
 def _ask(question: Question) -> str:
     if question.complaint:
         typer.echo(f"{question.complaint}; once more:", err=True)
-    answer: str = typer.prompt(question.text, default=question.guess, err=True)
-    return answer
+    return typer.prompt(question.text, default=question.guess, err=True)
 
 
 TARGETS = tuple(constant_of("export:TARGETS"))

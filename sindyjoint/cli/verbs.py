@@ -123,12 +123,11 @@ def compare(
     def find() -> Comparison:
         from sindyjoint.files.campaign import LONGEST
 
-        found: Comparison = call(
+        return call(
             COMPARE, read(campaign, LONGEST), **given(library=library, methods=method), model=model, align=align,
             accept=tuple(accept or ()), replicates=replicates, margin=margin, rng=random_state, progress=progress.say,
             **work.arguments(),
         )()  # fmt: skip
-        return found
 
     answer(
         find, out, output, progress, random_state, (), campaign, model, good=lambda result: result.model.terms

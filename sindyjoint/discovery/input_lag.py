@@ -9,6 +9,7 @@ from sindyjoint.discovery.delay import ROWS, Columns, law_of_channels
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.inputs import Input, lagged
 from sindyjoint.limits import DISCOVERY
+from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states import ForceStates
 
 # Time constants that are tried, s; the best is refined between its neighbours.
@@ -89,8 +90,6 @@ def _left(
         )
         columns.append(law(angle, rate, acceleration, inputs))
         target.append(state.moment[index] - (inertia or 0.0) * state.acceleration[index])
-    matrix = np.vstack(columns)
-    size = np.sqrt(np.mean(matrix**2, axis=0))
-    factor = Factor.of(matrix / np.where(size > 0, size, 1.0), np.concatenate(target))
-    solved = np.linalg.lstsq(factor.triangle[:, :-1], factor.triangle[:, -1], rcond=1e-10)[0]
-    return float(np.sum((factor.triangle[:, :-1] @ solved - factor.triangle[:, -1]) ** 2))
+    triangle = Factor.of(np.vstack(columns), np.concatenate(target)).triangle
+    solved = scaled_least_squares(triangle[:, :-1], triangle[:, -1], 1e-10)
+    return float(np.sum((triangle[:, :-1] @ solved - triangle[:, -1]) ** 2))

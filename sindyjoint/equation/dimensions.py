@@ -79,14 +79,11 @@ def parse_unit(text: str) -> Any:
         return unit_registry().parse_units("dimensionless" if text.strip() == "1" else text)
     # pint fails on unknown spellings with whatever its parser meets.
     except Exception as error:
+        line = str(error).partition("\n")[0] or type(error).__name__
         raise UnitError(
-            f"unit {text!r} cannot be read ({_first_line(error)}); known are m, kg, s, rad, N, Hz, deg, K, "
-            "Pa, V, A with the prefixes u, m, k, M, written like N*m*s/rad^2"
+            f"unit {text!r} cannot be read ({line}); known are m, kg, s, rad, N, Hz, deg, K, Pa, V, A with the "
+            "prefixes u, m, k, M, written like N*m*s/rad^2"
         ) from None
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0]
 
 
 def _powers(unit: Any) -> dict[str, float]:

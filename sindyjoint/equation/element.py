@@ -298,11 +298,10 @@ def states_along(
     first = np.array([angle[0] for angle in angles]) - rests
     timing = np.array(steps), np.full(count, passes), np.full(count, 4), first
     integrate: Any = integrate_runs
-    states: Array = integrate(
+    return integrate(
         np.concatenate(angles), np.concatenate(rates), np.cumsum([each.size for each in angles]), timing,
         parameters, form.limits(parameters), form.state_program,
     )  # fmt: skip
-    return states
 
 
 @lru_cache(maxsize=256)

@@ -317,8 +317,7 @@ class JointModel(Described):
             if isinstance(own, list) and len(own) > most:
                 raise InputError(f"not a joint model: {len(own)} {name}; expected at most {most}")
         try:
-            model: JointModel = from_plain(cls, data)
-            return model
+            return from_plain(cls, data)
         except InputError as error:
             raise InputError(f"not a joint model: {error}") from None
 

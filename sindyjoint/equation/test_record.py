@@ -166,10 +166,9 @@ class TestNuisances(Described):
     def from_dict(cls, data: Any) -> TestNuisances:
         """Return the nuisances that :meth:`to_dict` wrote; InputError names the field that is at fault."""
         try:
-            test: TestNuisances = from_plain(cls, data)
+            return from_plain(cls, data)
         except InputError as error:
             raise InputError(f"not a record of a test: {error}") from None
-        return test
 
     def checked(self) -> TestNuisances:
         """Return it after its formulas were read, so that a fault is said at once."""

@@ -116,7 +116,8 @@ def evaluate_law(address, theta, omega, direction, state, parameters, out):
 
 
 @lru_cache(maxsize=256)
-def _compile(function: ScalarLaw) -> Any:
+def callback_of(function: ScalarLaw) -> Any:
+    """Compile a scalar law function, once whatever its parameters; InputError where numba cannot."""
     compiled = function if hasattr(function, "py_func") else njit(error_model="numpy")(function)
 
     def callback(theta, omega, direction, state, parameters, out):
@@ -131,17 +132,6 @@ def _compile(function: ScalarLaw) -> Any:
             f"the law function {name!r} cannot be compiled ({reason}); write it with scalar arithmetic, math "
             "functions and indexing of state, parameters and out only"
         ) from error
-
-
-def compile_scalar_law(function: ScalarLaw, parameters: NDArray[np.float64], n_states: int) -> CompiledLaw:
-    """Compile a scalar law function; the same function is compiled once whatever its parameters.
-
-    Raises
-    ------
-    InputError
-        When numba cannot compile the function.
-    """
-    return CompiledLaw(_compile(function), np.array(parameters, dtype=np.float64), n_states)
 
 
 # In front of the numbers of both, by their bits: addresses of the laws, numbers of states and numbers of the first.

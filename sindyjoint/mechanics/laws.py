@@ -199,9 +199,11 @@ class FunctionLaw(Law):
 
     def compiled(self) -> CompiledLaw:
         """Compiled form; one compilation per function, whatever its parameters."""
-        from sindyjoint.mechanics.kernels import compile_scalar_law
+        from sindyjoint.mechanics.kernels import CompiledLaw, callback_of
 
-        return compile_scalar_law(self.function, np.array(self.parameters), self.n_states)
+        return CompiledLaw(
+            callback_of(self.function), np.array(self.parameters, dtype=np.float64), self.n_states
+        )
 
 
 @dataclass(frozen=True)

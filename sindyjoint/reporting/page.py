@@ -192,8 +192,7 @@ class Blocks:
         self._kinds, self._pictures, self._panel = kinds, dict(pictures), panel
 
     def __getattr__(self, name: str) -> Callable[..., str]:
-        macro: Callable[..., str] = getattr(_environment().get_template("blocks.html.j2").module, name)
-        return macro
+        return getattr(_environment().get_template("blocks.html.j2").module, name)
 
     def tables(self, *tables: TextTable) -> str:
         """Return the tables that have rows."""
@@ -241,7 +240,7 @@ def render(page: Page, origin: Provenance, simulated: bool) -> str:
     """Return a page as one HTML text, with the style sheet and scripts put into it."""
     script = "\n".join(_text(name) for name in SCRIPTS)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    text: str = (
+    return (
         _environment()
         .get_template("page.html.j2")
         .render(
@@ -254,7 +253,6 @@ def render(page: Page, origin: Provenance, simulated: bool) -> str:
             script_hash=digest,
         )
     )
-    return text
 
 
 def markup(text: str) -> Markup:

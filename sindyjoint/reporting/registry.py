@@ -62,8 +62,7 @@ FOLDERS = (
 @cache
 def _load_view(place: str) -> View:
     module, _, name = place.partition(":")
-    view: View = getattr(import_module(f"sindyjoint.reporting.results.{module}"), name)
-    return view
+    return getattr(import_module(f"sindyjoint.reporting.results.{module}"), name)
 
 
 def _marks(view: View) -> tuple[str, ...]:
@@ -341,8 +340,7 @@ def record_schema(name: str) -> dict[str, Any]:
         raise UnknownNameError(f"schema of {name!r}; expected one of {', '.join(_RECORDS)}")
     module, _, kind = _RECORDS[name].partition(":")
     record = getattr(import_module(f"sindyjoint.{module}"), kind)
-    schema: dict[str, Any] = record.model_json_schema() if name == "campaign" else json_schema(record)
-    return schema
+    return record.model_json_schema() if name == "campaign" else json_schema(record)
 
 
 def record_names() -> tuple[str, ...]:

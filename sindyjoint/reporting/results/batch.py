@@ -153,8 +153,7 @@ def _simulated(result: Batch) -> bool:
 
 
 def _fit(record: CampaignRecord) -> dict[str, Any]:
-    fit: dict[str, Any] = (record.result or {}).get("fit", {})
-    return fit
+    return (record.result or {}).get("fit", {})
 
 
 def _share(record: CampaignRecord, name: str) -> str:

@@ -166,8 +166,7 @@ def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
     bins = [edges[0], edges[1]]
     count, *_ = np.histogram2d(angle, rate, bins)
     total, *_ = np.histogram2d(angle, rate, bins, weights=residual)
-    mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return mean
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 MEASURED: Any = {"color": PALETTE[0], "label": "measured"}
