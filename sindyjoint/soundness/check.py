@@ -1,7 +1,7 @@
 """All detectors run on a campaign or a structure's test: findings, verdict, what is used, what is said first."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
@@ -264,7 +264,8 @@ def check_data(measured: Campaign | RigTest, accept: Sequence[str] = ()) -> Chec
         filled, changed = fill_test(measured, soundness.findings)
         return Check(measured, soundness, filled, (*list_faults(soundness, words, measured.motion), *changed))
     usable, masked = mask_campaign(measured, soundness.findings)
-    usable, still = leave_out_standstill(usable)
+    usable, still, motionless = leave_out_standstill(usable, words)
+    soundness = replace(soundness, findings=in_order((*soundness.findings, *motionless)))
     faults = list_faults(soundness, words, measured.joint.motion)
     return Check(measured, soundness, usable, (*faults, *masked, *still, *_list_unchecked(measured)))
 

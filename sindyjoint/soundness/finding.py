@@ -162,7 +162,10 @@ EFFECTS: dict[str, dict[str, str]] = {
         OTHER: "the run says nothing of the joint and pulls every coefficient towards zero",
         STRUCTURE: "exact zeros outweigh every other sensor and pull all that is recovered towards zero",
     },
-    "no_signal": {STRUCTURE: "{shown}"},
+    "no_signal": {
+        OTHER: "the samples say nothing of the law: no coefficient can be fitted",
+        STRUCTURE: "{shown}",
+    },
     "saturation": {
         MOMENT: "lowers the largest {moment}: softens the law, k1 and k3 come out too small",
         OTHER: "cuts the crests of the motion: k1, k3 and every derivative (c1, inertia) are wrong",

@@ -13,7 +13,7 @@ from sindyjoint.measurement.runs import with_channels
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness.finding import Finding, Words
 from sindyjoint.soundness.record import Mask, marked_of, spans_of
 from sindyjoint.states import force_states
 from sindyjoint.text import list_some
@@ -50,30 +50,41 @@ def mask_campaign(campaign: Campaign, findings: Sequence[Finding]) -> tuple[Camp
     return campaign.with_runs(runs), tuple(_say(kind, some, "left out") for kind, some in counts.items())
 
 
-def leave_out_standstill(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
+def leave_out_standstill(
+    campaign: Campaign, words: Words
+) -> tuple[Campaign, tuple[str, ...], tuple[Finding, ...]]:
     """Return the campaign without the runs in which the joint hardly moves, and a sentence that names them.
 
-    All of it where it moves in none: that is for the states to say.
+    All of it where it moves in none that is fitted, and that as a fault of each.
     """
-    still = [run for run in campaign.runs if _stands_still(run)]
-    moving = tuple(run for run in campaign.runs if run not in still)
-    if not still or not any(run.use == "identify" for run in moving):
-        return campaign, ()
-    names, several = list_some([run.name for run in still]), len(still) > 1
-    said = f"{names} left out: the velocity hardly rises above its noise in {'them' if several else 'it'}"
-    return campaign.with_runs(moving), (said,)
+    reasons = {run.name: reason for run in campaign.runs if (reason := _standstill(run))}
+    moving = tuple(run for run in campaign.runs if run.name not in reasons)
+    if not reasons:
+        return campaign, (), ()
+    if not any(run.use == "identify" for run in moving):
+        remedy = (
+            "excite it more, record longer, or measure the motion with less noise; where samples were not taken at a "
+            "known rate, declare time = 'none'"
+        )
+        said = {name: reason.split(": ", 1)[-1].split("; ")[0] for name, reason in reasons.items()}
+        found = (words.finding("no_signal", run, "angle", "stops", why, remedy) for run, why in said.items())
+        return campaign, (), tuple(found)
+    names, several = list_some(list(reasons)), len(reasons) > 1
+    left_out = f"{names} left out: the velocity hardly rises above its noise in {'them' if several else 'it'}"
+    return campaign.with_runs(moving), (left_out,), ()
 
 
-def _stands_still(run: Run) -> bool:
+def _standstill(run: Run) -> str:
+    """Return why a run shows no motion of the joint; empty where it does."""
     if run.whole is not None:
-        return False
+        return ""
     try:
         force_states(run)
-    except StandstillError:
-        return True
+    except StandstillError as error:
+        return str(error)
     except SindyJointError:  # for what asks for the states to say
-        return False
-    return False
+        return ""
+    return ""
 
 
 def _say(kind: str, counts: dict[str, int], done: str) -> str:

@@ -130,8 +130,13 @@ def test_a_run_that_stands_still_is_left_out_and_named():
     left_out = "idle left out: the velocity hardly rises above its noise in it"
     for result in (found, sindyjoint.verify(alone.model, with_idle), sindyjoint.check(with_idle)):
         assert left_out in result.warnings
+    # Where all stand still, the check says so, and what follows it says the same.
+    still = test.with_runs((idle,))
+    checked, refused = sindyjoint.check(still), sindyjoint.discover(still)
+    assert checked.soundness.verdict == "unsound" and not refused.found
+    assert "no moving samples" in checked.reason and refused.reason == checked.reason
     with pytest.raises(InputError, match="no moving samples"):
-        sindyjoint.discover(test.with_runs((idle,)))
+        sindyjoint.discover(still, accept=["no_signal"])
 
 
 def test_a_law_under_which_nothing_moves_is_held_against_nothing(scattered, found):
