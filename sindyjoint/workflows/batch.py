@@ -12,7 +12,7 @@ from typing import Any
 from sindyjoint.discovery.evidence import Evidence, evidence_bytes
 from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.equation.catalogue import as_catalogue
-from sindyjoint.errors import InputError, OutputError, SindyJointError, checks_options
+from sindyjoint.errors import InputError, MissingInputError, OutputError, SindyJointError, checks_options
 from sindyjoint.files.atomic import (
     check_output,
     hold_folder,
@@ -288,8 +288,12 @@ def verify_batch(
     Raises
     ------
     MissingInputError
-        If there is no campaign.
+        If there is no campaign, or no batch.
     """
+    if not any((Path(out) / name).exists() for name in (SUMS, CAMPAIGNS)):
+        raise MissingInputError(
+            f"{str(out)!r} holds no batch; expected the folder that batch wrote with --out"
+        )
     faults: list[tuple[str, str]] = []
     for task in find_tasks(campaigns, Path(out), library, options, write):
         faults += [(task.id, fault) for fault in _find_faults(task)]
@@ -302,6 +306,8 @@ def verify_batch(
 
 def _find_faults(task: Task) -> list[str]:
     """Return what keeps the result of a campaign from being taken for done."""
+    if not task.folder.exists():
+        return ["has no result there: run the batch again, without --verify-only"]
     try:
         record = read_record(task.folder)
         if record.status == "broken":

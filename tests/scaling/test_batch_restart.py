@@ -212,6 +212,12 @@ def test_a_finished_batch_is_verified(joints, tmp_path, sindyjoint):
     ]
     assert "has no reports" in sindyjoint(*command, "--reports", "--verify-only").stdout
     assert "6 fault(s)" in sindyjoint(*command, "--verify-only", "--align").stdout
+    shutil.copytree(joints / "joint-0", tmp_path / "in" / "joint-9")
+    assert "joint-9: has no result there" in sindyjoint(*command, "--verify-only").stdout
+    # A folder that no batch wrote is the input's fault, in one line.
+    foreign = sindyjoint("batch", tmp_path / "in", "--out", tmp_path / "in", "--verify-only")
+    assert (foreign.status, foreign.stdout) == (2, "")
+    assert "holds no batch; expected the folder that batch wrote with --out" in foreign.stderr
 
 
 def test_a_second_batch_into_the_same_folder_is_refused(joints, tmp_path, sindyjoint):
