@@ -239,6 +239,16 @@ def test_check_finds_reversed_runs_and_nothing_in_sound_ones(sindyjoint, tmp_pat
     }
 
 
+def test_a_file_that_was_cut_off_at_the_end_of_a_line_is_told(sindyjoint, tmp_path):
+    folder = campaign(tmp_path, [(*run, "") for run in nine()])
+    (first, *_) = sorted(folder.glob("*.csv"))
+    lines = first.read_text().splitlines(keepends=True)
+    first.write_text("".join(lines[: len(lines) // 3]))
+    told = json.loads(sindyjoint("check", folder, "--json").stdout)
+    (found,) = [f for f in told["findings"] if f["id"] == "coverage"]
+    assert found["run"] == first.stem and "8 of 9 runs 12 s" in found["extent"]
+
+
 def test_check_names_a_column_that_is_declared_in_two_units(sindyjoint, tmp_path):
     own = '[run.channels]\nangle = { column = "q", unit = "mrad" }'
     runs = [(*run, own if i == 2 else "") for i, run in enumerate(nine())]

@@ -208,6 +208,17 @@ def find_coverage(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             "k3 cannot be told from k1, nor M_F from c1", "make runs at two levels or more",
         ))  # fmt: skip
     yield from (Finding("coverage", None, None, "note", *each) for each in said)
+    # A file that ends where it was cut off looks whole.
+    lasting = np.array([r.duration for r in records])
+    usual = float(np.median(lasting))
+    alike = np.abs(lasting - usual) <= SOUNDNESS.small_share * usual
+    some = alike.sum() >= SOUNDNESS.fewest and alike.mean() > SOUNDNESS.mostly
+    for record in records if some else ():
+        if record.duration < SOUNDNESS.mostly * usual:
+            extent = f"lasts {record.duration:.3g} s, and {alike.sum()} of {len(records)} runs {usual:.3g} s"
+            effect = "what is missing counts for nothing, and slow changes within the run are not seen"
+            remedy = "was its file cut off? Compare it with the recorder's"
+            yield Finding("coverage", record.name, None, "note", extent, effect, remedy)
 
 
 MAINS = (50.0, 60.0)
