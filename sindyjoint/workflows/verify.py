@@ -34,7 +34,7 @@ from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
 from sindyjoint.soundness.check import check_data, require_sound
-from sindyjoint.soundness.finding import Soundness
+from sindyjoint.soundness.finding import DELAY, Soundness
 from sindyjoint.soundness.warnings import warn_of_negative_inertia
 from sindyjoint.states import ForceStates, campaign_states, content_hash, one_after_another, transfer_noise
 from sindyjoint.text import percent
@@ -218,7 +218,9 @@ def _of_campaign(
         bare, _ = compared(checked.usable, TestNuisances(""), replace(settings, draws=0))
         notes = (*notes, f"without what was put right the response error is {percent(bare.response_nrmse)}, with it "
                          f"{percent(result.response_nrmse)}")  # fmt: skip
-    before = (*checked.warned(aligned), *notes, *filter(None, (untimed,)))
+    # What was found in this very campaign is put right: its delay is none any more.
+    in_time = applied is model.test and DELAY in {each.id for each in applied.nuisances}
+    before = (*checked.warned(aligned or in_time), *notes, *filter(None, (untimed,)))
     result = _with_check(result, checked.soundness, before)
     say("whether to trust the model")
     put = align_channels(usable) if align else usable

@@ -39,7 +39,10 @@ def test_a_delay_with_which_the_law_leaves_noise_alone_is_removed_and_its_error_
     assert (damping.standard_error > 2 * other.standard_error) == (skew != 0)
     assert bool(found.model.test) == (skew != 0)
     # Both verbs hold the law against the channels moved alike, and its noise is that of the channels as measured.
-    assert found.trust.explained.sentence == verify(found.model, late, draws=0).trust.explained.sentence
+    verified = verify(found.model, late, draws=0)
+    assert found.trust.explained.sentence == verified.trust.explained.sentence
+    # What is put right is not warned of any more.
+    assert not any("run with --align" in line for line in verified.warnings)
 
 
 @pytest.mark.parametrize(
