@@ -42,6 +42,8 @@ def test_a_unit_that_no_file_states_is_one_for_all_files(sindyjoint, tmp_path):
     assert written["channels"]["angle"]["unit"] == "deg"
     assert not any("channels" in run for run in written["run"])
     assert "guessed: angle.unit = deg for all 3 runs" in done.stdout
+    # So that no result hides it.
+    assert load_campaign(tmp_path).notes == ("guessed by init, for no file tells: angle.unit = deg",)
     # Without --yes it is asked, once, with what the files hold.
     asked = sindyjoint("init", tmp_path, "--force")
     assert asked.status == 2

@@ -319,7 +319,13 @@ def _write(
         per_unit = f"  # no {load} was measured: coefficients are per unit of {inertia}"
     head = ["# Drafted by sindyjoint init from the files of this folder."]
     if dialogue.questions:
-        head.append('# What is marked "guessed" the files do not tell: correct it, or remove the mark.')
+        # What every result says first.
+        guessed = ", ".join(f"{each.key} = {each.guess}" for each in dialogue.questions.values())
+        note = toml_string(printable(f"guessed by init, for no file tells: {guessed}"))
+        head += [
+            '# What is marked "guessed" the files do not tell: correct it, or remove the mark, and this note.',
+            f"notes = [{note}]",
+        ]
     joint = [
         f"name = {toml_string(printable(name))}",
         f"motion = {toml_string(motion)}{dialogue.mark('motion')}",
