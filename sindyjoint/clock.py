@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from contextvars import ContextVar
+from contextvars import ContextVar, copy_context
 from typing import Any, Self, TypeVar
 
 R = TypeVar("R")
@@ -185,15 +185,6 @@ def clocks_running() -> tuple[ProcessorTime, ...]:
     return _clocks.get()
 
 
-def run_on_clocks(clocks: tuple[ProcessorTime, ...], function: Callable[..., R], *given: Any) -> R:
-    """Return a result, its work counted on some clocks: a thread does not know those of the one that began it."""
-    token = _clocks.set(clocks)
-    try:
-        return function(*given)
-    finally:
-        _clocks.reset(token)
-
-
 T = TypeVar("T")
 
 
@@ -263,7 +254,7 @@ def on_threads(work: Callable[[T], R], tasks: Sequence[T]) -> list[R]:
     Parameters
     ----------
     work : callable
-        Does one task in compiled code that lets other threads run.
+        Does one task in compiled code that lets other threads run. Clocks run on in every thread.
     tasks : sequence
     """
     with single_threaded():
@@ -273,7 +264,8 @@ def on_threads(work: Callable[[T], R], tasks: Sequence[T]) -> list[R]:
         from concurrent.futures import ThreadPoolExecutor
 
         with ThreadPoolExecutor(count) as pool:
-            return list(pool.map(work, tasks))
+            begun = [pool.submit(copy_context().run, work, task) for task in tasks]
+            return [each.result() for each in begun]
 
 
 @contextmanager

@@ -14,14 +14,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeVar
 
 from sindyjoint.clock import (
     allowance,
     clocks_running,
     interruption_held,
-    run_on_clocks,
+    on_threads,
     run_timed,
     single_threaded,
 )
@@ -59,8 +59,8 @@ class Lost:
     reason: str = f"{ATTEMPTS} workers died on it, one after the other (killed, or out of memory)"
 
 
-# Whatever runs tasks: of a function, tasks and first arguments of every task, sent once where that can be, it yields
-# the number of each task and ``function(*shared, task)`` as it ends, in any order. An exception of a task is raised.
+# Whatever runs tasks: of a function and tasks it yields the number of each task and ``function(task)`` as it ends, in
+# any order. An exception of a task is raised.
 Executor = Callable[..., Iterator[tuple[int, Any]]]
 
 
@@ -68,7 +68,6 @@ def ordered_map(
     executor: Executor,
     function: Callable[..., R],
     tasks: Sequence[T],
-    shared: Sequence[Any] = (),
     done: Callable[[int], None] | None = None,
 ) -> list[R]:
     """Return the results of all tasks in the order of the tasks.
@@ -77,10 +76,8 @@ def ordered_map(
     ----------
     executor : Executor
     function : callable
-        Of ``shared`` and one task; to be sent to other processes, with whatever it closes over.
+        Of one task; to be sent to other processes, with whatever it closes over.
     tasks : sequence
-    shared : sequence
-        First arguments of every task, sent once where that can be.
     done : callable, optional
         Called with the number of results after each of them.
 
@@ -90,7 +87,7 @@ def ordered_map(
         If a task was lost; whatever a task raises.
     """
     results: dict[int, R] = {}
-    for number, result in executor(function, tasks, shared):
+    for number, result in executor(function, tasks):
         if isinstance(result, Lost):
             raise WorkerError(
                 f"task {number + 1} of {len(tasks)} was given up: {result.reason}; give it more memory"
@@ -104,9 +101,7 @@ def ordered_map(
 _here: ContextVar[Executor | None] = ContextVar("executor", default=None)
 
 
-def side_by_side(
-    function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = (), threads: bool = True
-) -> list[R]:
+def side_by_side(function: Callable[..., R], tasks: Sequence[T], threads: bool = True) -> list[R]:
     """Return the results of all tasks in their order, from where :func:`spread` has them run.
 
     For tasks that lie deep inside an analysis; see :func:`ordered_map`. Without :func:`spread` they run on threads, or
@@ -115,8 +110,8 @@ def side_by_side(
     there = _here.get() or (_threads if threads else _serial)
     clocks = clocks_running()
     if not clocks:
-        return ordered_map(there, function, tasks, shared)
-    timed = ordered_map(there, run_timed, tasks, (function, allowance(clocks), *shared))
+        return ordered_map(there, function, tasks)
+    timed = ordered_map(there, partial(run_timed, function, allowance(clocks)), tasks)
     for clock in clocks:
         clock.count(sum(work for _, work, _ in timed), sum(seconds for _, _, seconds in timed))
     # Where an allowance was used up, so was the portion, which has said so.
@@ -192,30 +187,19 @@ def _check_way(jobs: int, workers: int | None, cluster: str | None) -> None:
     )
 
 
-def _serial(
-    function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
-) -> Iterator[tuple[int, R]]:
+def _serial(function: Callable[..., R], tasks: Sequence[T]) -> Iterator[tuple[int, R]]:
     """Run one task after the other, here."""
     for number, task in enumerate(tasks):
-        yield number, _run(function, task, *shared)
+        yield number, _run(function, task)
 
 
-def _threads(
-    function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
-) -> Iterator[tuple[int, R]]:
+def _threads(function: Callable[..., R], tasks: Sequence[T]) -> Iterator[tuple[int, R]]:
     """Run tasks on threads of this process: for tasks that mostly wait for compiled code."""
-    from joblib import Parallel, delayed
-
-    # The limit holds for the whole process: set once, not by each task. Clocks run on in every thread.
-    clocks = clocks_running()
-    given = [delayed(run_on_clocks)(clocks, function, *shared, task) for task in tasks]
-    with single_threaded():
-        results = Parallel(n_jobs=-1, prefer="threads")(given)
-    yield from enumerate(results)
+    yield from enumerate(on_threads(function, tasks))
 
 
 def _on_processes(
-    jobs: int, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
+    jobs: int, function: Callable[..., R], tasks: Sequence[T]
 ) -> Iterator[tuple[int, R | Lost]]:
     """Run tasks on processes of this machine."""
     from concurrent.futures.process import BrokenProcessPool
@@ -223,7 +207,7 @@ def _on_processes(
     from joblib import Parallel, delayed
 
     def pool(numbers: Sequence[int], jobs: int) -> Iterator[tuple[int, R]]:
-        given = [delayed(_run_numbered)(function, n, tasks[n], shared_file, os.getpid()) for n in numbers]
+        given = [delayed(_run_numbered)(function, n, tasks[n], os.getpid()) for n in numbers]
         with interruption_held():
             return iter(Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")(given))
 
@@ -235,29 +219,24 @@ def _on_processes(
         return Lost()
 
     waiting = list(range(len(tasks)))
-    with _write_shared(shared) as shared_file:
-        while waiting:
-            try:
-                for number, result in pool(waiting, jobs):
-                    waiting.remove(number)
-                    yield number, result
-            except BrokenProcessPool:
-                # One of the tasks that were under way ended its process: each of them tries again by itself, so
-                # that one that does it every time takes no other down.
-                for number in waiting[: 2 * jobs if jobs > 0 else len(waiting)]:
-                    waiting.remove(number)
-                    yield number, isolated(number)
+    while waiting:
+        try:
+            for number, result in pool(waiting, jobs):
+                waiting.remove(number)
+                yield number, result
+        except BrokenProcessPool:
+            # One of the tasks that were under way ended its process: each of them tries again by itself, so
+            # that one that does it every time takes no other down.
+            for number in waiting[: 2 * jobs if jobs > 0 else len(waiting)]:
+                waiting.remove(number)
+                yield number, isolated(number)
 
 
-def _on_dask(
-    client: Any, function: Callable[..., R], tasks: Sequence[T], shared: Sequence[Any] = ()
-) -> Iterator[tuple[int, R | Lost]]:
+def _on_dask(client: Any, function: Callable[..., R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
     """Run tasks on a Dask cluster, whose scheduler sends the task of a dead worker to another one."""
     from distributed import KilledWorker, as_completed
 
-    # Results of a task, not scattered: those of a worker that died are made again.
-    held = [client.submit(_return_part, part, pure=False) for part in shared]
-    futures = [client.submit(_run, function, task, *held, pure=False) for task in tasks]
+    futures = [client.submit(_run, function, task, pure=False) for task in tasks]
     number_of = {future.key: number for number, future in enumerate(futures)}
     try:
         for future in as_completed(futures, loop=client.loop):
@@ -267,53 +246,19 @@ def _on_dask(
                 yield number_of[future.key], Lost()
             future.release()
     finally:
-        client.cancel([*futures, *held], force=True)
+        client.cancel(futures, force=True)
 
 
-def _return_part(part: T) -> T:
-    return part
-
-
-@contextmanager
-def _write_shared(shared: Sequence[Any]) -> Iterator[str | None]:
-    """Write once what all tasks share, for each process to read once; give the file's name.
-
-    As joblib sends tasks: in a folder that only this user can read, and that goes when the tasks are done.
-    """
-    if not shared:
-        yield None
-        return
-    import tempfile
-
-    import joblib
-
-    with tempfile.TemporaryDirectory(prefix="sindyjoint-") as folder:
-        shared_file = os.path.join(folder, "shared")
-        joblib.dump(tuple(shared), shared_file)
-        yield shared_file
-
-
-@lru_cache(maxsize=1)
-def _read_shared(shared_file: str | None) -> tuple[Any, ...]:
-    if shared_file is None:
-        return ()
-    import joblib
-
-    return tuple(joblib.load(shared_file))
-
-
-def _run_numbered(
-    function: Callable[..., R], number: int, task: T, shared_file: str | None, home: int
-) -> tuple[int, R]:
+def _run_numbered(function: Callable[..., R], number: int, task: T, home: int) -> tuple[int, R]:
     if os.getpid() != home:
         with suppress(ValueError):  # where it cannot be held
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-    return number, _run(function, task, *_read_shared(shared_file))
+    return number, _run(function, task)
 
 
-def _run(function: Callable[..., R], task: T, *shared: Any) -> R:
+def _run(function: Callable[..., R], task: T) -> R:
     with single_threaded():
-        return function(*shared, task)
+        return function(task)
 
 
 @contextmanager

@@ -12,6 +12,7 @@ Wilson, Technometrics 16(4), 1974.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numba import njit
@@ -104,7 +105,7 @@ def replicate_subsets(triangles: Array, largest: int) -> NDArray[np.bool_]:
     """
     order = _search_order(Factor(np.array(triangles[0]), 1.0), [])
     parts = [triangles[some] for some in chunks(len(triangles), REPLICATES)]
-    return np.concatenate(side_by_side(_subsets_of, parts, [order, largest]))
+    return np.concatenate(side_by_side(partial(_subsets_of, order, largest), parts))
 
 
 def _subsets_of(order: list[int], largest: int, triangles: Array) -> NDArray[np.bool_]:

@@ -9,7 +9,6 @@ choice on the path are the same for all.
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import cache
 from typing import Any
 
@@ -18,7 +17,7 @@ import numpy as np
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.discovery.selection import backward_path, elimination_path
-from sindyjoint.errors import InputError, MissingExtraError, UnknownNameError
+from sindyjoint.errors import InputError, MissingExtraError, UnknownNameError, nearest
 from sindyjoint.numeric import Array
 
 Path = list[tuple[int, ...]]
@@ -192,10 +191,9 @@ def _named_optimiser(method: str) -> Any:
     """Return a fresh optimiser of the name behind the prefix."""
     name, known = method.removeprefix(PREFIX), optimisers()
     if name not in known:
-        close = get_close_matches(name, known, n=1)
-        hint = f"did you mean {close[0]}?" if close else f"it has {', '.join(known)}"
         raise UnknownNameError(
-            f"method is {method!r}; the installed pysindy has no optimizer {name!r}; {hint}"
+            f"method is {method!r}; the installed pysindy has no optimizer {name!r}; "
+            + nearest(name, list(known), "it has")
         )
     try:
         return known[name]()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,7 +31,7 @@ from sindyjoint.equation.terms import (
     input_units,
     term_columns,
 )
-from sindyjoint.errors import FormulaError, InputError, UnitError, UnknownNameError
+from sindyjoint.errors import FormulaError, InputError, UnitError, UnknownNameError, nearest
 from sindyjoint.inputs import check_name
 from sindyjoint.limits import EQUATION
 
@@ -102,8 +101,7 @@ class Catalogue:
         try:
             return self._by_id[term_id]
         except KeyError:
-            close = get_close_matches(str(term_id), self.ids, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"it has {', '.join(self.ids)}"
+            hint = nearest(str(term_id), self.ids, "it has")
             raise UnknownNameError(f"library {self.name!r} has no term {term_id!r}; {hint}") from None
 
     @cached_property

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sindyjoint.documents import read_toml
 from sindyjoint.equation.terms import Term
-from sindyjoint.errors import InputError, MissingInputError, UnknownNameError
+from sindyjoint.errors import InputError, MissingInputError, UnknownNameError, nearest
 from sindyjoint.plain import Identifier, Line
 from sindyjoint.tables import entries_of
 
@@ -167,10 +167,9 @@ def _collect_terms(
         by_id = {term.entry.id: term for term in located}
         for term_id in include.terms:
             if term_id not in by_id:
-                close = get_close_matches(term_id, by_id, n=1)
-                hint = f"; did you mean {close[0]!r}?" if close else f"; it has {', '.join(by_id)}"
                 raise UnknownNameError(
-                    f"{path.name}: include: {include.catalogue!r} has no term {term_id!r}{hint}"
+                    f"{path.name}: include: {include.catalogue!r} has no term {term_id!r}; "
+                    + nearest(term_id, list(by_id), "it has")
                 )
             yield by_id[term_id]
     ids = set()

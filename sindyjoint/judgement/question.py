@@ -3,6 +3,7 @@
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -100,8 +101,8 @@ def parts_of(found: Discovery) -> Literal["frequency", "level", "run"]:
 def by_method(question: Question) -> tuple[Choice, ...]:
     """Return what each method finds; the weak form has rows of its own and the first method's way through them."""
     plain = [name for name in question.names if name != WEAK]
-    shared = [question.evidence, question.random_state, question.rule]
-    by_name = dict(zip(plain, side_by_side(_method, plain, shared, threads=False), strict=True))
+    method = partial(_method, question.evidence, question.random_state, question.rule)
+    by_name = dict(zip(plain, side_by_side(method, plain, threads=False), strict=True))
     if WEAK in question.names:
         by_name[WEAK] = _weak(question)
     return tuple(by_name[name] for name in question.names)

@@ -1,6 +1,7 @@
 """A diagnosis on threads, on processes and on Dask: the same digits."""
 
 import json
+from functools import partial
 
 import pytest
 
@@ -43,17 +44,17 @@ def test_where_the_candidates_are_tried_changes_no_digit(monkeypatch):
 def test_tasks_deep_inside_run_where_they_are_spread_to():
     import os
 
-    shared = {"a": 1, "b": 2}
-    assert side_by_side(where, ["a", "b"], [shared]) == [(os.getpid(), 1), (os.getpid(), 2)]
+    look = partial(where, {"a": 1, "b": 2})
+    assert side_by_side(look, ["a", "b"]) == [(os.getpid(), 1), (os.getpid(), 2)]
     for way in ({"jobs": 2}, {"workers": 1}):
         if "workers" in way:
             pytest.importorskip("distributed", reason="dask[distributed] is not installed")
         with spread(**way):
-            found = side_by_side(where, ["a", "b"], [shared])
+            found = side_by_side(look, ["a", "b"])
         assert [value for _, value in found] == [1, 2]
         assert os.getpid() not in {process for process, _ in found}
     # And back again.
-    assert side_by_side(where, ["a"], [shared])[0][0] == os.getpid()
+    assert side_by_side(look, ["a"])[0][0] == os.getpid()
 
 
 def test_the_command_takes_the_options_and_refuses_two_of_them(tmp_path, sindyjoint):
