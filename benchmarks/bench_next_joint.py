@@ -20,7 +20,7 @@ from benchmarks.resumed import with_rows, write_rows  # noqa: E402
 
 def holds(seed: int, coefficients: int = 5, further: int = 20) -> list[bool]:
     """Return of each coefficient of a random batch, and of some further joints, whether its interval holds."""
-    from sindyjoint.workflows.joints.population import next_joint, population
+    from sindyjoint.workflows.joints.population import population
 
     rng = np.random.default_rng(seed)
     joints = int(rng.integers(8, 41))
@@ -34,7 +34,7 @@ def holds(seed: int, coefficients: int = 5, further: int = 20) -> list[bool]:
         truth[f"c{index}"] = true[joints:]
     found = []
     for scatter in population(values, errors).scatters:
-        low, high = next_joint(scatter).interval95
+        low, high = scatter.next_joint95
         found += [bool(low <= value <= high) for value in truth[scatter.coefficient]]
     return found
 

@@ -30,7 +30,7 @@ from sindyjoint.export.fidelity import (
 )
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.numeric import Array, root_of
-from sindyjoint.workflows.joints.population import next_joint, population
+from sindyjoint.workflows.joints.population import population
 from sindyjoint.workflows.joints.record import CampaignRecord
 from sindyjoint.workflows.joints.summary import covariates_of, units_of_covariates
 
@@ -212,10 +212,10 @@ def batch_samples(
     means, scales, deviations = [], [], []
     kept, degrees = np.ones(len(joints), dtype=bool), np.inf
     for scatter in scatters:
-        ahead = next_joint(scatter)
-        if ahead is None:
+        scale = scatter.next_scale
+        if scale is None:
             raise InputError(f"{file}: too few joints for a distribution of {scatter.coefficient}; test more")
-        mean, scale, own = scatter.mean, ahead.scale, values[scatter.coefficient]
+        mean, own = scatter.mean, values[scatter.coefficient]
         if scatter.covariate is not None:
             line, x = lines[scatter.coefficient, scatter.covariate], covariates[scatter.covariate]
             away = float(given.get(scatter.covariate, np.nanmean(x)) - np.nanmean(x))
@@ -224,7 +224,7 @@ def batch_samples(
         means.append(mean)
         scales.append(scale)
         deviations.append(own - scatter.mean)
-        degrees = min(degrees, ahead.degrees)
+        degrees = min(degrees, scatter.joints - 1.0)
         kept &= np.isfinite(own)
         kept[list(scatter.outliers)] = False
     correlation = np.corrcoef([each[kept] for each in deviations]) if len(scatters) > 1 else np.eye(1)

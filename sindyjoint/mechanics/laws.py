@@ -141,15 +141,6 @@ class PaperLaw(Law):
         """The symmetric measure sqrt(k1/(3|k3|)) of the softening limit, rad; infinite without softening."""
         return float(np.sqrt(self.k1 / (-3 * self.k3))) if self.k3 < 0 < self.k1 else np.inf
 
-    def moment(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
-        """Transfer moment, N·m (paper Eq. 6, with sign θ̇ replaced by the direction of slip)."""
-        theta, omega, s = (np.asarray(x, dtype=np.float64) for x in (angle, rate, direction))
-        return theta * (self.k1 + theta * (self.k2 + theta * self.k3)) + self.c1 * omega + self.M_F * s
-
-    def state_rate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any = None) -> Array:
-        """Shape (0, n): this law has no internal state."""
-        return np.zeros((0, *np.shape(angle)))
-
     def compiled(self) -> CompiledLaw:
         """Compiled form, shared by every set of coefficients."""
         from sindyjoint.mechanics.kernels import PAPER_CALLBACK, CompiledLaw

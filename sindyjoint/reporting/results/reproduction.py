@@ -21,8 +21,8 @@ from sindyjoint.reporting.tables import (
     TextTable,
     csv_records,
     milliseconds,
+    print_table,
     terminal,
-    terminal_table,
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import RunVerification
@@ -209,7 +209,6 @@ KINDS = by_name(
 )
 
 
-WIDTH = 118  # characters, for the widest of the tables
 _LEGEND = (
     "Identified (paper). Deviation: population standard deviation over the frequencies. Furthest: largest distance "
     "of a row from the paper's, in the paper's deviations. Paper's way: cells averaged with the sticking samples in "
@@ -353,10 +352,11 @@ def _page(result: Reproduction, data: ReproductionFigures, show: Blocks, folder:
 
 def _print(result: Reproduction, console: Console) -> None:
     """Print tables and statements."""
-    for joint in result.joints:
-        table = joint_table(joint)
-        _print_table(replace(table, title=f"{table.title[:-1]}, identified (paper)"))
-    terminal(WIDTH, markup=False).print(_LEGEND + "\n")
+    joints = map(joint_table, result.joints)
+    _print_tables(
+        [replace(table, title=f"{table.title[:-1]}, identified (paper)") for table in joints],
+        [f"{_LEGEND}\n"],
+    )
     show_checks(result.checks, result.statements)
 
 
@@ -462,17 +462,17 @@ def tables_csv(result: Reproduction) -> str:
 
 def show_checks(checks: Sequence[TableCheck], findings: Sequence[str]) -> None:
     """Print what the paper's printed tables show."""
-    _print_table(check_table(checks))
-    console = terminal(WIDTH, markup=False)
-    for text in findings:
-        console.print(f"- {text}")
+    _print_tables([check_table(checks)], [f"- {text}" for text in findings])
 
 
-def _print_table(table: TextTable) -> None:
-    console = terminal(WIDTH, markup=False)
-    console.print(table.title)
-    console.print(terminal_table(table, wraps=True))
-    console.print()
+def _print_tables(tables: Sequence[TextTable], texts: Sequence[str]) -> None:
+    console = terminal(markup=False)
+    for table in tables:
+        console.print(table.title)
+        print_table(table, console)
+        console.print()
+    for text in texts:
+        console.print(text)
 
 
 REPRODUCTION = View(

@@ -127,48 +127,29 @@ class CoefficientScatter:
         return tuple(Outlier(self.ids[i], self.scores[i], self.p_adjusted[i]) for i in self.outliers)
 
     @property
+    def next_scale(self) -> float | None:
+        """Scale of Student's distribution of a further joint at the mean of a covariate with a trend; None of too few.
+
+        The true coefficient of a further joint of the same kind is y = μ + u; with its error the mean of n joints knows
+        μ, and their spread τ on n − 1 degrees of freedom (Higgins, Thompson and Spiegelhalter 2009, with one more
+        degree: here errors are small against τ): scale² = τ² + the mean's error².
+        """
+        scale = float(np.hypot(self.spread, self.mean_error))
+        return scale if self.joints >= POLICY.scatter and np.isfinite(scale) else None
+
+    @property
     def next_joint95(self) -> tuple[float, float] | None:
         """In which the coefficient of a further joint lies in 95 of 100 cases."""
-        ahead = next_joint(self)
-        return None if ahead is None else ahead.interval95
+        scale = self.next_scale
+        if scale is None:
+            return None
+        half = float(scipy.special.stdtrit(self.joints - 1.0, 0.975)) * scale
+        return self.mean - half, self.mean + half
 
     @property
     def outliers(self) -> tuple[int, ...]:
         """Numbers of the joints that stand out at 5 % over all."""
         return tuple(i for i, p in enumerate(self.p_adjusted) if p < POLICY.level)
-
-
-@dataclass(frozen=True)
-class NextJoint:
-    """What is known of a coefficient of a joint that was not tested.
-
-    Parameters
-    ----------
-    mean, scale, degrees : float
-        Of its Student distribution: scale² = τ² + the mean's error².
-    """
-
-    mean: float
-    scale: float
-    degrees: float
-
-    @property
-    def interval95(self) -> tuple[float, float]:
-        """In which it lies in 95 of 100 cases."""
-        half = float(scipy.special.stdtrit(self.degrees, 0.975)) * self.scale
-        return self.mean - half, self.mean + half
-
-
-def next_joint(scatter: CoefficientScatter) -> NextJoint | None:
-    """Return what joints say of the next one, at the mean of a covariate with a trend; None of too few.
-
-    The true coefficient of a further joint of the same kind is y = μ + u; with its error the mean of n joints knows μ,
-    and their spread τ on n − 1 degrees of freedom (Higgins, Thompson and Spiegelhalter 2009, with one more degree: here
-    errors are small against τ).
-    """
-    if scatter.joints < POLICY.scatter or not np.isfinite([scatter.spread, scatter.mean_error]).all():
-        return None
-    return NextJoint(scatter.mean, float(np.hypot(scatter.spread, scatter.mean_error)), scatter.joints - 1.0)
 
 
 @dataclass(frozen=True)
