@@ -152,12 +152,6 @@ def _drop(triangle, n, index, out):
 @njit(cache=True, nogil=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 def _obeys(triangle, n, size, expected, names):
     """Whether the least-squares coefficients of the leading ``size`` columns have the expected signs."""
-    needed = False
-    for i in range(size):
-        if expected[names[i]] != 0:
-            needed = True
-    if not needed:
-        return True
     solved = np.empty(size)
     for i in range(size - 1, -1, -1):
         value = triangle[i, n]

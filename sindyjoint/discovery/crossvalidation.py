@@ -4,13 +4,12 @@ Folds are made by scikit-learn's splitters over runs, usually one frequency or o
 come from merged factors.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.described import Maybe
 from sindyjoint.discovery.evidence import Evidence
@@ -26,20 +25,20 @@ class Found:
 
     Parameters
     ----------
-    kept : tuple of str
-        Ids of the terms; empty where no set passed.
-    coefficients, standard_errors : ndarray, shape (k,)
-        SI.
     candidates : tuple of str
         Ids of the columns that the selection refers to.
     selection : Selection
     """
 
-    kept: tuple[str, ...]
-    coefficients: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
     candidates: tuple[str, ...]
     selection: Selection
+
+    @property
+    def law(self) -> dict[str, float]:
+        """Coefficients by term, SI; empty where no set passed."""
+        step = self.selection.step
+        chosen = () if step is None else zip(step.columns, step.fit.coefficients.tolist(), strict=True)
+        return {self.candidates[column]: value for column, value in chosen}
 
 
 @dataclass(frozen=True)
@@ -148,19 +147,20 @@ def cross_validate(
 def _fold(
     evidence: Evidence, names: list[str], train: Any, test: Any, search: Callable[[Evidence], Found]
 ) -> Fold:
-    found = search(replace(evidence, runs=tuple(evidence.runs[i] for i in train)))
+    law = search(replace(evidence, runs=tuple(evidence.runs[i] for i in train))).law
+    runs = tuple(evidence.runs[i].name for i in test)
+    labels = tuple(dict.fromkeys(names[i] for i in test))
+    return Fold(labels, runs, tuple(law), tuple(law.values()), moment_error(evidence, runs, law))
+
+
+def moment_error(evidence: Evidence, runs: Collection[str], law: Mapping[str, float]) -> float:
+    """Return the error of the moment of some runs under a law, relative to its RMS."""
     coefficients = np.zeros(len(evidence.ids))
-    coefficients[[evidence.ids.index(name) for name in found.kept]] = found.coefficients
-    held_out = [evidence.runs[i].pooled for i in test]
-    error = sum(factor.squared_error(coefficients) for factor in held_out)
-    total = sum(factor.squared_target for factor in held_out)
-    return Fold(
-        left_out=tuple(dict.fromkeys(names[i] for i in test)),
-        runs=tuple(evidence.runs[i].name for i in test),
-        kept=found.kept,
-        coefficients=tuple(float(value) for value in found.coefficients),
-        moment_error=float(np.sqrt(error / total)) if total > 0 else float("nan"),
-    )
+    coefficients[[evidence.ids.index(name) for name in law]] = list(law.values())
+    factors = [run.pooled for run in evidence.runs if run.name in runs]
+    total = sum(factor.squared_target for factor in factors)
+    error = sum(factor.squared_error(coefficients) for factor in factors)
+    return float(np.sqrt(error / total)) if total > 0 else float("nan")
 
 
 def find(evidence: Evidence, method: str = "stlsq", random_state: Any = None, **choice: Any) -> Found:
@@ -179,11 +179,4 @@ def find(evidence: Evidence, method: str = "stlsq", random_state: Any = None, **
     dependent = dependent_columns(evidence.pooled)
     possible = evidence.take([column for column in range(len(evidence.ids)) if column not in dependent])
     path = path_of(possible, column_path(method, possible, (), random_state))
-    selection = choose_by_evidence(path, **choice)
-    kept: tuple[str, ...] = ()
-    coefficients = errors = np.zeros(0)
-    if selection.step is not None:
-        fit = selection.step.fit
-        kept = tuple(possible.ids[column] for column in fit.columns)
-        coefficients, errors = fit.coefficients, fit.standard_errors
-    return Found(kept, coefficients, errors, possible.ids, selection)
+    return Found(possible.ids, choose_by_evidence(path, **choice))

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
@@ -201,7 +200,7 @@ def _better_than(
     """
     stride = max(1, sum(s.n_samples for s in states) // ROWS)
     both = _joined(law, columns_of(offered))
-    rows = [_evaluate_columns(s, both, inertia, stride) for s in states]
+    rows = [law_rows(s, both, inertia, stride) for s in states]
     triangle = Factor.of(np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows])).triangle
     size = np.linalg.norm(triangle, axis=0)
     known = triangle.shape[1] - 1 - len(offered)
@@ -265,8 +264,7 @@ def estimate_delay(
     """
     states = [replace(s, replicate=None) for s in states]
     stride = max(1, sum(s.n_samples for s in states) // ROWS)
-    time, error, residual = 0.0, float("inf"), float("nan")
-    evidence: Evidence | None = None
+    time = 0.0
     for _ in range(STEPS):
         evidence = _linearise_law([shifted(s, time) for s in states], law, inertia, stride)
         fit = fit_columns(evidence, range(len(evidence.ids)))
@@ -274,8 +272,6 @@ def estimate_delay(
         time = float(np.clip(time + step, -DISCOVERY.longest_delay, DISCOVERY.longest_delay))
         if abs(step) < 0.05 * error:
             break
-    if evidence is None:
-        return ChannelDelay(time, error, residual)
     apart = _disagreement(evidence, residual)
     lacking = _error_by_lacking(states, evidence, time, law, inertia, residual)
     return ChannelDelay(time, float(np.hypot(apart * error, lacking)), residual, apart)
@@ -300,7 +296,7 @@ def _error_by_lacking(
     unique = abs(float(evidence.pooled.triangle[-2, -2])) / np.sqrt(evidence.pooled.rows)
     if not beyond > 0 or not unique > 0:
         return 0.0
-    parts = [_evaluate_columns(shifted(s, time), law, inertia, 1)[:2] for s in states]
+    parts = [law_rows(shifted(s, time), law, inertia) for s in states]
     coefficients = _solve(parts)
     found = [
         _independent_values(target - columns @ coefficients, s)
@@ -312,7 +308,7 @@ def _error_by_lacking(
 
 def law_coefficients(states: Sequence[ForceStates], law: Columns, inertia: float | None) -> Array:
     """Return the coefficients of a law by least squares over the moving samples of some states."""
-    return _solve([_evaluate_columns(s, law, inertia, 1)[:2] for s in states])
+    return _solve([law_rows(s, law, inertia) for s in states])
 
 
 def _solve(rows: Sequence[tuple[Array, Array]]) -> Array:
@@ -365,38 +361,32 @@ def _linearise_law(
     states: Sequence[ForceStates], law: Columns, inertia: float | None, stride: int
 ) -> Evidence:
     """Return the evidence of [law | ∂M/∂τ], the derivative taken with the law's present coefficients."""
-    rows = [_evaluate_columns(s, law, inertia, stride) for s in states]
+    rows = [law_rows(s, law, inertia, stride) for s in states]
     stacked = Factor.of(np.vstack([r[0] for r in rows]), np.concatenate([r[1] for r in rows]))
     coefficients = scaled_least_squares(stacked.triangle[:, :-1], stacked.triangle[:, -1], 1e-12)
     runs = []
-    for state, (columns, moment, later, known, block) in zip(states, rows, strict=True):
-        # dM/dt from the columns half a sample on either side: exact for the law, no noise of the moment in it.
-        derivative = -(later @ coefficients + known)
-        extended = np.column_stack([columns, derivative])
+    for state, (columns, moment) in zip(states, rows, strict=True):
+        # dM/dt from the law half a sample on either side: exact for the law, no noise of the moment in it.
+        half, block = 0.5 / state.sample_rate, state.block[state.moving][::stride]
+        sides = [law_rows(state, law, inertia, stride, offset) for offset in (half, -half)]
+        after, before = (target - beside @ coefficients for beside, target in sides)
+        extended = np.column_stack([columns, (after - before) / (2 * half)])
         parts = tuple(Factor.of(extended[block == b], moment[block == b]) for b in np.unique(block))
         runs.append(RunEvidence(state.run, state.run, Factor.of(extended, moment), parts))
     return Evidence((*map(str, range(coefficients.size)), "delay"), tuple(runs))
 
 
-def _evaluate_columns(
-    states: ForceStates, law: Columns, inertia: float | None, stride: int
-) -> tuple[Array, Array, Array, Array, NDArray[np.intp]]:
-    """Return columns, target, time derivatives of columns and known inertial moment, and blocks of the moving rows."""
-    half = 0.5 / states.sample_rate
+def law_rows(
+    states: ForceStates, law: Columns, inertia: float | None, stride: int = 1, offset: float = 0.0
+) -> tuple[Array, Array]:
+    """Return columns and target of the moving rows, their motion ``offset`` seconds later along its slopes.
+
+    A lag of the moment shifts the inertia's moment as well. Where it is known it moves to the other side, but its
+    slope stays: without the jerk even 0.02 kg·m² of the paper's joint shows 0.04 ms that are not there.
+    """
     index = np.flatnonzero(states.moving)[::stride]
-    motion = (states.angle, states.rate, states.acceleration)
     inputs = {name: values[index] for name, values in states.inputs.items()}
-    jerk = np.gradient(states.acceleration, 1 / states.sample_rate)
-    slope = (states.rate, states.acceleration, jerk)
-
-    def columns_at(offset: float) -> Array:
-        angle, rate, acceleration = (m[index] + offset * d[index] for m, d in zip(motion, slope, strict=True))
-        return law(angle, rate, acceleration, inputs)
-
-    here, after, before = map(columns_at, (0.0, half, -half))
-    derivative = (after - before) / (2 * half)
-    # A lag of the moment shifts the inertia's moment as well. Where it is known it moves to the other side, but its
-    # slope stays: without the jerk even 0.02 kg·m² of the paper's joint shows 0.04 ms that are not there.
-    known = inertia or 0.0
-    moment = states.moment[index] - known * states.acceleration[index]
-    return here, moment, derivative, known * jerk[index], states.block[index]
+    motion = (states.angle, states.rate, states.acceleration)
+    slopes = (*motion[1:], np.gradient(states.acceleration, 1 / states.sample_rate))
+    angle, rate, acceleration = (m[index] + offset * d[index] for m, d in zip(motion, slopes, strict=True))
+    return law(angle, rate, acceleration, inputs), states.moment[index] - (inertia or 0.0) * acceleration

@@ -11,7 +11,7 @@ Higgins and Thompson 2002 (I²); Schuirmann 1987 (two one-sided tests), as an in
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -176,72 +176,36 @@ def frequency_test(
         )
     if not (np.all(np.isfinite(f)) and np.all(np.isfinite(x)) and margin > 0):
         raise InputError(f"{name}: expected frequencies, estimates and a positive margin, all finite")
-    asked = _Asked(name, margin, axis, (f.min(), f.max()))
+    band, nan = float(np.ptp(f)), float("nan")
     if standard_errors is None:
-        return _without_errors(asked, f, x)
-    s = np.asarray(standard_errors, dtype=float)
-    if s.shape != x.shape or not np.all(np.isfinite(s) & (s > 0)):
-        raise InputError(f"{name}: expected one positive standard error for each estimate")
-    nu = np.full(x.shape, 1e9) if degrees is None else np.asarray(degrees, dtype=float)
-    return _with_errors(asked, f, x, s, nu)
-
-
-@dataclass(frozen=True)
-class _Asked:
-    """Which coefficient may depend on what, over which band, and by how much it would not matter."""
-
-    name: str
-    margin: float
-    axis: Axis
-    band: tuple[float, float]
-
-
-def _with_errors(asked: _Asked, f: Array, x: Array, s: Array, nu: Array) -> FrequencyTest:
-    q, p_homogeneity, i_squared, tau = heterogeneity(x, s, nu)
-    weight = 1 / (s**2 + tau**2)
-    mean, mean_error = float(weight @ x / weight.sum()), float(weight.sum() ** -0.5)
-    slope, slope_error = weighted_slope(f, x, s)
-    p_trend = _two_sided(slope / slope_error, float(nu.sum()))
-    band = float(np.ptp(f))
-    change = slope * band / mean if mean else float("nan")
-    bound = _largest_change(x, s, nu)
-    p = min(1.0, 2 * min(p_homogeneity, p_trend))
-    uncertainty = 1.96 * slope_error * band / abs(mean) if mean else np.inf
-    spread = tau / abs(mean) if mean else np.inf
-    answer, reason = _answer(asked, p, (change, uncertainty), spread, bound)
-    return FrequencyTest(
-        asked.name, tuple(f), tuple(x), tuple(s), mean, mean_error, q, x.size - 1, p_homogeneity, i_squared, tau, slope,
-        slope_error, p_trend, change, bound, asked.margin, answer, reason,
+        # The scatter about the straight line gives the errors.
+        q = p_homogeneity = i_squared = spread = nan
+        s, left = np.full(x.shape, nan), float(x.size - 2)
+        mean, tau = float(x.mean()), float(x.std(ddof=1))
+        slope, unit = weighted_slope(f, x, np.ones(x.shape))
+        residual = x - mean - slope * (f - f.mean())
+        mean_error, slope_error = tau / np.sqrt(x.size), unit * float(np.sqrt(residual @ residual / left))
+        once, twice = scipy.special.stdtrit(left, [1 - DISCOVERY.level, 1 - DISCOVERY.level / 2]).tolist()
+        bound = (abs(slope) + once * slope_error) * band / abs(mean) if mean else np.inf
+    else:
+        s = np.asarray(standard_errors, dtype=float)
+        if s.shape != x.shape or not np.all(np.isfinite(s) & (s > 0)):
+            raise InputError(f"{name}: expected one positive standard error for each estimate")
+        nu = np.full(x.shape, 1e9) if degrees is None else np.asarray(degrees, dtype=float)
+        q, p_homogeneity, i_squared, tau = heterogeneity(x, s, nu)
+        weight = 1 / (s**2 + tau**2)
+        mean, mean_error = float(weight @ x / weight.sum()), float(weight.sum() ** -0.5)
+        slope, slope_error = weighted_slope(f, x, s)
+        left, twice, spread = float(nu.sum()), 1.96, tau / abs(mean) if mean else np.inf
+        bound = _largest_change(x, s, nu)
+    p_trend = _two_sided(slope / slope_error, left) if slope_error > 0 else float(slope == 0)
+    change = slope * band / mean if mean else nan
+    test = FrequencyTest(
+        name, tuple(f), tuple(x), tuple(s), mean, mean_error, q, x.size - 1, p_homogeneity, i_squared, tau, slope,
+        slope_error, p_trend, change, bound, margin, "", "",
     )  # fmt: skip
-
-
-def _without_errors(asked: _Asked, f: Array, x: Array) -> FrequencyTest:
-    """Treat bare numbers: the scatter about the straight line gives their errors."""
-    mean, band = float(x.mean()), float(np.ptp(f))
-    centre = f - f.mean()
-    slope = float(centre @ x / (centre @ centre))
-    degrees = x.size - 2
-    residual = x - mean - slope * centre
-    error = float(np.sqrt(residual @ residual / degrees / (centre @ centre)))
-    p_trend = _two_sided(slope / error, degrees) if error > 0 else (1.0 if slope == 0 else 0.0)
-    change = slope * band / mean if mean else float("nan")
-    bound = (
-        (abs(slope) + float(scipy.special.stdtrit(degrees, 1 - DISCOVERY.level)) * error) * band / abs(mean)
-        if mean
-        else float("inf")
-    )
-    spread = float(x.std(ddof=1))
-    uncertainty = (
-        float(scipy.special.stdtrit(degrees, 1 - DISCOVERY.level / 2)) * error * band / abs(mean)
-        if mean
-        else float("inf")
-    )
-    answer, reason = _answer(asked, p_trend, (change, uncertainty), float("nan"), bound)
-    nan = float("nan")
-    return FrequencyTest(
-        asked.name, tuple(f), tuple(x), (nan,) * x.size, mean, spread / np.sqrt(x.size), nan, x.size - 1, nan, nan,
-        spread, slope, error, p_trend, change, bound, asked.margin, answer, reason,
-    )  # fmt: skip
+    answer, reason = _answer(test, axis, twice * slope_error * band / abs(mean) if mean else np.inf, spread)
+    return replace(test, answer=answer, reason=reason)
 
 
 def heterogeneity(x: Array, s: Array, nu: Array) -> tuple[float, float, float, float]:
@@ -303,16 +267,14 @@ def _two_sided(t: float, degrees: float) -> float:
     return 2 * float(scipy.special.stdtr(degrees, -abs(t)))
 
 
-def _answer(
-    asked: _Asked, p: float, change: tuple[float, float], spread: float, bound: float
-) -> tuple[str, str]:
-    """Return the answer and its reason; ``change`` is the trend over the band and half its 95 % interval."""
-    margin, band, axis = asked.margin, asked.band, asked.axis
-    tested = f"over {band[0]:.3g} to {band[1]:.3g} {axis.unit}"
-    trend = f"a trend of {100 * change[0]:+.1f} % ± {100 * change[1]:.1f} %"
+def _answer(test: FrequencyTest, axis: Axis, uncertainty: float, spread: float) -> tuple[str, str]:
+    """Return the answer and its reason; ``uncertainty`` is half the 95 % interval of the change over the band."""
+    p, margin, bound = test.p_value, test.margin, test.change_bound
+    tested = f"over {min(test.frequencies):.3g} to {max(test.frequencies):.3g} {axis.unit}"
+    trend = f"a trend of {100 * test.change:+.1f} % ± {100 * uncertainty:.1f} %"
     if np.isfinite(spread):
         trend += f", spread beyond the errors {100 * spread:.1f} %"
-    if p < asked.axis.level and bound >= DISCOVERY.mostly * margin:
+    if p < axis.level and bound >= DISCOVERY.mostly * margin:
         within = f"; beyond {100 * bound:.1f} % it is ruled out" if bound < margin else ""
         return f"depends on {axis.name}", f"{trend} {tested} (p = {p:.2g}){within}"
     if bound < margin:
@@ -320,7 +282,7 @@ def _answer(
             f"every change {tested} beyond {100 * bound:.1f} % is ruled out, which is below the margin of "
             f"{100 * margin:.0f} %"
         )
-        if p < asked.axis.level:
+        if p < axis.level:
             ruled_out += f"; a smaller one is there, and significant: {trend} (p = {p:.2g})"
         return "independent within margin", ruled_out
     return (

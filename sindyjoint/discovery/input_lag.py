@@ -1,11 +1,11 @@
 """How late a joint follows an input that moves within a run: a first-order lag, as a fluid or a coil has."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sindyjoint.discovery.delay import ROWS, Columns, law_of_channels
+from sindyjoint.discovery.delay import ROWS, Columns, law_of_channels, law_rows
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.inputs import Input, lagged
 from sindyjoint.limits import DISCOVERY
@@ -78,18 +78,14 @@ def _left(
 ) -> float:
     """Return the sum of squares that a law leaves of the moving samples."""
     stride = max(1, sum(s.n_samples for s in states) // ROWS)
-    columns, target = [], []
+    rows = []
     for state in states:
-        index = np.flatnonzero(state.moving)[::stride]
-        inputs = {
-            name: lagged(values, lags.get(name, 0.0) * state.sample_rate)[index]
-            for name, values in state.inputs.items()
+        values = {
+            name: lagged(value, lags.get(name, 0.0) * state.sample_rate)
+            for name, value in state.inputs.items()
         }
-        angle, rate, acceleration = (
-            signal[index] for signal in (state.angle, state.rate, state.acceleration)
-        )
-        columns.append(law(angle, rate, acceleration, inputs))
-        target.append(state.moment[index] - (inertia or 0.0) * state.acceleration[index])
-    triangle = Factor.of(np.vstack(columns), np.concatenate(target)).triangle
+        rows.append(law_rows(replace(state, inputs=values), law, inertia, stride))
+    columns, target = map(np.concatenate, zip(*rows, strict=True))
+    triangle = Factor.of(columns, target).triangle
     solved = scaled_least_squares(triangle[:, :-1], triangle[:, -1], 1e-10)
     return float(np.sum((triangle[:, :-1] @ solved - triangle[:, -1]) ** 2))

@@ -130,11 +130,17 @@ METHODS: dict[str, Method] = {
     # Backward elimination: the term whose removal costs least goes, and does not come back.
     "backward": lambda asked: backward_path(asked.factor, asked.forced, asked.evidence.parents),
     "coefficient_stlsq": lambda asked: _threshold_path(asked, _pysindy_stlsq),
-    "sr3": lambda asked: _halved_path(asked, _pysindy_sr3),
+    "sr3": lambda asked: _threshold_path(asked, _pysindy_sr3),
     # SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time.
-    "ssr": lambda asked: _history_path(asked, "SSR"),
+    "ssr": lambda asked: [
+        asked.all_columns,
+        *_history_path(asked, _of_pysindy("SSR", alpha=0.0, max_iter=asked.factor.n_columns)),
+    ],
     # FROLS of pysindy, forward regression by error reduction ratio (Billings 2013).
-    "frols": lambda asked: _history_path(asked, "FROLS"),
+    "frols": lambda asked: [
+        asked.all_columns,
+        *_history_path(asked, _of_pysindy("FROLS", alpha=0.0, max_iter=asked.factor.n_columns)),
+    ],
     "ensemble": _ensemble,
     "lasso_lars": _lasso_lars,
 }
@@ -201,21 +207,16 @@ def _named_optimiser(method: str) -> Any:
         raise MissingExtraError(f"method {method!r} cannot be used here: {error}") from error
 
 
-def _foreign(method: Any) -> Method:
-    """Return a method that gives the set which an optimiser of pysindy keeps at its own settings, and its history."""
-
-    def proposed(asked: Asked) -> Path:
-        optimiser = _named_optimiser(method) if isinstance(method, str) else deepcopy(method)
-        columns, target = asked.problem
-        try:
-            _quiet(lambda: optimiser.fit(columns, target))
-        except Exception as error:  # a foreign optimizer may raise anything
-            raise InputError(f"{label_of(method)} cannot fit these candidates: {error}") from error
-        history = [np.atleast_2d(np.asarray(c)) for c in getattr(optimiser, "history_", [])]
-        kept = [c for c in [*history, np.atleast_2d(optimiser.coef_)] if c.shape == (1, columns.shape[1])]
-        return [_nonzero(c, asked) for c in kept]
-
-    return proposed
+def _history_path(asked: Asked, optimiser: Any) -> Path:
+    """Return the set which an optimiser of pysindy keeps at its own settings, and its history."""
+    columns, target = asked.problem
+    try:
+        _quiet(lambda: optimiser.fit(columns, target))
+    except Exception as error:  # a foreign optimizer may raise anything
+        raise InputError(f"{label_of(optimiser)} cannot fit these candidates: {error}") from error
+    history = [np.atleast_2d(np.asarray(c)) for c in getattr(optimiser, "history_", [])]
+    kept = [c for c in [*history, np.atleast_2d(optimiser.coef_)] if c.shape == (1, columns.shape[1])]
+    return [_nonzero(c, asked) for c in kept]
 
 
 def column_path(
@@ -242,8 +243,12 @@ def column_path(
     """
     signs = dict(signs or {})
     known = METHODS.get(method) if isinstance(method, str) else None
-    propose = known or _foreign(method)
-    sets = propose(Asked(evidence, tuple(forced), signs, np.random.default_rng(random_state)))
+    asked = Asked(evidence, tuple(forced), signs, np.random.default_rng(random_state))
+    sets = (
+        known(asked)
+        if known
+        else _history_path(asked, _named_optimiser(method) if isinstance(method, str) else deepcopy(method))
+    )
     if signs:
         sets = [s for each in sets for s in (each, obedient(evidence.pooled, each, signs))]
     if evidence.parents:
@@ -291,15 +296,6 @@ def _quiet(fit: Callable[[], Any]) -> Any:
 
 
 def _threshold_path(asked: Asked, build: Callable[[float], Any], thresholds: Array = THRESHOLDS) -> Path:
-    path: Path = [asked.all_columns]
-    for threshold in thresholds:
-        path.append(_kept_at(asked, build(float(threshold))))
-        if len(path[-1]) <= max(1, len(asked.forced)):
-            break
-    return path
-
-
-def _halved_path(asked: Asked, build: Callable[[float], Any]) -> Path:
     """Return the sets at all thresholds of a method that keeps no more at a larger one, by halving.
 
     Where two thresholds keep the same columns, so do those between them, which are not tried.
@@ -307,7 +303,9 @@ def _halved_path(asked: Asked, build: Callable[[float], Any]) -> Path:
 
     @cache
     def at(place: int) -> tuple[int, ...]:
-        return _kept_at(asked, build(float(THRESHOLDS[place])))
+        optimiser = build(float(thresholds[place]))
+        _quiet(lambda: optimiser.fit(*asked.problem))
+        return _nonzero(optimiser.coef_, asked)
 
     def between(low: int, high: int) -> Path:
         if at(low) == at(high) or high - low < 2:
@@ -315,21 +313,9 @@ def _halved_path(asked: Asked, build: Callable[[float], Any]) -> Path:
         middle = (low + high) // 2
         return between(low, middle) + between(middle, high)
 
-    path = between(0, len(THRESHOLDS) - 1)
+    path = between(0, len(thresholds) - 1)
     end = next((i for i, kept in enumerate(path) if len(kept) <= max(1, len(asked.forced))), len(path))
     return [asked.all_columns, *path[: end + 1]]
-
-
-def _kept_at(asked: Asked, optimiser: Any) -> tuple[int, ...]:
-    """Return the columns that an optimiser keeps."""
-    _quiet(lambda: optimiser.fit(*asked.problem))
-    return _nonzero(optimiser.coef_, asked)
-
-
-def _history_path(asked: Asked, name: str) -> Path:
-    optimiser = _of_pysindy(name, alpha=0.0, max_iter=asked.factor.n_columns)
-    _quiet(lambda: optimiser.fit(*asked.problem))
-    return [asked.all_columns, *(_nonzero(c, asked) for c in optimiser.history_)]
 
 
 def _nonzero(coefficients: Any, asked: Asked) -> tuple[int, ...]:

@@ -318,29 +318,22 @@ class TermRegression(SelectionRules):
         return evidence.fixing(self.fixed) if self.fixed else evidence
 
     def _keep_model(self, samples: int, runs: int) -> None:
-        step = self.selection_result_.step
-        self.coef_ = np.zeros(len(self.terms_))
-        positions = {term.id: index for index, term in enumerate(self.terms_)}
-        chosen: list[int] = []
-        values, covariance, shares = np.zeros(0), np.zeros((0, 0)), np.zeros(0)
-        residual, degrees = self.evidence_.target_rms, np.zeros(0)
+        step, ids, count = self.selection_result_.step, [term.id for term in self.terms_], len(self.terms_)
+        self.coef_, shares, degrees = np.zeros(count), np.zeros(count), np.ones(count)
+        covariance, residual = np.zeros((count, count)), self.evidence_.target_rms
+        selected: set[str] = set()
         if step is not None:
-            fit = step.fit
-            chosen = [positions[self.evidence_.ids[i]] for i in fit.columns]
-            values, covariance, shares = fit.coefficients, fit.covariance, fit.unique_share
-            residual, degrees = fit.residual_rms, fit.effective_degrees
-        if self.fixed and step is not None:
-            chosen += [positions[name] for name in self.fixed]
-            values = np.concatenate([values, [*self.fixed.values()]])
-            covariance = np.pad(covariance, (0, len(self.fixed)))
-            shares = np.concatenate([shares, [*self._fixed_share.values()]])
-            degrees = np.pad(degrees, (0, len(self.fixed)), constant_values=1.0)
+            names = [self.evidence_.ids[i] for i in step.fit.columns]
+            places = [ids.index(name) for name in names]
+            self.coef_[places], shares[places] = step.fit.coefficients, step.fit.unique_share
+            degrees[places], residual = step.fit.effective_degrees, step.fit.residual_rms
+            covariance[np.ix_(places, places)] = step.fit.covariance
+            for name, value in (self.fixed or {}).items():
+                self.coef_[ids.index(name)], shares[ids.index(name)] = value, self._fixed_share[name]
+            selected = {*names, *(self.fixed or {})}
         # Terms are listed in the order of the catalogue.
-        order = np.argsort(chosen)
-        chosen = [chosen[i] for i in order]
-        values, covariance, shares = values[order], covariance[np.ix_(order, order)], shares[order]
-        degrees = degrees[order]
-        self.coef_[chosen] = values
+        chosen = [i for i, name in enumerate(ids) if name in selected]
+        covariance = covariance[np.ix_(chosen, chosen)]
         kept = [self.terms_[i] for i in chosen]
         self.selected_ = tuple(term.id for term in kept)
         self.model_ = JointModel(
@@ -348,7 +341,9 @@ class TermRegression(SelectionRules):
                 motion=self.motion, inertia=None if self.n_features_in_ - len(self.inputs) == 3 else 0.0
             ),
             inputs=self.inputs_,
-            terms=model_terms(kept, values, covariance, shares, degrees, self.motion),
+            terms=model_terms(
+                kept, self.coef_[chosen], covariance, shares[chosen], degrees[chosen], self.motion
+            ),
             covariance=tuple(tuple(float(v) for v in row) for row in covariance),
             fitted=Fitted(
                 moment_rms=self._moment_rms,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -141,25 +141,21 @@ def gather(
     InputError
         If a term has no finite value somewhere.
     """
-    other = rows if replicate is None else replicate
-    same = np.array_equal(other.X, rows.X) and np.array_equal(other.y, rows.y)
-    sources = (other,) if same else (other, rows)
-    problems = [[source[block] for block in run.blocks] for source in sources for run in labels.runs]
+    function = compile_terms([term.expression for term in terms], row_arguments(rows.X.shape[1], inputs))
     try:
-        function = compile_terms([term.expression for term in terms], row_arguments(rows.X.shape[1], inputs))
-        factors = run_factors(function, problems)
+        return _gathered(
+            [term.id for term in terms],
+            lambda some: factor_of(function, [*some.X.T], some.y, some.weight),
+            rows,
+            labels,
+            replicate,
+            hierarchy(terms),
+        )
     except InputError:
         # Once more, slowly, for a message that names the term.
-        for problem in problems:
-            for block in problem:
-                state_columns(terms, block.X, inputs)
+        for source in (rows, replicate or rows):
+            state_columns(terms, source.X, inputs)
         raise
-    n = len(labels.runs)
-    runs = [
-        RunEvidence(run.name, run.group, merge(pooled), tuple(blocks))
-        for run, blocks, pooled in zip(labels.runs, factors[:n], factors[-n:], strict=True)
-    ]
-    return Evidence(tuple(term.id for term in terms), tuple(runs), hierarchy(terms))
 
 
 def hierarchy(terms: Sequence[ResolvedTerm]) -> dict[str, tuple[str, ...]]:
@@ -171,16 +167,31 @@ def gather_columns(
     ids: Sequence[str], rows: Rows, labels: RowLabels, replicate: Rows | None = None
 ) -> Evidence:
     """Return the factors of every run and block of columns that are there, ``X`` of shape (n, p); as :func:`gather`."""
+    return _gathered(ids, lambda some: Factor.of(some.X, some.y, some.weight), rows, labels, replicate, {})
 
-    def factor(some: Rows) -> Factor:
-        return Factor.of(some.X, some.y, some.weight)
 
-    runs = []
-    for run in labels.runs:
-        blocks = tuple(factor((replicate or rows)[block]) for block in run.blocks)
-        pooled = merge(blocks if replicate is None else [factor(rows[block]) for block in run.blocks])
-        runs.append(RunEvidence(run.name, run.group, pooled, blocks))
-    return Evidence(tuple(ids), tuple(runs))
+def _gathered(
+    ids: Sequence[str],
+    factor: Callable[[Rows], Factor],
+    rows: Rows,
+    labels: RowLabels,
+    replicate: Rows | None,
+    within: dict[str, tuple[str, ...]],
+) -> Evidence:
+    """Return the evidence of columns whose factor at some rows is known, on threads where there are many rows."""
+    other = replicate or rows
+    same = np.array_equal(other.X, rows.X) and np.array_equal(other.y, rows.y)
+    sources = (rows,) if same else (other, rows)
+    parts = [source[block] for source in sources for run in labels.runs for block in run.blocks]
+    threaded = sum(part.y.size for part in parts) >= THREADED
+    factors = iter(on_threads(factor, parts) if threaded else map(factor, parts))
+    single, *pooled = ([tuple(next(factors) for _ in run.blocks) for run in labels.runs] for _ in sources)
+    whole = pooled[0] if pooled else single
+    runs = [
+        RunEvidence(run.name, run.group, merge(every), blocks)
+        for run, blocks, every in zip(labels.runs, single, whole, strict=True)
+    ]
+    return Evidence(tuple(ids), tuple(runs), within)
 
 
 def rows_that_count(sample_weight: ArrayLike | None, count: int, *parts: ArrayLike | None) -> tuple[Any, ...]:
@@ -253,31 +264,6 @@ def factor_of(
             )
         parts.append(Factor.of(columns, target[rows], None if weight is None else weight[rows]))
     return merge(parts or [Factor(np.zeros((size, size)), 0.0)])
-
-
-def run_factors(function: TermFunction, runs: Sequence[Sequence[Rows]]) -> list[list[Factor]]:
-    """Return the factor of every block of every run, on threads where they are large.
-
-    Parameters
-    ----------
-    function : TermFunction
-        Of the terms.
-    runs : sequence of sequences of Rows
-        The blocks of each run.
-
-    Raises
-    ------
-    InputError
-        If a term or a target has no finite value somewhere.
-    """
-
-    def work(rows: Rows) -> Factor:
-        return factor_of(function, [*rows.X.T], rows.y, rows.weight)
-
-    blocks = [block for run in runs for block in run]
-    threaded = sum(block.y.size for block in blocks) >= THREADED
-    found = iter(on_threads(work, blocks) if threaded else map(work, blocks))
-    return [[next(found) for _ in run] for run in runs]
 
 
 def row_arguments(columns: int, inputs: Sequence[str]) -> tuple[str, ...]:

@@ -10,7 +10,6 @@ import numpy as np
 from sindyjoint.described import same
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frequency import heterogeneity
-from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
@@ -289,8 +288,7 @@ def _judged(
     """Return what was found as a discovery."""
     states = tuple(each.states for each in recovered)
     campaign = recovered_campaign(test, kind, states)
-    counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
-    model = campaign_model(regressor, campaign, states, counts)
+    model = campaign_model(regressor, campaign, states)
     if errors is not None:
         # Noise of the angle is in the rows, too.
         floor = model.fitted.residual_rms / np.sqrt(max(1.0, errors.excess))

@@ -1,7 +1,7 @@
 """One question, which terms the joint has, put to every method, frequency and library on the same evidence."""
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
@@ -9,7 +9,14 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 
-from sindyjoint.discovery.crossvalidation import CrossValidation, Found, cross_validate, find, pooled_error
+from sindyjoint.discovery.crossvalidation import (
+    CrossValidation,
+    Found,
+    cross_validate,
+    find,
+    moment_error,
+    pooled_error,
+)
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
 from sindyjoint.discovery.methods import NOT_GIVEN
 from sindyjoint.discovery.selection import Selection
@@ -127,21 +134,15 @@ def _weak(question: Question) -> Choice:
         # Of held-out samples of the moment, as of the other methods, not of its integrals.
         folds = question.left_out(evidence).folds
         held_out = pooled_error(
-            [_error(question.evidence, f.runs, dict(zip(f.kept, f.coefficients, strict=True))) for f in folds]
+            [
+                moment_error(question.evidence, f.runs, dict(zip(f.kept, f.coefficients, strict=True)))
+                for f in folds
+            ]
         )
     # Its residual is one of integrals, which compares with no other.
     return _scored(
         replace(choice, name=WEAK, seconds=choice.seconds + spent, residual=float("nan")), held_out
     )
-
-
-def _error(evidence: Evidence, runs: Collection[str], law: Mapping[str, float]) -> float:
-    """Return the error of the moment of some runs under a law, relative to its RMS."""
-    coefficients = np.zeros(len(evidence.ids))
-    coefficients[[evidence.ids.index(name) for name in law]] = list(law.values())
-    factors = [run.pooled for run in evidence.runs if run.name in runs]
-    total = sum(factor.squared_target for factor in factors)
-    return float(np.sqrt(sum(factor.squared_error(coefficients) for factor in factors) / total))
 
 
 def _scored(choice: Choice, held_out: tuple[float, float]) -> Choice:
@@ -188,10 +189,11 @@ def _terms(found: Found) -> tuple[ChosenTerm, ...]:
     step = found.selection.step
     if step is None:
         return ()
-    half = scipy.special.stdtrit(np.maximum(step.fit.effective_degrees, 1.0), 0.975) * found.standard_errors
+    errors = step.fit.standard_errors
+    half = scipy.special.stdtrit(np.maximum(step.fit.effective_degrees, 1.0), 0.975) * errors
     return tuple(
-        ChosenTerm(name, float(c), float(e), (float(c - h), float(c + h)))
-        for name, c, e, h in zip(found.kept, found.coefficients, found.standard_errors, half, strict=True)
+        ChosenTerm(name, c, float(e), (float(c - h), float(c + h)))
+        for (name, c), e, h in zip(found.law.items(), errors, half, strict=True)
     )
 
 
@@ -214,7 +216,7 @@ def by_group(question: Question, labels: Sequence[str] | None = None) -> tuple[C
         choice = Choice(group, _terms(single), single.selection.reason, len(single.candidates), residual=left)
         law = {term.id: term.coefficient for term in choice.terms}
         others = [{runs[i].name for i in each} for name, each in members.items() if name != group]
-        errors = [_error(question.evidence, each, law) for each in others if law]
+        errors = [moment_error(question.evidence, each, law) for each in others if law]
         choices.append(_scored(choice, pooled_error(errors)))
     return tuple(choices)
 

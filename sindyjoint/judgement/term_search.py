@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, law_coefficients, shifted
-from sindyjoint.discovery.large.segments import SampleCount
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
@@ -40,7 +39,6 @@ class TermSearch:
 def search_completed(
     first: TermSearch,
     campaign: Campaign,
-    counts: Sequence[SampleCount],
     say: Callable[[str], None],
 ) -> TermSearch:
     """Choose the terms again on states completed by the model that was found, until they stay the same.
@@ -49,7 +47,7 @@ def search_completed(
     more than the paper's terms were found, or too little, the search starts once more from the paper's law, which
     rounds nothing; of the two what predicts groups of runs better that were left out.
     """
-    found = _completed_from(first.model, first, campaign, counts, say)
+    found = _completed_from(first.model, first, campaign, say)
     expected = {*PAPER_TERMS, INERTIA}
     if found is first or (leaves_noise(found.model) and expected.issuperset(found.model.ids)):
         return found
@@ -58,8 +56,8 @@ def search_completed(
     start.forced = tuple({*start.forced} | (candidates & expected - {*start.forbidden}))
     start.forbidden = tuple(candidates - {*start.forced})
     start.fit(**regression_rows(first.states, campaign.joint.inertia).fit_arguments())
-    law = campaign_model(start, campaign, first.states, counts)
-    other = _completed_from(law, first, campaign, counts, say)
+    law = campaign_model(start, campaign, first.states)
+    other = _completed_from(law, first, campaign, say)
     return min(found, other, key=_error_left_out)
 
 
@@ -72,7 +70,6 @@ def _completed_from(
     law: JointModel,
     first: TermSearch,
     campaign: Campaign,
-    counts: Sequence[SampleCount],
     say: Callable[[str], None],
 ) -> TermSearch:
     """Return what states come to that are completed by a law, and by what is found on them, in turn."""
@@ -91,7 +88,7 @@ def _completed_from(
         say("selecting terms with what the processing cuts off the motion")
         fitted = first.regressor.again()
         fitted.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
-        found = TermSearch(fitted, campaign_model(fitted, campaign, states, counts), states)
+        found = TermSearch(fitted, campaign_model(fitted, campaign, states), states)
         if law.ids != found.model.ids:
             law, step = found.model, None
             continue
@@ -119,20 +116,21 @@ def campaign_model(
     regressor: TermRegression,
     campaign: Campaign,
     states: Sequence[ForceStates],
-    counts: Sequence[SampleCount],
+    counts: tuple[int, int] | None = None,
 ) -> JointModel:
-    """Return the regressor's model with the joint and the data it came from."""
+    """Return the regressor's model with the joint and the data it came from; counted are the samples of the states."""
     model = regressor.model_
     inertia = campaign.joint.inertia
     if inertia is None and INERTIA in model:
         inertia = model[INERTIA].coefficient
-    moving = np.array([each.moving for each in counts], dtype=float)
+    every = sum(each.n_samples for each in states)
+    moving, samples = counts or (sum(int(np.count_nonzero(each.moving)) for each in states), every)
     fitted = Fitted(
         moment_rms=model.fitted.moment_rms,
         residual_rms=model.fitted.residual_rms,
         noise_floor=moment_floor(states, inertia or 0.0).moment,
-        moving_fraction=float(moving.sum() / sum(each.samples for each in counts)),
-        samples=int(moving.sum()),
+        moving_fraction=moving / samples,
+        samples=moving,
         runs=len(states),
         angle=model.fitted.angle,
         rate=model.fitted.rate,

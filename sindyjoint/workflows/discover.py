@@ -15,7 +15,7 @@ from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, without_delay
 from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
-from sindyjoint.discovery.large.segments import SampleCount, fit_long, has_long_runs
+from sindyjoint.discovery.large.segments import fit_long, has_long_runs
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.candidates import NO_DELAY, rate_free
@@ -165,8 +165,8 @@ def discover(
         def find(
             fresh: TermRegression, prepared: _Prepared
         ) -> tuple[TermSearch, Verdict, ChannelDelay | None]:
-            first, counts = _select_terms(fresh, prepared, here, bandwidth, say)
-            best = search_completed(first, prepared.moved, counts, say) if correct and not long else first
+            first = _select_terms(fresh, prepared, here, bandwidth, say)
+            best = search_completed(first, prepared.moved, say) if correct and not long else first
             return best, *_judge_terms(best, prepared)
 
         best, verdict, left_in = find(regressor, prepared)
@@ -273,17 +273,16 @@ def _select_terms(
     here: Executor | None,
     bandwidth: float | None,
     say: Callable[[str], None],
-) -> tuple[TermSearch, tuple[SampleCount, ...]]:
-    """Fit a regressor to force states, or to runs that are too long for memory; count the samples it saw."""
-    campaign, states = prepared.campaign, prepared.states
+) -> TermSearch:
+    """Fit a regressor to force states, or to runs that are too long for memory."""
+    campaign, states, counts = prepared.campaign, prepared.states, None
     if here is not None:
         regressor, counts = fit_long(
             regressor, campaign, states, here, bandwidth=bandwidth, lag=prepared.lag, say=say
         )
     else:
         regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
-        counts = tuple(SampleCount(int(np.count_nonzero(s.moving)), s.n_samples) for s in states)
-    return TermSearch(regressor, campaign_model(regressor, campaign, states, counts), states), counts
+    return TermSearch(regressor, campaign_model(regressor, campaign, states, counts), states)
 
 
 def _judge_terms(found: TermSearch, prepared: _Prepared) -> tuple[Verdict, ChannelDelay | None]:

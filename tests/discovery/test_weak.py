@@ -38,10 +38,9 @@ def test_it_finds_the_law_without_an_acceleration(found, inter_panel):
     regressor = found.regressor
     evidence = weak_evidence(regressor.terms_, found.states, inter_panel.joint.inertia)
     weak = find(evidence, significance=regressor.significance, least_share=regressor.least_share_)
-    assert set(weak.kept) == set(PAPER)
-    order = [weak.kept.index(name) for name in PAPER]
+    assert set(weak.law) == set(PAPER)
     # At 1 % noise; the quadratic stiffness carries the least.
-    np.testing.assert_allclose(weak.coefficients[order], TRUTH, rtol=0.05)
+    np.testing.assert_allclose([weak.law[name] for name in PAPER], TRUTH, rtol=0.05)
 
 
 def test_an_unknown_inertia_is_a_term_whose_integral_is_taken_by_parts():

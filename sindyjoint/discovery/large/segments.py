@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.discovery.regression import TermRegression
-from sindyjoint.discovery.rows import RowLabels, Rows, gather, hierarchy, row_arguments, run_factors
+from sindyjoint.discovery.rows import RowLabels, Rows, factor_of, gather, hierarchy, row_arguments
 from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import compile_terms
@@ -54,46 +54,17 @@ class Segment:
     failure: str = ""
 
 
-class SegmentTask(Protocol):
-    """A dataclass that says where a segment of rows is read, and what terms to evaluate on it."""
-
-    @property
-    def function(self) -> TermFunction | None:
-        """Of the terms; None: only the extremes are needed."""
-
-
-TaskType = TypeVar("TaskType", bound=SegmentTask)
-
-
-@dataclass(frozen=True, eq=False)
-class Passed:
-    """The outcome of the passes.
-
-    Parameters
-    ----------
-    terms : tuple of ResolvedTerm
-    segments : list of Segment
-        One per task.
-    reference : Reference
-        Largest angle, rate and moment of all rows.
-    """
-
-    terms: tuple[ResolvedTerm, ...]
-    segments: list[Segment]
-    reference: Reference
-
-
 def pass_over(
     regressor: TermRegression,
-    work: Callable[[TaskType], Segment],
-    tasks: Sequence[TaskType],
+    work: Callable[[Any], Segment],
+    tasks: Sequence[Any],
     here: Executor,
     *,
     assumed: Reference | None,
     largest: Callable[[Sequence[Segment]], Reference],
     with_acceleration: bool,
     say: Callable[[str], None],
-) -> Passed:
+) -> tuple[tuple[ResolvedTerm, ...], list[Segment], Reference]:
     """Evaluate a regressor's candidates on all segments and add them up.
 
     Parameters
@@ -101,7 +72,8 @@ def pass_over(
     regressor : TermRegression
     work : callable
         Does one task; to be sent to other processes.
-    tasks : sequence of SegmentTask
+    tasks : sequence of dataclass
+        Each says where a segment of rows is read; its ``function`` is replaced by that of the terms to evaluate on it.
     here : Executor
     assumed : Reference or None
         Scales as far as they are known; ``None``: the library refers to none.
@@ -110,6 +82,14 @@ def pass_over(
     with_acceleration : bool
         Whether the inertia is to be identified as a term.
     say : callable
+
+    Returns
+    -------
+    terms : tuple of ResolvedTerm
+    segments : list of Segment
+        One per task.
+    reference : Reference
+        Largest angle, rate and moment of all rows.
     """
 
     def one_pass(scale: Reference) -> tuple[tuple[ResolvedTerm, ...], list[Segment]]:
@@ -117,7 +97,7 @@ def pass_over(
         names = input_names(regressor.inputs)
         arguments = row_arguments((3 if with_acceleration else 2) + len(names), names)
         function = compile_terms([term.expression for term in terms], arguments)
-        with_terms: list[Any] = [replace(task, function=function) for task in tasks]  # type: ignore[type-var]
+        with_terms = [replace(task, function=function) for task in tasks]
         return terms, ordered_map(
             here, work, with_terms, done=lambda n: say(f"segments: {n} of {len(tasks)}")
         )
@@ -127,7 +107,7 @@ def pass_over(
     if assumed is not None and _exceeds_scale(assumed, reference, as_catalogue(regressor.library)):
         say("larger values than assumed: once more under their scale")
         terms, done = one_pass(reference)
-    return Passed(terms, done, reference)
+    return terms, done, reference
 
 
 def largest_of(parts: Iterable[Sequence[float]]) -> Reference:
@@ -181,14 +161,6 @@ class Task:
     function: TermFunction | None = None
 
 
-@dataclass(frozen=True)
-class SampleCount:
-    """Moving samples, and all samples, of a run."""
-
-    moving: int
-    samples: int
-
-
 def has_long_runs(campaign: Campaign) -> bool:
     """Return whether a run of a campaign is longer than what is in memory."""
     return any(run.whole is not None for run in campaign.identification_runs)
@@ -203,7 +175,7 @@ def fit_long(
     bandwidth: float | None = None,
     lag: float = 0.0,
     say: Callable[[str], None] = lambda stage: None,
-) -> tuple[TermRegression, tuple[SampleCount, ...]]:
+) -> tuple[TermRegression, tuple[int, int]]:
     """Fit a regressor to a campaign some of whose runs are long.
 
     Parameters
@@ -221,8 +193,8 @@ def fit_long(
     Returns
     -------
     regressor : TermRegression
-    counts : tuple of SampleCount
-        One per run.
+    counts : tuple of int
+        Moving samples, and all samples.
 
     Raises
     ------
@@ -238,7 +210,7 @@ def fit_long(
     every = [task for group in tasks.values() for task in group]
     say(f"{len(every)} segments of long runs")
 
-    passed = pass_over(
+    terms, done, reference = pass_over(
         regressor,
         work,
         every,
@@ -249,20 +221,22 @@ def fit_long(
         with_acceleration=inertia is None,
         say=say,
     )
-    terms, done, reference = passed.terms, passed.segments, passed.reference
     labels, results = group_labels(states), iter(done)
-    runs, counts = [], []
+    runs = []
     for i, (state, label) in enumerate(zip(states, labels, strict=True)):
         if i in tasks:
             segments = [next(results) for _ in tasks[i]]
             runs.append(_gather_long(state, label, segments))
-            counts.append(SampleCount(sum(s.moving for s in segments), sum(s.samples for s in segments)))
         else:
             runs.append(_gather_short(state, label, terms, inertia, input_names(regressor.inputs)))
-            counts.append(SampleCount(int(np.count_nonzero(state.moving)), state.n_samples))
     evidence = Evidence(tuple(term.id for term in terms), tuple(runs), hierarchy(terms))
+    short = [state for i, state in enumerate(states) if i not in tasks]
+    counts = (
+        sum(int(np.count_nonzero(s.moving)) for s in short) + sum(s.moving for s in done),
+        sum(s.n_samples for s in short) + sum(s.samples for s in done),
+    )
     shared = all(state.replicate is None for state in states)
-    return regressor.fit_evidence(terms, evidence, reference, shared_motion=shared), tuple(counts)
+    return regressor.fit_evidence(terms, evidence, reference, shared_motion=shared), counts
 
 
 def work(task: Task) -> Segment:
@@ -274,14 +248,12 @@ def work(task: Task) -> Segment:
         # A joint that stands still for a while, a channel that is dead there: the other segments remain.
         return Segment((), (0.0, 0.0, 0.0), 0, run.n_samples, str(error))
     rows = regression_rows([shifted(states, task.lag)], task.inertia)
-    factors: list[Factor] = []
+    factors: tuple[Factor, ...] = ()
     if task.function is not None:
-        edges = np.linspace(0, rows.y.size, task.parts + 1).astype(int)
-        every = Rows(rows.X, rows.y)
-        blocks = [every[start:stop] for start, stop in zip(edges[:-1], edges[1:], strict=True)]
-        (factors,) = run_factors(task.function, [blocks])
+        blocks = zip(*(np.array_split(column, task.parts) for column in (*rows.X.T, rows.y)), strict=True)
+        factors = tuple(factor_of(task.function, block[:-1], block[-1]) for block in blocks)
     largest = tuple(float(np.max(np.abs(x))) for x in (rows.X[:, 0], rows.X[:, 1], rows.y))
-    return Segment(tuple(factors), largest, rows.y.size, states.n_samples)  # type: ignore[arg-type]
+    return Segment(factors, largest, rows.y.size, states.n_samples)  # type: ignore[arg-type]
 
 
 def _make_tasks(

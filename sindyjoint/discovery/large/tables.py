@@ -17,7 +17,7 @@ import numpy as np
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
-from sindyjoint.discovery.large.segments import Passed, Segment, largest_of, pass_over, relative
+from sindyjoint.discovery.large.segments import Segment, largest_of, pass_over, relative
 from sindyjoint.discovery.rows import PARTS, SEGMENTS, factor_of
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
@@ -157,7 +157,7 @@ def discover_rows(
             )
 
         say("accumulating factors")
-        passed = pass_over(
+        terms, segments, largest = pass_over(
             regressor,
             run_rows,
             tasks,
@@ -168,18 +168,13 @@ def discover_rows(
             say=say,
         )
     say("selecting terms")
-    ids = tuple(term.id for term in passed.terms)
-    return regressor.fit_evidence(passed.terms, Evidence(ids, _evidence_of(runs, passed)), passed.reference)
-
-
-def _evidence_of(runs: Sequence[RunSegments], passed: Passed) -> tuple[RunEvidence, ...]:
-    """Return the factors of the segments, run by run."""
-    factors = iter(factor for part in passed.segments for factor in part.factors)
+    factors = iter(factor for part in segments for factor in part.factors)
     evidence = []
     for name, group, _, edges in runs:
         blocks = tuple(next(factors) for _ in edges[1:])
         evidence.append(RunEvidence(name, group, merge(blocks), blocks))
-    return tuple(evidence)
+    ids = tuple(term.id for term in terms)
+    return regressor.fit_evidence(terms, Evidence(ids, tuple(evidence)), largest)
 
 
 def _read_stated_scales(
