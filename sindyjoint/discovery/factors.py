@@ -74,10 +74,6 @@ class Factor:
         """Root-mean-square of each column, shape (p,)."""
         return np.linalg.norm(self.triangle[:, :-1], axis=0) / np.sqrt(self.rows)
 
-    def scaled(self, weight: float) -> Factor:
-        """Return the factor of the same rows, each counted ``weight`` times."""
-        return Factor(np.sqrt(weight) * self.triangle, weight * self.rows)
-
     def take(self, columns: Sequence[int]) -> Factor:
         """Return the factor of some of the columns."""
         return Factor(_triangle(self.triangle[:, [*columns, self.n_columns]]), self.rows)
@@ -115,11 +111,6 @@ class Factor:
         """Return the sum of squared residuals ‖y − X·c‖² for given coefficients, shape (p,)."""
         residual = self.triangle[:, -1] - self.triangle[:, :-1] @ np.asarray(coefficients)
         return float(residual @ residual)
-
-    def score(self, coefficients: ArrayLike) -> Array:
-        """Return Xᵀ(y − X·c), shape (p,)."""
-        residual = self.triangle[:, -1] - self.triangle[:, :-1] @ np.asarray(coefficients)
-        return self.triangle[:, :-1].T @ residual
 
 
 def merge(factors: Iterable[Factor]) -> Factor:

@@ -46,13 +46,6 @@ def test_merging_is_stacking(make_factor, cuts):
     np.testing.assert_allclose(gram(again), gram(whole), rtol=1e-12, atol=1e-9)
 
 
-def test_a_weight_repeats_rows(make_factor):
-    (one, *_), (three, *_) = (make_factor(seed) for seed in (1, 3))
-    weighted = merge([one.scaled(2.0), three])
-    np.testing.assert_allclose(gram(weighted), gram(merge([one, one, three])), rtol=1e-12, atol=1e-9)
-    assert weighted.rows == 600
-
-
 def test_row_weights_count_rows(make_factor):
     _, columns, target = make_factor(4)
     weight = np.random.default_rng(0).integers(0, 4, len(target))
@@ -62,7 +55,7 @@ def test_row_weights_count_rows(make_factor):
     )
 
 
-def test_subset_error_and_score_are_those_of_the_rows(make_factor):
+def test_subset_and_error_are_those_of_the_rows(make_factor):
     factor, columns, target = make_factor(5)
     chosen = [7, 0, 3]
     coefficients = np.linalg.lstsq(columns[:, chosen], target, rcond=None)[0]
@@ -70,7 +63,6 @@ def test_subset_error_and_score_are_those_of_the_rows(make_factor):
     np.testing.assert_allclose(part.solve(), coefficients, rtol=1e-10)
     residual = target - columns[:, chosen] @ (coefficients + 0.1)
     assert part.squared_error(coefficients + 0.1) == pytest.approx(residual @ residual, rel=1e-12)
-    np.testing.assert_allclose(part.score(coefficients + 0.1), columns[:, chosen].T @ residual, rtol=1e-9)
     assert factor.squared_target == pytest.approx(target @ target)
     np.testing.assert_allclose(factor.column_rms, np.sqrt(np.mean(columns**2, axis=0)))
 
