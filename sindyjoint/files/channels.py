@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, UnitError, refuse
-from sindyjoint.files.drafting.survey import ROLES, moves_otherwise, role_of
+from sindyjoint.files.drafting.survey import LOADS, MOTIONS, ROLES, marks_of, moves_otherwise, role_of
 from sindyjoint.files.manifest import Channel, Channels, Column, InputTable, RigTable, TimeChannel
 from sindyjoint.files.readers import Table
 from sindyjoint.files.timeaxis import (
@@ -219,17 +219,26 @@ class RunReader:
 
     def _list_beside(self, quantity: str, column: Column, unit: str) -> tuple[str, ...]:
         """Return the columns that measure the same as a channel, move otherwise, and are not used."""
-        role = ROLES[self.motion].get(quantity)
-        used = {self.table.names[each - 1] if isinstance(each, int) else each for each in self._wanted()}
+        role, names = ROLES[self.motion].get(quantity), self.table.names
+        used = {names[each - 1] if isinstance(each, int) else each for each in self._wanted()}
+        stated = [(self.table.stated_unit(at) or ("", ""))[1] for at in range(1, len(names) + 1)]
+        groups: dict[tuple[str, ...], set[str | None]] = {}
+        for name, its in zip(names, stated, strict=True):
+            groups.setdefault(marks_of(name), set()).add(role_of(name, its))
+        own_marks = marks_of(names[column - 1] if isinstance(column, int) else column)
         found = []
-        for at, name in enumerate(self.table.names, start=1):
-            stated = (self.table.stated_unit(at) or ("", ""))[1]
-            if not role or name in used or role_of(name, stated) != role:
+        for name, its in zip(names, stated, strict=True):
+            if not role or name in used or role_of(name, its) != role:
+                continue
+            # With a load and a motion of its own name it is of another run, or of another joint.
+            if marks_of(name) != own_marks and all(
+                groups[marks_of(name)] & kind for kind in (LOADS, MOTIONS)
+            ):
                 continue
             # What cannot be read is no channel.
             with suppress(InputError):
                 own, other = map(bridged, self.table.columns([column, name], gaps=True))
-                ratio = unit_ratio(stated, unit) or 1.0
+                ratio = unit_ratio(its, unit) or 1.0
                 if own.size == other.size and moves_otherwise(own, ratio * other):
                     found.append(name)
         return tuple(found)

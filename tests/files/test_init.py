@@ -43,6 +43,7 @@ def test_a_folder_ends_in_its_campaign_with_what_it_lacks_asked(writer, truth, t
     # What discover takes, as its check accepts it.
     checked = sindyjoint.check(tmp_path)
     assert not checked.stopping
+    assert "other_sensor" not in checked.soundness.ids
     read = checked.measured
     assert [run.frequency for run in read.runs] == [run.frequency for run in truth.runs]
     assert len({run.level for run in read.runs}) == 3

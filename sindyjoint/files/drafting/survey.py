@@ -255,7 +255,7 @@ def split_runs(file: Bundle) -> tuple[tuple[Bundle, ...], bool]:
     below = _by_restart(file)
     if len(below) > 1:
         return below, True
-    marks = [_marks(column.title) for column in file.columns]
+    marks = [marks_of(column.title) for column in file.columns]
     own: dict[tuple[str, ...], set[str]] = {}
     for mark, column in zip(marks, file.columns, strict=True):
         own.setdefault(mark, set()).add(role_of(column.title, column.unit) or "")
@@ -273,7 +273,7 @@ def split_runs(file: Bundle) -> tuple[tuple[Bundle, ...], bool]:
             replace(c, unit=c.unit or (s[0] if s else "")) for c, s in zip(columns, stated, strict=True)
         ]
         shared = [c for c, words in zip(file.columns, marks, strict=True) if words not in whole]
-        scalars = tuple(each for each in file.scalars if not rest & {*_marks(each[0])})
+        scalars = tuple(each for each in file.scalars if not rest & {*marks_of(each[0])})
         made = replace(file, columns=(*columns, *shared), scalars=scalars, run=called)
         runs.append(_of_one_length(made, columns[0].values.size))
     told = all({word.lower() for word in mark} & _RUN_WORDS or not mark[0].isdigit() for mark in whole)
@@ -292,12 +292,12 @@ def _of_one_length(file: Bundle, length: int | None = None) -> Bundle:
     return replace(file, columns=columns, refused=file.refused + other)
 
 
-def _marks(text: str) -> tuple[str, ...]:
+def marks_of(text: str) -> tuple[str, ...]:
     """Return the words and numbers of a name that stand for no channel and no unit.
 
     Examples
     --------
-    >>> _marks("run 2 torque (N*m)"), _marks("low/angle"), _marks("0.5Hz_1in-Kraft"), _marks("M_Nm")
+    >>> marks_of("run 2 torque (N*m)"), marks_of("low/angle"), marks_of("0.5Hz_1in-Kraft"), marks_of("M_Nm")
     (('run', '2'), ('low',), ('0.5', '1'), ())
     """
     parts = re.findall(r"[^\W\d_]+|\d+(?:[.,]\d+)?", re.sub(r"[\[({].*?[\])}]", " ", text))
@@ -326,7 +326,7 @@ def bundle_files(files: Sequence[Bundle]) -> tuple[Bundle, ...]:
     groups: dict[tuple[object, ...], list[Bundle]] = {}
     for file in told:
         # What is left of its name without words for channels.
-        marks = _marks(PurePosixPath(file.name).with_suffix("").as_posix())
+        marks = marks_of(PurePosixPath(file.name).with_suffix("").as_posix())
         groups.setdefault((*marks, file.columns[0].values.size), []).append(file)
     return tuple(
         replace(
