@@ -161,10 +161,11 @@ def _find_law(
     weights = run_weights(states)
     forced, forbidden = tuple(options.get("forced", ())), tuple(options.get("forbidden", ()))
     added: tuple[str, ...] = ()
+    found = None
     # What was taken out never comes back: the search ends.
     while True:
         asked = {**options, "forced": (*forced, *added), "forbidden": forbidden}
-        found = _search(states, slow, weights, asked)
+        found = _search(states, slow, weights, asked, found)
         recovered = tuple(
             replace(each, states=state, unseen=values, weight=float(weight))
             for each, state, values, weight in zip(
@@ -202,30 +203,43 @@ class _Search(NamedTuple):
 
 
 def _search(
-    states: Sequence[ForceStates], slow: Sequence[Slow], weights: Array, options: dict[str, Any]
+    states: Sequence[ForceStates],
+    slow: Sequence[Slow],
+    weights: Array,
+    options: dict[str, Any],
+    before: _Search | None,
 ) -> _Search:
-    """Choose terms and the slow part of the angles in turn."""
+    """Choose terms and the slow part of the angles in turn, from what a search before found of these."""
     # Before terms are known the paper's stand for them: one of them bends as the stiffness does.
     allowed = set(PAPER_TERMS)
+    unseen: Sequence[Array] = [] if before is None else before.unseen
+    whole = tuple(states if before is None else before.states)
     # Each search is made at the slow angles that the terms found before ask for.
     for _ in range(4):
         regressor = TermRegression(**options)
         reference = Reference.of(*(np.concatenate([getattr(s, name) for s in states]) for name in COLUMNS))
         terms = [term for term in regressor.candidates(reference) if term.id in allowed]
-        unseen = find_slow(states, slow, terms, weights).unknowns if terms else [each.start for each in slow]
-        centred = tuple(map(with_slow, states, slow, unseen))
-        arguments = regression_rows(centred, 0.0).fit_arguments()
+        if terms:
+            unseen = find_slow(_moving_as(states, whole), slow, terms, weights, unseen).unknowns
+        unseen = unseen or [each.start for each in slow]
+        whole = tuple(map(with_slow, states, slow, unseen))
+        arguments = regression_rows(whole, 0.0).fit_arguments()
         regressor.fit(
-            **arguments, sample_weight=np.repeat(weights, [np.count_nonzero(s.moving) for s in centred])
+            **arguments, sample_weight=np.repeat(weights, [np.count_nonzero(s.moving) for s in whole])
         )
         if allowed.issuperset(regressor.selected_):
             break
         allowed = {*PAPER_TERMS, *regressor.selected_}
     found = _terms_of(regressor)
     if not found:
-        return _Search(regressor, None, centred, unseen)
-    rows = find_slow(states, slow, found, weights)
+        return _Search(regressor, None, whole, unseen)
+    rows = find_slow(_moving_as(states, whole), slow, found, weights, unseen)
     return _Search(regressor, rows, tuple(map(with_slow, states, slow, rows.unknowns)), rows.unknowns)
+
+
+def _moving_as(states: Sequence[ForceStates], whole: Sequence[ForceStates]) -> list[ForceStates]:
+    """Return states that count as moving where they do with the slow part of their angle."""
+    return [replace(s, moving=w.moving) for s, w in zip(states, whole, strict=True)]
 
 
 def _beyond(
@@ -248,7 +262,8 @@ def _beyond(
         return errors, ""
 
     def left_with(term: ResolvedTerm) -> float:
-        fitted = find_slow(states, slow, [*_terms_of(regressor), term], rows.weights)
+        moved = _moving_as(states, [each.states for each in recovered])
+        fitted = find_slow(moved, slow, [*_terms_of(regressor), term], rows.weights, rows.unknowns)
         return law_errors(fitted, recovered, slow).excess
 
     # The slow angles follow each of them otherwise: those that are about alike are fitted.
@@ -354,8 +369,10 @@ def _test_alike(law: JointLaw) -> str:
     for joint in dict.fromkeys(each.joint for each in law.recovered):
         own = [each for each in law.recovered if each.joint == joint]
         slow = [slow_part(each.recovery, each.joint) for each in own]
-        bare = [with_slow(e.states, s, -e.unseen) for e, s in zip(own, slow, strict=True)]
-        rows = find_slow(bare, slow, terms, np.array([each.weight for each in own]))
+        whole = [each.states for each in own]
+        bare = _moving_as([with_slow(e.states, s, -e.unseen) for e, s in zip(own, slow, strict=True)], whole)
+        weights = np.array([each.weight for each in own])
+        rows = find_slow(bare, slow, terms, weights, [each.unseen for each in own])
         errors = law_errors(rows, own, slow)
         fits.append((rows.coefficients, np.sqrt(np.diag(errors.covariance))))
     values, spread = (np.array(part) for part in zip(*fits, strict=True))

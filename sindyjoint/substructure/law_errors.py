@@ -114,6 +114,8 @@ def _covariance(sources: Sequence[Recovered], slopes: Sequence[Complex]) -> Arra
                 gathered[:, :, _rows(recovery, source.joint)] += slope
         spread = (gathered.swapaxes(0, 1) @ recovery.covariance).swapaxes(0, 1)
         total += np.tensordot(spread, gathered.conj(), ((1, 2), (1, 2))).real
+        by_ends = np.tensordot(gathered, recovery.of_ends, ((1, 2), (0, 1))).real
+        total += by_ends @ by_ends.T
     return total
 
 
@@ -162,6 +164,10 @@ def law_errors(
         slopes.append(slope[: len(inverse)])
         of_others.append(slope[len(inverse) :])
         expected += weight * _expected(source, errors)
+        # Of what errors of the ends do to the rows, coefficients and slow angles follow the most.
+        ends = np.sqrt(weight) * _of_ends(source, errors)
+        shared = rows.columns[own].T @ ends
+        expected += float(np.sum(ends**2) - np.sum(shared * (inverse @ shared)))
         left += weight * float(np.sum(rows.residual[index] ** 2))
     covariance = _covariance(sources, slopes)
     angle = []
@@ -212,3 +218,9 @@ def _expected(source: Recovered, errors: Complex) -> float:
     covariance[:, 1, 1] *= len(source.recovery.spectra.blocks)
     moments = np.einsum("nhi,nhj->hij", errors, errors.conj(), optimize=True)
     return float(np.sum(moments * covariance).real)
+
+
+def _of_ends(source: Recovered, errors: Complex) -> Array:
+    """Return what errors of the ends of a record do to the rows, shape (n, errors)."""
+    added = source.recovery.of_ends[:, _rows(source.recovery, source.joint)]
+    return np.asarray(np.tensordot(errors, added, ((1, 2), (0, 1))).real)

@@ -8,6 +8,7 @@ sensors show beyond the unknowns tells whether the structure is the one describe
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -89,13 +90,26 @@ class Recovery:
 
     @property
     def covariance(self) -> Complex:
-        """Covariance of these of a real part (and of an imaginary one), shape (h, 2·joints, 2·joints)."""
+        """Covariance of these of a real part (and of an imaginary one), shape (h, 2·joints, 2·joints).
+
+        By the noise of the sensors, which is another at each harmonic.
+        """
         return np.einsum("hkc,ch,hlc->hkl", self.states, self.spectra.variance, self.states.conj())
 
     @property
+    def of_ends(self) -> Complex:
+        """What errors of the ends, of one standard deviation each, add to these, shape (h, 2·joints, errors)."""
+        return np.zeros((*self.states.shape[:2], 0), dtype=complex) if self.ends is None else self.ends.errors
+
+    @property
+    def noise(self) -> Array:
+        """Standard error of a real part by the noise of the sensors alone, shape (2·joints, h)."""
+        return np.sqrt(np.einsum("hkk->kh", self.covariance).real)
+
+    @cached_property
     def standard_error(self) -> Array:
         """Of a real part, shape (2·joints, h)."""
-        return np.sqrt(np.einsum("hkk->kh", self.covariance).real)
+        return np.sqrt(self.noise**2 + np.sum(np.abs(self.of_ends) ** 2, axis=2).T / 2)
 
     @property
     def coordinates(self) -> Complex:
@@ -129,14 +143,14 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
     transfer = open_joints(test.structure, test.at, test.sensors, spectra.angular)
     design, sigma, values = transfer.design, np.sqrt(spectra.variance.T), spectra.amplitudes.T
     estimator, _, left = solved(design, sigma, values)
+    of_moments = np.eye(1 + joints)[None, 1:].repeat(len(left), axis=0)
+    states = np.concatenate([transfer.angles, of_moments], axis=1) @ estimator
     ends = None
     if not spectra.repeats:
         sensors = spectra.amplitudes[1:]
         columns = jump_columns(test.structure, test.sensors, spectra.angular, 1 / spectra.frequency, sensors)
-        ends = find_ends(columns, design, estimator, 1 / sigma, spectra.amplitudes)
+        ends = find_ends(columns, design, estimator, states, 1 / sigma, spectra.amplitudes)
         left = solved(design, sigma, values - ends.channels.T)[2]
-    of_moments = np.eye(1 + joints)[None, 1:].repeat(len(left), axis=0)
-    states = np.concatenate([transfer.angles, of_moments], axis=1) @ estimator
     degrees = 2 * spectra.angular.size * (len(test.sensors) - joints)
     misfit = float(np.sum(np.abs(left) ** 2))
     if ends is not None:

@@ -27,7 +27,7 @@ from sindyjoint.states import (
 from sindyjoint.substructure.recovery import Recovery, solved
 from sindyjoint.substructure.spectra import strongest
 from sindyjoint.substructure.transfer import open_joints
-from sindyjoint.substructure.unseen import Slow
+from sindyjoint.substructure.unseen import Slow, within_record
 
 Complex = NDArray[np.complex128]
 Orders = NDArray[np.bool_]
@@ -62,12 +62,12 @@ def is_tone(drive: Complex) -> bool:
 def kept_of(recovery: Recovery, joint: int) -> Orders:
     """Return which harmonics of a joint's angle and of its moment are used: none where either has none."""
     joints = recovery.transfer.angles.shape[1]
-    values, errors = recovery.values, recovery.standard_error
+    values, errors, noise = recovery.values, recovery.standard_error, recovery.noise
     tone = is_tone(recovery.spectra.amplitudes[0])
 
     def kept(row: int) -> Orders:
         if not recovery.spectra.repeats:
-            return up_to_end(values[row], errors[row])
+            return up_to_end(values[row], noise[row])
         return kept_orders(values[row], errors[row], tone)
 
     angle, moment = kept(joint), kept(joints + joint)
@@ -88,7 +88,7 @@ def slow_orders(recovery: Recovery, joint: int) -> Orders:
     main = strongest_line(size, error)
     if not recovery.spectra.repeats:
         # The errors of all harmonics from one up, against the angle about and above where its rate is largest.
-        main = int(np.argmax(size * recovery.spectra.angular))
+        main = strongest_line(size * recovery.spectra.angular, error * recovery.spectra.angular)
         above = np.sqrt(np.cumsum(error[::-1] ** 2)[::-1])
         slow = above > SUBSTRUCTURE.small_share * np.sqrt(np.sum(size[main // 2 :] ** 2))
         return slow & (np.arange(size.size) < main // 2)
@@ -217,9 +217,7 @@ def record_states(recovery: Recovery, joint: int, name: str, mean_moment: float 
     )
     guard = int(np.ceil(periods * run.sample_rate / max(highest, 1e-9)))
     slowest = rate_limit(rate, rate_noise, share)
-    moving = moving_mask(rate, slowest, guard)
-    edge = int(np.ceil(SUBSTRUCTURE.edge * run.sample_rate / max(highest, 1e-9)))
-    moving[:edge] = moving[n - edge :] = False
+    moving = moving_mask(rate, slowest, guard) & within_record(n, run.sample_rate, highest)
     return ForceStates(
         run=name, frequency=None, level=run.level, sample_rate=run.sample_rate, time=time,
         angle=angle, rate=rate, acceleration=acceleration, moment=moment, moving=moving,

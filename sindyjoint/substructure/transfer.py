@@ -66,9 +66,7 @@ def open_joints(structure: Structure, at: str, sensors: Sequence[Sensor], angula
     loads[:, 0] = load_row(structure, at)
     loads[:joints, 1:] = -np.eye(joints)
     w = angular[:, None, None]
-    stiffness = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
-    broad = np.broadcast_to(loads, (angular.size, *loads.shape))
-    coordinates = np.asarray(np.linalg.solve(stiffness, broad), dtype=np.complex128)
+    coordinates = _answers(structure, angular, loads)
     shown = np.einsum("sn,wnk->wsk", sensor_rows(structure, sensors), coordinates)
     if at == BASE:
         # Sensors are on what the base carries: they show its motion, too.
@@ -76,6 +74,21 @@ def open_joints(structure: Structure, at: str, sensors: Sequence[Sensor], angula
         shown[:, :, 0] += (sensor_rows(structure, sensors) @ structure.base) / -(angular[:, None] ** 2)
     powers = np.array([ORDER[sensor.quantity] for sensor in sensors])
     return Transfer(shown * ((1j * w) ** powers[:, None]), coordinates[:, :joints], coordinates)
+
+
+LINES = 64  # of a spectrum, solved at a time
+
+
+def _answers(structure: Structure, angular: Array, loads: Array) -> Complex:
+    """Return what an open structure answers to unit loads, (K − ω²M + iωC)⁻¹·b, shapes (n, k) to (w, n, k)."""
+    answers = np.empty((angular.size, *loads.shape), dtype=np.complex128)
+    for low in range(0, angular.size, LINES):
+        w = angular[low : low + LINES, None, None]
+        stiffness = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
+        answers[low : low + LINES] = np.linalg.solve(
+            stiffness, np.broadcast_to(loads, (w.size, *loads.shape))
+        )
+    return answers
 
 
 def static_moments(structure: Structure, at: str, drive: float) -> Array | None:
@@ -110,11 +123,14 @@ class Ends(NamedTuple):
         Of the joints, less what a drift and a bend of the record are: those are the slow part's.
     unknowns : int
         Jumps that were found.
+    errors : ndarray of complex, shape (h, 2·joints, 2·modes)
+        Independent errors of what is recovered, by one standard deviation each, of all harmonics at once.
     """
 
     channels: Complex
     angles: Complex
     unknowns: int
+    errors: Complex
 
 
 def expected_jumps(sensors: Sequence[Sensor], amplitudes: Complex, angular: Array, modes: Array) -> Array:
@@ -178,23 +194,24 @@ def jump_columns(
     squared, shapes = squared[kept], shapes[:, kept]
     shapes = shapes / np.abs(np.array([*structure.points.values()]) @ shapes).max(axis=0)
     w, scale = angular[:, None, None], 2.0 / length
-    mass, damping = structure.mass @ shapes, structure.damping @ shapes
-    loads = -scale * np.concatenate(
-        [1j * w * mass + damping, np.broadcast_to(mass, (angular.size, *mass.shape))], axis=2
+    rows = np.vstack([sensor_rows(structure, sensors), np.eye(joints, len(structure.mass))])
+    # Loads and what is shown may be exchanged: the structure is symmetric.
+    answers = _answers(structure, angular, rows.T).swapaxes(1, 2)
+    by_rate = answers @ (structure.mass @ shapes)
+    by_deflection = 1j * w * by_rate + answers @ (structure.damping @ shapes)
+    moved: Complex = np.asarray(
+        -scale * np.concatenate([by_deflection, by_rate], axis=2), dtype=np.complex128
     )
-    stiffness = structure.stiffness - w**2 * structure.mass + 1j * w * structure.damping
-    coordinates = np.asarray(np.linalg.solve(stiffness, loads), dtype=np.complex128)
-    rows = sensor_rows(structure, sensors)
-    at = rows @ shapes
+    shown, turned = moved[:, : len(sensors)], moved[:, len(sensors) :]
+    at = rows[: len(sensors)] @ shapes
     none = np.zeros_like(at)
-    shown = np.einsum("sn,hnk->hsk", rows, coordinates)
     # Of a rate and of an acceleration the jumps themselves are a part.
     extra = {
-        0: np.zeros((angular.size, len(rows), 2 * shapes.shape[1]), dtype=complex),
+        0: np.zeros_like(shown),
         1: np.broadcast_to(np.hstack([at, none]), shown.shape) * scale,
         2: np.concatenate([1j * w * at, np.broadcast_to(at, (angular.size, *at.shape))], axis=2) * scale,
     }
-    channels = np.zeros((angular.size, 1 + len(rows), shown.shape[2]), dtype=complex)
+    channels = np.zeros((angular.size, 1 + len(sensors), shown.shape[2]), dtype=complex)
     for number, sensor in enumerate(sensors):
         order = ORDER[sensor.quantity]
         channels[:, 1 + number] = (1j * angular[:, None]) ** order * shown[:, number] + extra[order][
@@ -207,12 +224,17 @@ def jump_columns(
         smooth *= 0  # These sensors show them.
     sizes = expected_jumps(sensors, amplitudes, angular, np.sqrt(np.maximum(squared, 0)))
     shown_channels: Complex = np.asarray(channels * sizes, dtype=np.complex128)
-    angles: Complex = (coordinates[:, :joints] - smooth) * sizes
+    angles: Complex = (turned - smooth) * sizes
     return shown_channels, angles
 
 
 def find_ends(
-    columns: tuple[Complex, Complex], design: Complex, estimator: Complex, weight: Array, amplitudes: Complex
+    columns: tuple[Complex, Complex],
+    design: Complex,
+    estimator: Complex,
+    states: Complex,
+    weight: Array,
+    amplitudes: Complex,
 ) -> Ends:
     """Return what the ends add, the jumps found by least squares.
 
@@ -222,6 +244,8 @@ def find_ends(
         Of :func:`jump_columns`.
     design, estimator : ndarray, shapes (h, channels, unknowns), (h, unknowns, channels)
         How the channels follow drive and moments, and these the channels.
+    states : ndarray, shape (h, 2·joints, channels)
+        How what is recovered follows the channels.
     weight : ndarray, shape (h, channels)
     amplitudes : ndarray of complex, shape (channels, h)
     """
@@ -236,6 +260,9 @@ def find_ends(
     shown = np.vstack([factor[:, :unknowns], np.eye(unknowns)])
     jumps = np.linalg.lstsq(shown, np.concatenate([factor[:, unknowns], np.zeros(unknowns)]), rcond=None)[0]
     # How many of them the channels tell, and not what was expected.
-    singular = np.linalg.svd(factor[:, :unknowns], compute_uv=False)
+    _, singular, turned = np.linalg.svd(factor[:unknowns, :unknowns])
     told = float(np.sum(singular**2 / (1 + singular**2)))
-    return Ends((channels @ jumps).T, (angles @ jumps).T, round(told))
+    spread = turned.T / np.sqrt(1 + singular**2)
+    added = -states @ channels
+    added[:, : angles.shape[1]] += angles
+    return Ends((channels @ jumps).T, (angles @ jumps).T, round(told), added @ spread)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.numeric import DIFFERENCE, Array, partials, scaled_least_squares
-from sindyjoint.states import ForceStates
+from sindyjoint.states import ForceStates, moving_mask
 
 Complex = NDArray[np.complex128]
 
@@ -117,6 +117,7 @@ def find_slow(
     slow: Sequence[Slow],
     terms: Sequence[ResolvedTerm],
     weights: Array | None = None,
+    begin: Sequence[Array] = (),
 ) -> LawRows:
     """Find the unknowns of each run's slow part together with the coefficients of a law.
 
@@ -129,13 +130,15 @@ def find_slow(
         Of the law.
     weights : ndarray, shape (runs,), optional
         What rows of each run count. Default: all the same.
+    begin : sequence of ndarray, optional
+        Unknowns of each run to start from, as of a law found before. Default: as the sensors show them.
     """
     kept = [_thinned(state) for state in states]
     bases = [each.basis(state, rows) for state, each, rows in zip(states, slow, kept, strict=True)]
     moments = [state.moment[rows] for state, rows in zip(states, kept, strict=True)]
     weights = np.ones(len(states)) if weights is None else weights
-    unknowns = [each.start for each in slow]
-    if any(each.drift for each in slow):
+    unknowns = [*begin] or [each.start for each in slow]
+    if not begin and any(each.drift for each in slow):
         unknowns = _begin(states, slow, terms, kept, bases, unknowns)
     largest = max(
         float(np.ptp(state.angle[rows] + basis[0] @ values)) / 2
@@ -145,30 +148,37 @@ def find_slow(
 
     errors = np.concatenate([each.errors for each in slow])
 
-    def linearised() -> tuple[list[Array], list[tuple[Array, Array]], Array]:
+    def linearised() -> tuple[list[Array], list[tuple[Array, Array]], list[Array]]:
         found = [
             _columns_and_slopes(state, rows, basis, values, terms, coefficients)
             for state, rows, basis, values in zip(states, kept, bases, unknowns, strict=True)
         ]
-        own, slopes = [columns for columns, _ in found], [pair for _, pair in found]
         of_unknowns = [
             by_angle[:, None] * basis[0] + by_rate[:, None] * basis[1]
-            for (by_angle, by_rate), basis in zip(slopes, bases, strict=True)
+            for (_, (by_angle, by_rate)), basis in zip(found, bases, strict=True)
         ]
-        return own, slopes, _stacked(own, of_unknowns, weights)
+        return [columns for columns, _ in found], [pair for _, pair in found], of_unknowns
 
     target = np.concatenate([np.sqrt(w) * moment for w, moment in zip(weights, moments, strict=True)])
     for number in range(ROUNDS):
-        _, _, columns = linearised()
+        own, _, of_unknowns = linearised()
         if number == 0:
             # At first the law is not known, and the angles are as the sensors show them.
-            coefficients = scaled_least_squares(columns[:, : len(terms)], target, 1e-10)
-            noise = float(np.std(target - columns[:, : len(terms)] @ coefficients))
+            columns = np.vstack([np.sqrt(w) * part for w, part in zip(weights, own, strict=True)])
+            coefficients = scaled_least_squares(columns, target, 1e-10)
+            noise = float(np.std(target - columns @ coefficients))
             continue
-        said = np.concatenate([each.start - now for each, now in zip(slow, unknowns, strict=True)])
-        solved = _solve(columns, target, noise / errors, said)
-        coefficients, noise = solved[: len(terms)], float(np.sqrt(np.mean((target - columns @ solved) ** 2)))
-        steps = np.split(solved[len(terms) :], np.cumsum([each.size for each in unknowns])[:-1])
+        said = [noise / each.errors * (each.start - now) for each, now in zip(slow, unknowns, strict=True)]
+        runs = [
+            np.sqrt(w) * np.column_stack(part)
+            for w, *part in zip(weights, of_unknowns, own, moments, strict=True)
+        ]
+        coefficients, steps = _solve(runs, [noise / each.errors for each in slow], said)
+        left = [
+            run[:, -1] - run[:, :-1] @ np.append(step, coefficients)
+            for run, step in zip(runs, steps, strict=True)
+        ]
+        noise = float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
         moved = [float(np.abs(basis[0] @ step).max()) for basis, step in zip(bases, steps, strict=True)]
         unknowns = [
             value + step * min(1.0, FARTHEST * largest / max(most, 1e-300))
@@ -176,7 +186,8 @@ def find_slow(
         ]
         if max(moved) < SETTLED * largest:
             break
-    own, slopes, columns = linearised()
+    own, slopes, of_unknowns = linearised()
+    columns = _stacked(own, of_unknowns, weights)
     residual = [moment - part @ coefficients for moment, part in zip(moments, own, strict=True)]
     return LawRows(
         tuple(unknowns), coefficients, tuple(kept), columns, tuple(slopes), tuple(residual), noise / errors, weights
@@ -245,11 +256,28 @@ def _stacked(columns: Sequence[Array], blocks: Sequence[Array], weights: Array) 
     return np.vstack(parts)
 
 
-def _solve(columns: Array, target: Array, counts: Array, said: Array) -> Array:
-    """Return coefficients and steps of the unknowns; what is said of these counts beside the rows."""
-    known = np.zeros((counts.size, columns.shape[1]))
-    known[:, columns.shape[1] - counts.size :] = np.diag(counts)
-    return scaled_least_squares(np.vstack([columns, known]), np.concatenate([target, counts * said]), 1e-12)
+def _solve(
+    runs: Sequence[Array], counts: Sequence[Array], said: Sequence[Array]
+) -> tuple[Array, list[Array]]:
+    """Return coefficients and steps of the unknowns; what is said of these counts beside the rows.
+
+    Each run's unknowns are eliminated from its rows of unknowns, terms and moment by a QR decomposition: runs share the
+    terms alone.
+    """
+    factors: list[Array] = []
+    for run, count, word in zip(runs, counts, said, strict=True):
+        known = np.zeros((count.size, run.shape[1]))
+        known[:, : count.size], known[:, -1] = np.diag(count), word
+        factors.append(np.asarray(np.linalg.qr(np.vstack([run, known]), mode="r")))
+    rest = np.vstack(
+        [factor[count.size :, count.size :] for factor, count in zip(factors, counts, strict=True)]
+    )
+    coefficients = scaled_least_squares(rest[:, :-1], rest[:, -1], 1e-12)
+    steps = []
+    for factor, count in zip(factors, counts, strict=True):
+        own, others = factor[: count.size, : count.size], factor[: count.size, count.size :]
+        steps.append(scaled_least_squares(own, others[:, -1] - others[:, :-1] @ coefficients, 1e-12))
+    return coefficients, steps
 
 
 def run_weights(states: Sequence[ForceStates]) -> Array:
@@ -274,12 +302,21 @@ def run_weights(states: Sequence[ForceStates]) -> Array:
 
 
 def with_slow(state: ForceStates, slow: Slow, values: Array) -> ForceStates:
-    """Return force states with the slow part of their angle."""
+    """Return force states with the slow part of their angle, moving where they do with it, too."""
     angle, rate = (basis @ values for basis in slow.basis(state))
     replicate = state.replicate
     if replicate is not None:
         replicate = (replicate[0] + angle, replicate[1] + rate, replicate[2])
-    return replace(state, angle=state.angle + angle, rate=state.rate + rate, replicate=replicate)
+    rate = state.rate + rate
+    moving = state.moving & moving_mask(rate, state.slowest, state.guard)
+    return replace(state, angle=state.angle + angle, rate=rate, replicate=replicate, moving=moving)
+
+
+def within_record(samples: int, sample_rate: float, bandwidth: float) -> NDArray[np.bool_]:
+    """Return where the series of a record that does not repeat does not ring of its ends, shape (n,)."""
+    edge = int(np.ceil(SUBSTRUCTURE.edge * sample_rate / max(bandwidth, 1e-9)))
+    place = np.arange(samples)
+    return np.asarray((place >= edge) & (place < samples - edge))
 
 
 def _thinned(state: ForceStates) -> NDArray[np.intp]:
