@@ -346,6 +346,11 @@ class Campaign(Shown):
         return self.runs[0].quasi_static
 
     @property
+    def moves_freely(self) -> bool:
+        """Whether no run that may be used for fitting has a measured moment."""
+        return all(np.ptp(run.moment) == 0 for run in self.identification_runs)
+
+    @property
     def identification_runs(self) -> tuple[Run, ...]:
         """Runs that may be used for fitting."""
         return tuple(run for run in self.runs if run.use == "identify")

@@ -1,6 +1,6 @@
 """Terms are chosen on states as measured, then on states completed by the model found, until they stay the same."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,9 +8,11 @@ import numpy as np
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, law_coefficients, shifted
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
-from sindyjoint.equation.model import INERTIA, Fitted, JointModel
+from sindyjoint.equation.model import INERTIA, Fitted, JointModel, ModelTerm
+from sindyjoint.equation.parsing import variable_symbols
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.verdict import leaves_noise
+from sindyjoint.limits import DISCOVERY, JUDGEMENT
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, moment_floor, regression_rows
@@ -51,14 +53,76 @@ def search_completed(
     expected = {*PAPER_TERMS, INERTIA}
     if found is first or (leaves_noise(found.model) and expected.issuperset(found.model.ids)):
         return found
-    start = first.regressor.again()
     candidates = {term.id for term in first.regressor.terms_}
-    start.forced = tuple({*start.forced} | (candidates & expected - {*start.forbidden}))
-    start.forbidden = tuple(candidates - {*start.forced})
-    start.fit(**regression_rows(first.states, campaign.joint.inertia).fit_arguments())
-    law = campaign_model(start, campaign, first.states)
+    terms = {*first.regressor.forced} | (candidates & expected - {*first.regressor.forbidden})
+    law = _with_terms(terms, first, campaign).model
     other = _completed_from(law, first, campaign, say)
     return min(found, other, key=_error_left_out)
+
+
+def search_response(found: TermSearch, campaign: Campaign, say: Callable[[str], None]) -> TermSearch:
+    """Choose the terms of a free motion once more, and fit them, on its simulated response.
+
+    What dissipates little is lost in the noise of an acceleration, and shows in every cycle of the motion. Fitted
+    together are the paper's terms, and these with those found; what does not stand out of its error goes, the least
+    sure first. A term more must be worth what one must stand out. As found where the simulation leaves clearly more
+    than the noise: the law then lacks something, which other terms would stand in for.
+    """
+    candidates = {term.id for term in found.regressor.terms_}
+    paper = {*found.regressor.forced} | (candidates & {*PAPER_TERMS} - {*found.regressor.forbidden})
+    starts = [paper] if paper.issuperset(found.model.ids) else [paper, paper | {*found.model.ids}]
+    ends = [_on_response(terms, found, campaign, say) for terms in starts]
+    samples = sum(state.n_samples for state in found.states)
+    ends = [(end, misfit) for end, misfit in ends if misfit <= JUDGEMENT.clearly**2 * samples]
+    if not ends:
+        return found
+    price = JUDGEMENT.significant**2 * min(misfit for _, misfit in ends) / samples
+    return min(ends, key=lambda each: each[1] + price * len(each[0].model.terms))[0]
+
+
+def _on_response(
+    terms: Collection[str],
+    found: TermSearch,
+    campaign: Campaign,
+    say: Callable[[str], None],
+) -> tuple[TermSearch, float]:
+    """Return the surely known of some terms as the response has them, and its misfit; infinite if it has none."""
+    from sindyjoint.response.refinement import refine
+
+    terms = {*terms}
+    while terms:
+        trial = _with_terms(terms, found, campaign)
+        say("fitting the simulated response")
+        result = refine(trial.model, campaign, states=found.states)
+        if not result.refined:
+            break
+        forced = found.regressor.forced
+        sure = {t.id: _sureness(t) for t in result.model.terms if t.id not in forced}
+        weakest = min(sure, key=sure.__getitem__, default="")
+        if not weakest or sure[weakest] >= JUDGEMENT.significant:
+            return replace(trial, model=result.model), result.misfit
+        terms.discard(weakest)
+    return found, np.inf
+
+
+def _sureness(term: ModelTerm) -> float:
+    """Return how many standard errors a coefficient is from zero; none of an elastic moment within the accuracy.
+
+    Sensors are not so linear, clocks not so even; neither gives off energy.
+    """
+    dissipates = variable_symbols()[1] in term.expression.free_symbols
+    if not dissipates and term.unique_share < DISCOVERY.accuracy:
+        return 0.0
+    return abs(term.coefficient) / term.standard_error
+
+
+def _with_terms(terms: Collection[str], found: TermSearch, campaign: Campaign) -> TermSearch:
+    """Return what a regression of some terms comes to on the states of a search."""
+    fitted = found.regressor.again()
+    fitted.forced = tuple(terms)
+    fitted.forbidden = tuple({term.id for term in found.regressor.terms_} - {*terms})
+    fitted.fit(**regression_rows(found.states, campaign.joint.inertia).fit_arguments())
+    return TermSearch(fitted, campaign_model(fitted, campaign, found.states), found.states)
 
 
 def _error_left_out(found: TermSearch) -> float:

@@ -178,9 +178,11 @@ class OutputError:
             scores = np.zeros((count, p))
             np.add.at(scores, blocks, scaled * residual[:, None])
             middle = scores.T @ scores * (count / (count - p))
-            # With no part of the residual in a direction, its noise is still what it is.
-            middle += scaled.T @ scaled * 1e-3 * float(np.mean(residual**2))
-            result = inverse @ middle @ inverse
+            # Blocks are few: in no direction the residual does less than if all of it were independent noise.
+            root = vectors / np.sqrt(np.maximum(values, WITHOUT_EFFECT))
+            ratios, along = np.linalg.eigh(root.T @ middle @ root)
+            spread = np.maximum(ratios, float(np.mean(residual**2)))
+            result = (root @ along * spread) @ (root @ along).T
         else:
             result = inverse * float(residual @ residual) / max(residual.size - x.size, 1)
         # Such a direction has no part of the residual either, and the products above hold none of it.

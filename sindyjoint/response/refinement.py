@@ -14,12 +14,15 @@ from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, rms, scaled_least_squares
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.compared import law_of_test, predicts_worse
+from sindyjoint.response.drive import cycle_of
 from sindyjoint.response.output_error import ROUGH_STEP, OutputError, without_negative_friction
 from sindyjoint.response.output_error_runs import NUISANCE, Nuisance, Parameter, range_of, term_columns
 from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
 
 MOST_EVALUATIONS = 40
+# Of a free motion, to which it is fitted first.
+FIRST_CYCLES = 2
 # Two ends whose numbers differ by less than this share of their scales are one.
 SAME_END = 0.02
 
@@ -143,6 +146,8 @@ def refine(
     if progress is not None:
         progress("fitting the simulated response")
     others = [problem.start_of(other) for other in spread_starts(problem.model, states)]
+    if all(record.goes_on_alone for record in problem.runs):
+        others.insert(0, _grown(problem, pairs, problem_of))
     refined = _summarise_refinement(model, problem, _best_end(problem, start, others), before, left_out)
     # An error of a channel is of all runs: where one is estimated, those kept out are not comparable without it.
     worse = (
@@ -154,6 +159,24 @@ def refine(
         reason = f"not refined: {worse}; the model lacks something that its numbers cannot stand in for"
         return Refinement(model, False, reason, before, {}, {}, ())
     return replace(refined, model=_update_residual(_without_stale(model, refined.model), states, test))
+
+
+def _grown(
+    problem: OutputError,
+    pairs: Sequence[tuple[Run, ForceStates]],
+    problem_of: Callable[[Sequence[tuple[Run, ForceStates]]], OutputError],
+) -> Array:
+    """Return parameters fitted to the first cycles of runs that nothing drives, to twice as many, and so on.
+
+    Over many cycles a wrong period has optima of its own, in which the phase is off by whole ones.
+    """
+    x, cycles = problem.table[0], FIRST_CYCLES
+    lengths = [state.n_samples / state.sample_rate / cycle_of(state) for _, state in pairs]
+    while cycles < max(lengths):
+        ends = [(run, s.part(0.0, min(cycles / n, 1.0))) for (run, s), n in zip(pairs, lengths, strict=True)]
+        x = _fit(problem_of(ends), x, MOST_EVALUATIONS)[0]
+        cycles *= 2
+    return x
 
 
 def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Array:

@@ -159,11 +159,14 @@ def repeats(run: Run) -> bool:
     """Return whether the second half of the run repeats with the excitation frequency.
 
     The frequency is the declared one, or else the strongest line; the run repeats when shifting it by one period
-    changes it by less than 0.2·√2 of its RMS (independent noise of 20 % in both halves).
+    changes it by less than 0.2·√2 of its RMS (independent noise of 20 % in both halves). What no moment drives at that
+    frequency dies away, however slowly.
     """
     frequency = run.frequency if run.frequency is not None else estimate_frequency(run)
     per = run.sample_rate / frequency
     if per < 10 or run.n_samples < (STATES.fewest + 0.5) * per:
+        return False
+    if not _driven_at(run, frequency):
         return False
     late = run.angle[run.n_samples // 3 :]
     grid = np.arange(late.size)
@@ -186,6 +189,15 @@ def repeats(run: Run) -> bool:
         - late[: int(late.size - np.ceil(lag))]
     )
     return bool(np.sqrt(np.mean(far**2)) <= STATES.large_part * np.sqrt(2) * spread)
+
+
+def _driven_at(run: Run, frequency: float) -> bool:
+    """Return whether the moment has a line at a frequency that stands out of the rest of it as of white noise."""
+    wave = np.exp(-2j * np.pi * frequency / run.sample_rate * np.arange(run.n_samples))
+    moment = run.moment - np.mean(run.moment)
+    line = abs(wave @ moment) * np.sqrt(2 / run.n_samples)
+    rest = max(float(moment @ moment) - line**2, 0.0) / run.n_samples
+    return bool(line > STATES.stands_out * np.sqrt(rest))
 
 
 def one_after_another(campaign: Campaign, states: Sequence[ForceStates]) -> tuple[ForceStates, ...]:

@@ -1,7 +1,7 @@
 """Force states, which every route from signals returns: where the joint moves, and the rows of a regression."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -172,6 +172,12 @@ class ForceStates:
     def n_samples(self) -> int:
         """Number of samples, moving or not."""
         return self.angle.size
+
+    def part(self, low: float, high: float) -> "ForceStates":
+        """Return a share of the samples."""
+        chosen = slice(int(low * self.n_samples), int(high * self.n_samples))
+        names = ("time", "angle", "rate", "acceleration", "moment", "moving", "block")
+        return replace(self, replicate=None, **{name: getattr(self, name)[chosen] for name in names})
 
     @property
     def moving_fraction(self) -> float:

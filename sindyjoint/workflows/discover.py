@@ -28,6 +28,7 @@ from sindyjoint.judgement.term_search import (
     TermSearch,
     campaign_model,
     search_completed,
+    search_response,
     with_delay_uncertainty,
 )
 from sindyjoint.judgement.verdict import (
@@ -107,7 +108,7 @@ def discover(
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     correct : bool
         Choose the terms again on force states that are completed, by a simulation of the model, with the part of the
-        motion that their processing cuts off.
+        motion that their processing cuts off; of a free motion then on the simulated response.
     paper : bool
         Put the question of the paper's five terms first, as for the paper's joints.
     rng : int, Generator or None
@@ -167,6 +168,8 @@ def discover(
         ) -> tuple[TermSearch, Verdict, ChannelDelay | None]:
             first = _select_terms(fresh, prepared, here, bandwidth, say)
             best = search_completed(first, prepared.moved, say) if correct and not long else first
+            if correct and not long and best.model.terms and prepared.campaign.moves_freely:
+                best = search_response(best, prepared.moved, say)
             return best, *_judge_terms(best, prepared)
 
         best, verdict, left_in = find(regressor, prepared)

@@ -12,7 +12,7 @@ from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, score_of
 from sindyjoint.diagnosis.campaign.other_starts import CONSTANT, with_delay, with_zero_fitted
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
-from sindyjoint.diagnosis.campaign.start import Work, is_free
+from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.evidence.score import Ranking, Score
@@ -216,7 +216,7 @@ def find_effects(problem: Problem, most: int, say: Say) -> Found:
     given = [each for each in problem.found if not each.shifts]
     known = {*(each.name for each in problem.found), *problem.work.model.ids}
     begun = Begun(problem.work, problem.candidates, given).without(known)
-    settled = is_free(problem.work.campaign) or len(given) < len(problem.found)
+    settled = problem.work.campaign.moves_freely or len(given) < len(problem.found)
     delayed = None if settled else with_delay(problem)
     own, straight = (begun.work,) * 2 if delayed is None else _in_common(begun.work, delayed.problem.work)
     plain = _found(replace(begun, work=own), most, say)

@@ -18,7 +18,7 @@ from sindyjoint.diagnosis.campaign.repair import (
     simulated,
 )
 from sindyjoint.diagnosis.campaign.rows import GapRun
-from sindyjoint.diagnosis.campaign.start import Work, is_free
+from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.diagnosis.parts import Place, Regions, most_informative
 from sindyjoint.diagnosis.result import Gap, RunGap
@@ -53,7 +53,7 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
         return Gap(_kept_moment(work, model, effects) if np.isnan(moment) else moment, response)
     size = moment_size(work.states, work.campaign.joint.inertia)
     moment = held_out_gap(work.rows, model, adding, work.noise, work.policy, size=size)
-    of_response = continuation_gap if is_free(work.campaign) else response_gap
+    of_response = continuation_gap if work.campaign.moves_freely else response_gap
     return Gap(moment, of_response(work, model, effects))
 
 

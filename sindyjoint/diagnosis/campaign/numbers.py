@@ -263,7 +263,7 @@ def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffe
     that part ends. NaN where no run can be simulated.
     """
     share, policy = work.policy.training_share, work.policy
-    parts = [(_part(s, 0.0, share), _part(s, share, 1.0)) for s in work.states]
+    parts = [(s.part(0.0, share), s.part(share, 1.0)) for s in work.states]
     if min(s.n_samples for pair in parts for s in pair) < 50:
         return float("nan")
     training = [first for first, _ in parts]
@@ -283,34 +283,14 @@ def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffe
 def refined(
     campaign: Campaign, states: Sequence[ForceStates], rows: Sequence[GapRun], repaired: Repaired
 ) -> Repaired:
-    """Return model and effects with coefficients refined on the simulated response, where they all are terms.
+    """Return model and effects with their numbers refined on the simulated response, where all belong to the law.
 
     Half-cycles are linear in the coefficients, and a simulation over many of them is not.
     """
-    if not all(e.is_term and len(e.variant.columns) == 1 for e in repaired.effects):
-        return repaired
-    whole = whole_model(repaired, rows)
-    if len(whole.terms) != len(repaired.model.terms) + len(repaired.effects):
+    if not all(e.is_term or is_element(e) for e in repaired.effects):
         return repaired
     try:
-        result = refine(whole, campaign, states=states)
+        result = refine(whole_model(repaired, rows), campaign, states=states)
     except SindyJointError:
         return repaired
-    if not result.refined:
-        return repaired
-    later = result.model
-    terms = tuple(replace(later[t.id], unique_share=t.unique_share) for t in repaired.model.terms)
-    effects = tuple(
-        replace(e, coefficients=np.array([later[e.effect.id].coefficient])) for e in repaired.effects
-    )
-    covariance = np.array(later.covariance)
-    own = tuple(tuple(map(float, row[: len(terms)])) for row in covariance[: len(terms)])
-    model = replace(repaired.model, terms=terms, covariance=own)
-    return replace(repaired, model=model, effects=effects, covariance=covariance)
-
-
-def _part(states: ForceStates, low: float, high: float) -> ForceStates:
-    """Return a share of the samples."""
-    chosen = slice(int(low * states.n_samples), int(high * states.n_samples))
-    names = ("time", "angle", "rate", "acceleration", "moment", "moving", "block")
-    return replace(states, replicate=None, **{name: getattr(states, name)[chosen] for name in names})
+    return from_whole(repaired, rows, result.model) if result.refined else repaired

@@ -32,7 +32,6 @@ from sindyjoint.diagnosis.campaign.start import (
     cut_up,
     find_drift,
     first_model,
-    is_free,
     without_drift_found,
 )
 from sindyjoint.diagnosis.campaign.unnamed import make_budget
@@ -197,12 +196,12 @@ class CampaignProblem(Problem):
     @property
     def moves_freely(self) -> bool:
         """Whether no run has a measured moment."""
-        return is_free(self.work.campaign)
+        return self.work.campaign.moves_freely
 
     @property
     def _goes_on_as_simulated(self) -> bool:
-        """Whether a free motion does, within what its noise is known to."""
-        return bool(self.gap.response <= self.policy.clearly * self.noise_floor.response)
+        """Whether a free motion does: by no more than noise, and the errors of numbers, beyond the floor."""
+        return bool(self.gap.response <= (1 + self.policy.minor_share) * self.noise_floor.response)
 
     def cost(self) -> float:
         """Return the negative score of the set found, and what its members must win at least, nats."""
@@ -226,7 +225,7 @@ class CampaignProblem(Problem):
     def finished(self) -> Self:
         """Return the problem; the coefficients of free motion are refined on the simulated response."""
         work = self.work
-        if not is_free(work.campaign):
+        if not work.campaign.moves_freely:
             return self
         return replace(self, repaired=refined(work.campaign, work.states, work.rows, self.repaired))
 

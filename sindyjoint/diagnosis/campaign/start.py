@@ -73,7 +73,7 @@ class Work:
         policy: DiagnosisPolicy = CAMPAIGN,
     ) -> "Work":
         """Return the work with the rows that its states, and the model with its effects, make."""
-        free = is_free(campaign)
+        free = campaign.moves_freely
         rows = gap_runs(states, model, groups, policy, free=free)
         errors = processing_errors(runs, states, rows, model, effects, policy)
         plain = without_processing(rows, errors)
@@ -98,7 +98,7 @@ class Work:
 
     def moment_rows(self) -> tuple[GapRun, ...]:
         """Return rows that are moments of the joint, in free motion too."""
-        if not is_free(self.campaign):
+        if not self.campaign.moves_freely:
             return self.rows
         return gap_runs(self.states, self.model, self.groups, self.policy)
 
@@ -121,11 +121,6 @@ class Work:
             s.run: transfer_noise(s, self.model.inertia) if s.method == "periodic" else s.noise.moment
             for s in self.states
         }
-
-
-def is_free(campaign: Campaign) -> bool:
-    """Return whether no run has a measured moment."""
-    return all(np.ptp(run.moment) == 0 for run in campaign.identification_runs)
 
 
 def kept_out(campaign: Campaign, names: Sequence[str]) -> Campaign:
@@ -168,7 +163,7 @@ def applicable(
         variants = tuple(v for v in effect.variants if timed or not v.uses & {"time", "elapsed"})
         if variants:
             kept.append(replace(effect, variants=variants))
-    if not is_free(campaign):
+    if not campaign.moves_freely:
         return tuple(kept)
     return tuple(e for e in kept if e.id != "inertia_error" and e.enters != "time shift")
 
