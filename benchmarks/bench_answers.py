@@ -47,7 +47,10 @@ def answers(folder: Path) -> dict[str, Any]:
 
 def trusts(found: dict[str, Any]) -> dict[str, Any]:
     """Return the trust of each verb, or why it gave no answer."""
-    return {verb: each.get("trust", each) for verb, each in found.items()}
+    return {
+        verb: each.get("trust") or {"failed": each.get("failed") or [each.get("verdict", "refused")]}
+        for verb, each in found.items()
+    }
 
 
 def row(verb: str, trust: dict[str, Any]) -> str:
@@ -76,7 +79,7 @@ def kept(folder: str, found: dict[str, Any]) -> dict[str, Any]:
     """Return what a table says of a folder: answers, gaps and floor; verdict, names and gaps of the diagnosis."""
     record: dict[str, Any] = {"folder": folder, "agree": "yes" if agree(trusts(found)) else "no"}
     for verb in ("discover", "diagnose"):
-        trust = found[verb].get("trust", {})
+        trust = found[verb].get("trust") or {}
         explained = trust.get("explained", {})
         record[verb] = trust.get("answer", "refused")
         record[f"{verb}_gap"], record["floor"] = explained.get("gap"), explained.get("floor")

@@ -15,7 +15,7 @@ from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.inputs import fixed_notes
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.headlines import judge_diagnosis
-from sindyjoint.judgement.trust import assess
+from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.record import Campaign
 from sindyjoint.response.compared import corrected
 from sindyjoint.response.laws import as_followed
@@ -157,4 +157,5 @@ def stopped(checked: Check[Campaign], model: JointModel | None) -> Diagnosis:
         model=model,
         soundness=checked.soundness,
         stopped=checked,
+        trust=Trust((judge_soundness(checked.soundness, checked.measured.simulated, model.joint.motion),)),
     )

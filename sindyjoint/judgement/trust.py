@@ -21,7 +21,7 @@ from sindyjoint.errors import InputError, SindyJointError, StandstillError
 from sindyjoint.limits import JUDGEMENT
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.compared import law_of_test
+from sindyjoint.response.compared import law_of_test, simulated_gap
 from sindyjoint.response.completion import completed_states
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.run import along_motion, cut_states, settling
@@ -129,11 +129,26 @@ def assess(
         if math.isnan(gap.value):
             raise StandstillError("under it the joint moves in none of them")
         predicts = _predicts(model, campaign, test, seen, states, gap)
+        if campaign.moves_freely:
+            predicts = _goes_on(predicts, model, campaign, test)
     except SindyJointError as error:
         lost = Light("explained", "poor", f"the model cannot be held against these runs: {error}")
         unknown = Light("predicts", "poor", "nothing could be predicted")
         return data, lost, unknown, _determined(model, campaign)
     return data, judge_gap(gap, floor, model.joint.motion), predicts, _determined(model, campaign)
+
+
+def _goes_on(predicts: Light, model: JointModel, campaign: Campaign, test: TestNuisances) -> Light:
+    """Return what a law predicts of a free motion: nothing, where its simulation misses most of what was measured."""
+    missed = simulated_gap(model, campaign, test)
+    if missed <= JUDGEMENT.mostly:
+        return predicts
+    words = (
+        f"the simulated motion misses by {percent(missed)}"
+        if missed > 0
+        else "the motion cannot be simulated"
+    )
+    return replace(predicts, colour="poor", sentence=f"{predicts.sentence}, yet {words}")
 
 
 def judge_soundness(soundness: Soundness, simulated: bool, motion: str) -> Light:

@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from sindyjoint import diagnose, discover
 from sindyjoint.diagnosis.campaign.rows import HalfCycles, reversals, transition_steps
 from sindyjoint.equation import load_catalogue
+from sindyjoint.judgement.trust import assess
 from sindyjoint.record import Campaign, Joint, Run
 
 INERTIA, STIFFNESS, DAMPING = 1.0, 64.0, 0.05
@@ -197,3 +198,11 @@ def test_a_slow_decay_is_no_steady_run_and_shows_what_little_damps_it(seed):
         low, high = term.interval95
         assert abs(term.coefficient - true[term.id]) < 0.75 * (high - low)
         assert high - low < 0.4 * true[term.id]
+    wrong = [1.1 * t.coefficient if t.id == "linear_stiffness" else t.coefficient for t in found.model.terms]
+    lights = assess(
+        found.model.with_numbers(wrong),
+        found.campaign,
+        found.soundness,
+        {run.name: True for run in found.campaign.runs},
+    )
+    assert "the simulated motion misses by" in lights[2].sentence and lights[2].colour == "poor"
