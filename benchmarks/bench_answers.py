@@ -64,13 +64,14 @@ def row(verb: str, trust: dict[str, Any]) -> str:
 
 
 def agree(found: dict[str, Any]) -> bool:
-    """Return whether verbs that were asked about one model give one answer, and all of them one floor."""
+    """Return whether verbs that answer about one model give one answer, and all of them one floor."""
+    given = {verb: trust for verb, trust in found.items() if "failed" not in trust}
     same = all(
-        found[one].get("answer") == found[other].get("answer")
+        given[one]["answer"] == given[other]["answer"]
         for one, other in PAIRS
-        if one in found and other in found
+        if one in given and other in given
     )
-    floors = [trust.get("explained", {}).get("floor") for trust in found.values() if "failed" not in trust]
+    floors = [trust.get("explained", {}).get("floor") for trust in given.values()]
     known = [floor for floor in floors if floor]
     return same and len(known) in (0, len(floors)) and (not known or max(known) <= 1.1 * min(known))
 
