@@ -24,5 +24,5 @@ def test_methods_of_the_command_line_are_those_of_discovery():
 def test_an_optimizer_of_pysindy_is_a_method():
     for name in ("STLSQ", "SR3", "SSR", "FROLS"):
         JointRegressor(method=f"pysindy:{name}").check_parameters()
-    with pytest.raises(UnknownNameError, match="no optimizer 'STLQ'; did you mean STLSQ?"):
+    with pytest.raises(UnknownNameError, match="no optimizer 'STLQ'; did you mean 'STLSQ'?"):
         JointRegressor(method="pysindy:STLQ").check_parameters()
