@@ -9,7 +9,7 @@ found is a model of pysindy, too: print, equations, coefficients, predict, score
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,7 @@ class UniqueShareSTLSQ(SelectionRules, BaseOptimizer):
     ['linear_stiffness', 'cubic_stiffness', 'coulomb_friction']
     """
 
+    threshold: float | None = field(default=None, kw_only=False)  # positional, as of STLSQ
     forbidden: Sequence[Column] = ()
     groups: ArrayLike | None = None
     runs: ArrayLike | None = None

@@ -146,3 +146,7 @@ def test_bad_parameters_are_refused_in_fit(labelled, options, error, message):
     columns = np.asarray(TermLibrary("paper").fit(X).transform(X))
     with pytest.raises(error, match=message):
         UniqueShareSTLSQ(**options).fit(columns, y)
+
+
+def test_the_threshold_stands_alone_as_that_of_pysindys_does():
+    assert UniqueShareSTLSQ(0.1).threshold == pysindy.STLSQ(0.1).threshold == 0.1
