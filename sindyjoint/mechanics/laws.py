@@ -57,9 +57,7 @@ class Law(ABC):
     def _evaluate(self, angle: ArrayLike, rate: ArrayLike, direction: ArrayLike, state: Any) -> Array:
         from sindyjoint.mechanics.kernels import evaluate_law
 
-        theta, omega, s = np.broadcast_arrays(
-            *(np.asarray(x, dtype=np.float64) for x in (angle, rate, direction))
-        )
+        theta, omega, s = np.array(np.broadcast_arrays(angle, rate, direction), dtype=np.float64)
         z = np.zeros((self.n_states, theta.size)) if state is None else np.array(state, dtype=np.float64)
         out = np.empty((1 + self.n_states, theta.size))
         law, flat = self.compiled(), (theta.ravel(), omega.ravel(), s.ravel())
