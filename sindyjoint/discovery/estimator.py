@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -108,7 +109,8 @@ class JointRegressor(RegressorMixin, BaseEstimator, TermRegression):
         ----------
         X : array_like, shape (n, 2 + k) or (n, 3 + k)
             Moving force states: θ rad, θ̇ rad/s and, to identify the inertia as a term, θ̈ rad/s²; then the k inputs.
-            Rows of one run follow one another in time.
+            Rows of one run follow one another in time. Without inputs, columns from the fourth on are not used, with a
+            warning.
         y : array_like, shape (n,)
             Transfer moment N·m, or with θ̈ in X the moment at the sensor.
         groups : array_like, shape (n,), optional
@@ -131,9 +133,23 @@ class JointRegressor(RegressorMixin, BaseEstimator, TermRegression):
         names = input_names(self.inputs)
         X = ordered_frame(X, names)
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
+        given = X.shape[1]
+        if given > 3 and not names:
+            warnings.warn(
+                f"X has {given} features; angle, rate and acceleration are used, the others are not: name them in "
+                "`inputs` if the moment may depend on them",
+                stacklevel=2,
+            )
         labels = {"runs": runs, "blocks": blocks, "X_replicate": X_replicate, "y_replicate": y_replicate}
-        super().fit(X, y, groups, sample_weight, **labels)
+        super().fit(X if names else X[:, :3], y, groups, sample_weight, **labels)
+        self.n_features_in_ = given
         return self
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        # The score that scikit-learn asks for is that of a target in ten columns, of which a force state has three.
+        tags.regressor_tags.poor_score = True
+        return tags
 
     @property
     def library_(self) -> TermLibrary:
@@ -146,7 +162,8 @@ class JointRegressor(RegressorMixin, BaseEstimator, TermRegression):
         """Return the moment at force states, shape (n,), N·m."""
         check_is_fitted(self)
         X = ordered_frame(X, input_names(self.inputs))
-        return super().predict(validate_data(self, X, dtype=np.float64, reset=False))
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        return super().predict(X if self.inputs else X[:, :3])
 
 
 # The position of what the name of a column speaks of: angle, rate, acceleration.
