@@ -1,7 +1,7 @@
 """The records of a diagnosis."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -362,7 +362,7 @@ class Diagnosis(Shown):
     rig: str = ""
     records: tuple[RecordGap, ...] = field(default=(), repr=False)
     soundness: Soundness | None = None
-    stopped: Check | None = field(default=None, repr=False)
+    stopped: Check[Any] | None = field(default=None, repr=False)
     trust: Trust | None = field(default=None, repr=False)
     search: AdviceSearch = AdviceSearch()
     uncertainty: Gap = Gap(0.0, 0.0)

@@ -187,7 +187,7 @@ def _resolution(time: Array) -> float:
 
 def resampled(
     time: Array, signals: dict[str, Array], where: str, row: Callable[[int], str]
-) -> tuple[dict, float]:
+) -> tuple[dict[str, Array], float]:
     """Interpolate irregular samples by cubic splines onto a uniform grid of the median step.
 
     Returns

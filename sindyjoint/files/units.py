@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sindyjoint.errors import UnitError
 
@@ -104,11 +104,11 @@ _TORQUES = [re.compile(pair) for pair in (rf"{_PULL}\s*[-*.]?\s*{_ARM}", rf"{_AR
 
 
 @lru_cache(maxsize=1)
-def registry() -> pint.UnitRegistry:
+def registry() -> pint.UnitRegistry[Any]:
     """Return the one registry of this package, with the spellings that test laboratories use."""
     import pint
 
-    units: pint.UnitRegistry = pint.UnitRegistry()
+    units: pint.UnitRegistry[Any] = pint.UnitRegistry()
     # pint reads "Nm" as a textile unit (number metric).
     units.define("newton_meter = newton * meter = Nm")
     units.define("newton_millimeter = newton * millimeter = Nmm")

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -307,7 +308,7 @@ def _npz(columns: Columns, remark: str) -> bytes:
     return buffer.getvalue()
 
 
-def _remarked(remark: str) -> dict[str, NDArray]:
+def _remarked(remark: str) -> dict[str, NDArray[Any]]:
     return {"remark": np.array(remark)} if remark else {}
 
 

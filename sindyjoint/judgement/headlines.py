@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sindyjoint.judgement.headline import (
     EXPORT,
@@ -38,7 +38,7 @@ MOST_STEPS = 2
 NAMED: dict[str, Colour] = {"nothing_missing": "good", "named": "good", "unknown": "poor"}
 
 
-def judge_check(check: Check) -> Trust:
+def judge_check(check: Check[Any]) -> Trust:
     """Return whether a model can be made of some data, and what to do with them."""
     soundness, runs = check.soundness, check.measured.identification_runs
     subject = "RIG" if check.words.structure else "CAMPAIGN"

@@ -1,6 +1,7 @@
 """Steps of a structure with joints: whole steps in compiled code, and the instants at which joints change."""
 
 import math
+from typing import Any
 
 import numpy as np
 import scipy
@@ -100,7 +101,7 @@ def margins(direction: Array, moments: Array, v1: Array, rate_scale: float) -> A
 class Crossing:
     """One grid step in which joints change: advances from event to event to the end of the step."""
 
-    def __init__(self, stepper: Stepper, excitation: Excitation, time: float, state: tuple, direction: Array,
+    def __init__(self, stepper: Stepper, excitation: Excitation, time: float, state: tuple[Any, ...], direction: Array,
                  work: Array, rate_scale: float):  # fmt: skip
         self.stepper, self.excitation, self.time = stepper, excitation, time
         self.q, self.v, self.z = (x.copy() for x in state)
@@ -133,7 +134,7 @@ class Crossing:
         self.direction[j] = side_of(self._moments()[j])
         self.events += 1
 
-    def accept(self, x: float, trial: tuple) -> None:
+    def accept(self, x: float, trial: tuple[Any, ...]) -> None:
         """Take a trial step."""
         *state, _, work = trial
         self.q, self.v, self.z = (x.copy() for x in state)
@@ -180,13 +181,15 @@ class Crossing:
             time=self.time,
         )
 
-    def _first_change(self, x: float, wrong: list[int], now: Array, then: Array) -> tuple[float, tuple]:
+    def _first_change(
+        self, x: float, wrong: list[int], now: Array, then: Array
+    ) -> tuple[float, tuple[Any, ...]]:
         """Return at which share of a time x the first of some joints changes, and the trial step up to there.
 
         `now` and `then` are the rooms of all joints at both ends.
         """
         ends = {0.0: float(min(now[wrong])), 1.0: float(min(then[wrong]))}
-        last: tuple[float, tuple] = -1.0, ()
+        last: tuple[float, tuple[Any, ...]] = -1.0, ()
 
         def room(share: float) -> float:
             nonlocal last

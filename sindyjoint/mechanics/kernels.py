@@ -264,7 +264,7 @@ Integers = NDArray[np.int64]
 
 @lru_cache(maxsize=256)
 def program_of_expressions(
-    expressions: tuple, states: tuple[str, ...], parameters: tuple[str, ...]
+    expressions: tuple[Any, ...], states: tuple[str, ...], parameters: tuple[str, ...]
 ) -> tuple[Array, Integers, Integers]:
     """Return the program of sympy expressions (moment, then state rates); ``sign(omega)`` is the direction of slip.
 

@@ -223,7 +223,7 @@ class VirtualTest:
 
     def measured(
         self, moment: Array, angle: Array, generator: np.random.Generator
-    ) -> tuple[Array, Array, dict]:
+    ) -> tuple[Array, Array, dict[str, Array]]:
         """Return moment and angle as measured, and the raw channels (empty when not asked for)."""
         if not self.raw:
             return self.moment_channel.read(moment, generator), self.angle_channel.read(angle, generator), {}

@@ -7,9 +7,10 @@ import numpy as np
 
 from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.equation.model import JointModel
+from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import Information, Sensors, chosen_terms, half_widths
-from sindyjoint.planning.runs import Actuator, PlannedRun
+from sindyjoint.planning.runs import PlannedRun
 
 TELL_APART = "tell-apart"
 

@@ -10,7 +10,7 @@ import numpy as np
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import PLANNING
-from sindyjoint.mechanics.excitation import SINE, driven_at
+from sindyjoint.mechanics.excitation import SINE, Actuator, driven_at
 from sindyjoint.numeric import Array
 from sindyjoint.planning.information import (
     Information,
@@ -21,7 +21,7 @@ from sindyjoint.planning.information import (
 )
 from sindyjoint.planning.plan import DRAWS, Now, Plan, Prediction, Step, counted_runs, predictions
 from sindyjoint.planning.prior import Prior
-from sindyjoint.planning.runs import Actuator, PlannedRun, candidates, motion
+from sindyjoint.planning.runs import PlannedRun, candidates, motion
 from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
 from sindyjoint.response.laws import model_law
 from sindyjoint.text import list_some, percent, spelled

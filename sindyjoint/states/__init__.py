@@ -1,6 +1,8 @@
 """From measured moment and angle to force states (θ, θ̇, θ̈, M, moving)."""
 
-from sindyjoint.states.broadband import BLOCKS, WIDEST, broadband_states, dwells, smoothing_kernels
+from sindyjoint.measurement.noise import WIDEST
+from sindyjoint.numeric import smoothing_kernels
+from sindyjoint.states.broadband import BLOCKS, broadband_states, dwells
 from sindyjoint.states.build import (
     Choice,
     aligned_run,

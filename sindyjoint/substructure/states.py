@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy
@@ -337,7 +337,7 @@ def worth_of_sensors(test: RigTest, recoveries: Sequence[Recovery]) -> Array:
         spectra, angular = strongest(recovery.freed, HARMONICS)
         design = open_joints(test.structure, test.at, test.sensors, angular).design
 
-        def information(variance: Array, spectra=spectra, design=design) -> Array:
+        def information(variance: Array, spectra: Any = spectra, design: Any = design) -> Array:
             estimator = solved(design, np.sqrt(variance.T), spectra.amplitudes.T)[0][:, 1:]
             return np.sum(1 / np.einsum("hkc,ch->hk", np.abs(estimator) ** 2, variance), axis=0)
 

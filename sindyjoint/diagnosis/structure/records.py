@@ -20,9 +20,10 @@ from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
+from sindyjoint.response.output_error import DRAWS
 from sindyjoint.states import ForceStates
 from sindyjoint.substructure.recovery import Recovery
-from sindyjoint.substructure.simulated.segments import DRAWS, Channels, SegmentedRun
+from sindyjoint.substructure.simulated.segments import Channels, SegmentedRun
 from sindyjoint.substructure.states import joint_states, kept_of
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -91,7 +92,7 @@ def _held(problem: PulseProblem, base: Fit) -> Array:
     return x
 
 
-def _parallel(work: Callable[..., object], tasks: Sequence[tuple]) -> list:
+def _parallel(work: Callable[..., object], tasks: Sequence[tuple[Any, ...]]) -> list[Any]:
     return side_by_side(lambda task: work(*task), tasks)
 
 

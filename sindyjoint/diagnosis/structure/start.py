@@ -23,10 +23,10 @@ from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.mechanics.virtual_rig import hinges, presliding_law, with_laws, with_loss_factor
+from sindyjoint.numeric import main_frequency
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Joint
 from sindyjoint.response.laws import draw_models, model_law
-from sindyjoint.response.oscillations import main_frequency
 from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.response.verify_rig import (
     MODEL_PLACEHOLDER,

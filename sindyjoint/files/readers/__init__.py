@@ -74,7 +74,7 @@ class Table:
 
     path: Path
     names: tuple[str, ...]
-    load: Callable[[Sequence[int], int, int], Sequence[NDArray]]
+    load: Callable[[Sequence[int], int, int], Sequence[NDArray[Any]]]
     aliases: Mapping[str, int] = field(default_factory=dict)
     name_row: Callable[[int], str] = lambda index: f"row {index + 1}"
     units: tuple[str, ...] = ()
@@ -85,7 +85,7 @@ class Table:
     stop: int | None = None
 
     @classmethod
-    def of(cls, path: Path, arrays: Mapping[str, NDArray], **known: Any) -> Table:
+    def of(cls, path: Path, arrays: Mapping[str, NDArray[Any]], **known: Any) -> Table:
         """Return the table of columns that are in memory."""
         columns = list(arrays.values())
         return cls(path, tuple(arrays), lambda wanted, start, stop: [columns[at] for at in wanted], **known)
@@ -108,7 +108,7 @@ class Table:
             For rows that are not there.
         """
 
-        def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+        def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
             whole = self.load(wanted, self.first, self.rows if self.stop is None else self.stop)
             count = min(values.size for values in whole)
             if not 1 <= first < last <= count:
@@ -133,7 +133,7 @@ class Table:
         at, own, stated = other._find_column(column), len(self.names), other.stated_unit(column)
         units = [*self.units, *[""] * (own - len(self.units)), "" if stated is None else stated[1]]
 
-        def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+        def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
             mine = iter(self.load([position for position in wanted if position < own], start, stop))
             return [
                 next(mine) if position < own else other.load([at], 0, other.rows)[0] for position in wanted
@@ -208,7 +208,7 @@ class Table:
         )
         raise InputError(f"{self.path}: column {name!r} is missing; {hint}columns there: {shown or 'none'}")
 
-    def _check_column(self, name: str | int, values: NDArray, gaps: bool) -> Array:
+    def _check_column(self, name: str | int, values: NDArray[Any], gaps: bool) -> Array:
         array = np.asarray(values)
         if array.dtype.kind not in "fiub":
             raise InputError(f"{self.path}: column {name!r} holds {array.dtype}; expected real numbers")
@@ -258,7 +258,7 @@ def begins(path: Path) -> bytes:
         return file.read(16)
 
 
-def vectors(name: str, array: NDArray, subscript: str, first: int) -> dict[str, NDArray]:
+def vectors(name: str, array: NDArray[Any], subscript: str, first: int) -> dict[str, NDArray[Any]]:
     """Return a data set as named vectors: itself, or the columns of a matrix.
 
     Parameters

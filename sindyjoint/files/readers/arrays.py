@@ -46,7 +46,7 @@ def read_npz(path: Path, data: bytes) -> Table:
     InputError
         For bytes that are no archive, an array of Python objects, or content beyond the limit of memory.
     """
-    arrays: dict[str, NDArray] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     remarks: tuple[str, ...] = ()
     with foreign(path, "NPZ"), zipfile.ZipFile(io.BytesIO(data)) as archive:
         members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
@@ -87,13 +87,13 @@ def read_npy(path: Path, data: bytes | None = None) -> Table:
         raise InputError(f"{path}: has {width} columns; expected at most {MOST_COLUMNS}")
     names = dtype.names or tuple(str(position + 1) for position in range(width))
 
-    def piece(first: int, count: int) -> NDArray:
+    def piece(first: int, count: int) -> NDArray[Any]:
         offset = at + first * dtype.itemsize
         if data is None:
             return np.fromfile(path, dtype, count, offset=offset)
         return np.frombuffer(data, dtype, count, offset) if count else np.empty(0, dtype)
 
-    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
         count = min(stop, rows) - start
         if fortran and width > 1:
             return [piece(position * rows + start, count) for position in wanted]
@@ -143,7 +143,7 @@ def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Ta
     """
     h5py = library(f"{path}: reading", "h5py")
     kind, separator, subscript = ("MATLAB v7.3", ".", "(:,{})") if matlab else ("HDF5", "/", "[:,{}]")
-    columns: dict[str, Callable[[int, int], NDArray]] = {}
+    columns: dict[str, Callable[[int, int], NDArray[Any]]] = {}
     units: list[str] = []
     sizes = [0]
     with foreign(path, kind):
@@ -166,7 +166,7 @@ def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Ta
             sizes.append(shape[along] if len(shape) in (1, 2) else 0)
     cuts = list(columns.values())
 
-    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
         check_bytes(path, 8 * len(wanted) * max(stop - start, 0))
         return [cuts[position](start, stop) for position in wanted]
 
@@ -178,7 +178,7 @@ def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Ta
 
 def _vectors(
     group: Any, h5py: Any, path: Path, prefix: str = "", above: tuple[Any, ...] = ()
-) -> Iterator[tuple[str, tuple[int, ...], int, Callable[[Any], NDArray], str]]:
+) -> Iterator[tuple[str, tuple[int, ...], int, Callable[[Any], NDArray[Any]], str]]:
     """Yield name, shape, bytes of a number, access and unit of numeric data sets and fields of compounds.
 
     Names that begin with # are reserved by MATLAB.
@@ -214,7 +214,7 @@ def _vectors(
                 yield f"{name}/{field}", item.shape, size, partial(_get, path, name, item, field), ""
 
 
-def _get(path: Path, name: str, dataset: Any, field: str | None, index: Any) -> NDArray:
+def _get(path: Path, name: str, dataset: Any, field: str | None, index: Any) -> NDArray[Any]:
     """Return a part of a data set of which something was written: of one without, HDF5 gives zeros."""
     if dataset.size and not dataset.id.get_storage_size():
         raise InputError(f"{path}: data set {name!r:.60} has room for numbers, and none were written")
@@ -222,8 +222,8 @@ def _get(path: Path, name: str, dataset: Any, field: str | None, index: Any) -> 
 
 
 def _cut(
-    get: Callable[[Any], NDArray], axes: int, along: int, position: int, start: int, stop: int
-) -> NDArray:
+    get: Callable[[Any], NDArray[Any]], axes: int, along: int, position: int, start: int, stop: int
+) -> NDArray[Any]:
     """Return rows of a column of a data set whose rows lie along one of its axes."""
     rows = slice(start, stop)
     if axes != 2:
@@ -260,7 +260,7 @@ def read_mat(path: Path, data: bytes | None = None) -> Table | None:
         return read_hdf5(path, data, matlab=True)
     if data is None:
         return None
-    arrays: dict[str, NDArray] = {}
+    arrays: dict[str, NDArray[Any]] = {}
     with foreign(path, "MATLAB"):
         stored = list(read_arrays(path, data))
         for name, array in stored:
@@ -281,7 +281,7 @@ def read_mat(path: Path, data: bytes | None = None) -> Table | None:
     )
 
 
-def read_arrays(path: Path, data: bytes) -> Iterator[tuple[str, NDArray]]:
+def read_arrays(path: Path, data: bytes) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the real numeric arrays of a file, those of structs as ``struct.field``, and texts as arrays of one.
 
     Raises
@@ -313,7 +313,7 @@ class _Elements:
     def damaged(self, why: str) -> InputError:
         return InputError(f"{self.path}: cannot be read as MATLAB: {why}; it may be truncated or damaged")
 
-    def variables(self) -> Iterator[tuple[str, NDArray]]:
+    def variables(self) -> Iterator[tuple[str, NDArray[Any]]]:
         total = 0
         while self.at < len(self.data):
             code, data = self.next()
@@ -352,7 +352,7 @@ class _Elements:
         self.at = start + size + padding
         return code, self.data[start : start + size]
 
-    def numbers(self) -> NDArray:
+    def numbers(self) -> NDArray[Any]:
         """Return the next element as numbers."""
         code, data = self.next()
         if code not in NUMBERS:
@@ -362,7 +362,7 @@ class _Elements:
             raise self.damaged(f"{len(data)} bytes are no whole number of {kind.name}")
         return np.frombuffer(data, kind)
 
-    def matrix(self, data: bytes, prefix: str = "") -> Iterator[tuple[str, NDArray]]:
+    def matrix(self, data: bytes, prefix: str = "") -> Iterator[tuple[str, NDArray[Any]]]:
         """Yield the arrays of a matrix that stands in an element, or of the fields of a struct."""
         inner = _Elements(self.path, data, self.order, depth=self.depth + 1)
         flags, shape = inner.numbers(), tuple(inner.numbers().tolist())
@@ -386,7 +386,7 @@ class _Elements:
             with np.errstate(all="ignore"):
                 yield name, values.astype("?" if marks & LOGICAL else CLASSES[kind]).reshape(shape, order="F")
 
-    def fields(self, name: str) -> Iterator[tuple[str, NDArray]]:
+    def fields(self, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
         lengths, names = self.numbers(), self.next()[1]
         length = int(lengths[0]) if lengths.size else 0
         if length < 1 or len(names) % length:
@@ -400,7 +400,7 @@ class _Elements:
                 yield from self.matrix(data, f"{name}.{field}")
 
 
-def _read_version_4(path: Path, data: bytes) -> Iterator[tuple[str, NDArray]]:
+def _read_version_4(path: Path, data: bytes) -> Iterator[tuple[str, NDArray[Any]]]:
     at = 0
     while at < len(data):
         kind = number = text = rows = columns = imaginary = length = -1

@@ -116,7 +116,7 @@ def read_tdms(path: Path, data: bytes | None = None) -> Table:
     """
     nptdms = library(f"{path}: reading", "nptdms", "npTDMS")
 
-    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
         asked = [position for position in wanted if position < len(channels)]
         clocks = {steps[position] for position in asked} or set(steps)
         if len(asked) < len(wanted) and (len(clocks) != 1 or 0.0 in clocks):
@@ -208,7 +208,7 @@ def read_uff(path: Path, data: bytes) -> Table:
     names = [next(iter(own), f"function {number}") for number, own in enumerate(unique, start=1)]
     aliases = {name: position for position, own in enumerate(unique) for name in own}
 
-    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
         functions = [sets[position] for position in wanted if position < len(sets)] or sets
         time = functions[0]["x"]
         if functions is not sets and not all(np.array_equal(other["x"], time) for other in functions):

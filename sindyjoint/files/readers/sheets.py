@@ -105,13 +105,13 @@ def _table(
 class _Batches:
     """Rows of record batches, read from one of several places on; segments that follow one another are decoded once."""
 
-    def __init__(self, path: Path, edges: NDArray, begin: Callable[[int, Sequence[int]], Iterator[Any]]):
+    def __init__(self, path: Path, edges: NDArray[Any], begin: Callable[[int, Sequence[int]], Iterator[Any]]):
         self._path, self._edges, self._begin = path, edges, begin
-        self._next, self._pending = -1, list[NDArray]()
+        self._next, self._pending = -1, list[NDArray[Any]]()
         self._wanted: tuple[int, ...] = (-1,)
         self._batches: Iterator[Any] = iter(())
 
-    def __call__(self, wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+    def __call__(self, wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
         check_bytes(self._path, 8 * len(wanted) * max(stop - start, 0))
         if start != self._next or tuple(wanted) != self._wanted:
             place = int(np.searchsorted(self._edges, start, side="right")) - 1
@@ -120,7 +120,7 @@ class _Batches:
             self._take(start - self._next)
         return self._take(stop - start)
 
-    def _take(self, count: int) -> list[NDArray]:
+    def _take(self, count: int) -> list[NDArray[Any]]:
         parts = [self._pending] if self._pending else []
         have = self._pending[0].size if self._pending else 0
         while have < count and (batch := next(self._batches, None)) is not None:
@@ -182,7 +182,7 @@ def _of_sheets(first: Table, sheets: dict[str, Table]) -> Table:
     """Return the columns of sheets that are runs."""
     tables, width = list(sheets.values()), len(first.names)
 
-    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray]:
+    def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
         return [tables[at // width].load([at % width], start, stop)[0] for at in wanted]
 
     return replace(

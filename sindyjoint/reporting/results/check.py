@@ -91,7 +91,7 @@ class CheckData:
     runs: tuple[CheckedRun, ...]
 
 
-def gather_check(check: Check) -> CheckData:
+def gather_check(check: Check[Any]) -> CheckData:
     """Return what is drawn of a check."""
     channels = sum(len(run.channels) for run in check.recorded)
     segments = int(np.clip(MOST_SEGMENTS // max(channels, 1), FEWEST_SEGMENTS, SEGMENTS))
@@ -99,7 +99,7 @@ def gather_check(check: Check) -> CheckData:
     return CheckData(check.name, check.motion, check.soundness.verdict, runs)
 
 
-def _gather_run(check: Check, run: Run | Record, segments: int) -> CheckedRun:
+def _gather_run(check: Check[Any], run: Run | Record, segments: int) -> CheckedRun:
     units = check.words.units if check.words.structure else {}
     extremes = {name: find_extremes(signal, segments) for name, signal in run.channels.items()}
     traces = (
@@ -225,7 +225,7 @@ HEADLINES = {
 CSV_COLUMNS = ("id", "run", "channel", "severity", "masked", "extent", "effect", "remedy")
 
 
-def _check_of(result: Any) -> Check:
+def _check_of(result: Any) -> Check[Any]:
     """Return a check, or that at which a result stopped."""
     return result if isinstance(result, Check) else result.stopped
 

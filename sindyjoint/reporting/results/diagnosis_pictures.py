@@ -10,7 +10,7 @@ import numpy as np
 
 from sindyjoint.diagnosis.result import Diagnosis, RecordGap, RunGap
 from sindyjoint.diagnosis.verdict import reported_together
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.reporting.figure import (
     MOST_PANELS,
     Axes,
@@ -32,7 +32,7 @@ from sindyjoint.reporting.figure import (
 )
 from sindyjoint.reporting.results.verification import CYCLES_SHOWN, KEPT_SAMPLES
 from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
-from sindyjoint.response.oscillations import hilbert_envelope, main_frequency
+from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.states.surface import MAP_CELLS
 from sindyjoint.text import percent, quantities, spelled
 
