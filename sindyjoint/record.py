@@ -290,6 +290,8 @@ class Campaign(Shown):
         that all runs share.
     limits : mapping of str to float
         Largest ``"moment"``, ``"angle"`` and ``"rate"`` that a plan of further runs may reach, SI, where declared.
+    guessed : tuple of str
+        What was guessed where no file tells, such as ``"angle.unit = deg"``.
 
     Examples
     --------
@@ -313,6 +315,7 @@ class Campaign(Shown):
     inputs: tuple[Input, ...] = ()
     gain_uncertainty: Mapping[str, float] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
+    guessed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))

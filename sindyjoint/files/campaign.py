@@ -88,6 +88,7 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
             simulated=simulated,
             skew=None if skew is None else parse_quantity(skew, "s", f"{file}: [channels] skew"),
             notes=notes,
+            guessed=tuple(manifest.guessed),
             inputs=tuple(loader.inputs.inputs.values()),
             gain_uncertainty=declared_gains(channels, joint.motion, f"{file}: [channels]"),
             limits=_declared_limits(manifest.limits, joint.motion, f"{file}: [limits]"),

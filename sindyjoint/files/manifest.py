@@ -271,6 +271,10 @@ class Manifest(StrictTable):
 
     simulated: bool = Field(default=False, description="Whether the runs come from a virtual test.")
     notes: list[str] = Field(default_factory=list, description="Remarks that reports repeat.")
+    guessed: list[str] = Field(
+        default_factory=list,
+        description="Guesses of init; no result is trusted before they are removed.",
+    )
     joint: JointTable = Field(default=JointTable(), description="The joint under test.")
     channels: Channels = Field(description="Which column holds which quantity.")
     inputs: dict[

@@ -147,8 +147,8 @@ def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> st
     """Return the text of ``campaign.toml`` for runs written in SI units under the given file names."""
     joint, units, q = campaign.joint, UNITS[campaign.joint.motion], toml_string
     head = ["simulated = true"] if campaign.simulated else []
-    if campaign.notes:
-        head.append(f"notes = [{', '.join(map(q, campaign.notes))}]")
+    listed = {"notes": campaign.notes, "guessed": campaign.guessed}
+    head += [f"{key} = [{', '.join(map(q, each))}]" for key, each in listed.items() if each]
     inertia = list(units)[3]
     labels = ", ".join(f"{q(key)} = {q(value)}" for key, value in joint.labels.items())
     stated = {

@@ -76,6 +76,7 @@ def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
 
 def _find_in_campaign(campaign: Campaign, words: Words) -> Iterator[Finding]:
     raw = [record_of(run) for run in campaign.runs]
+    yield from sizes.find_guesses(campaign)
     yield from sizes.find_unequal_units(campaign, words)
     yield from sizes.find_other_sensors(campaign, words)
     yield from sizes.find_unit_mismatches(raw, words)

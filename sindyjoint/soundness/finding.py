@@ -56,6 +56,7 @@ KINDS = (
     "structure_differs",
     "swapped_channels",
     "unit_mismatch",
+    "unsettled_guess",
     "wrong_frequency",
     "zero_jumps",
 )

@@ -42,8 +42,15 @@ def test_a_unit_that_no_file_states_is_one_for_all_files(sindyjoint, tmp_path):
     assert written["channels"]["angle"]["unit"] == "deg"
     assert not any("channels" in run for run in written["run"])
     assert "guessed: angle.unit = deg for all 3 runs" in done.stdout
-    # So that no result hides it.
-    assert load_campaign(tmp_path).notes == ("guessed by init, for no file tells: angle.unit = deg",)
+    # Until it is settled no verb trusts what it finds.
+    assert load_campaign(tmp_path).guessed == ("angle.unit = deg",)
+    told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
+    (found,) = [f for f in told["findings"] if f["id"] == "unsettled_guess"]
+    assert found["severity"] == "biases" and "angle.unit = deg" in found["extent"]
+    text = (tmp_path / "campaign.toml").read_text(encoding="utf-8")
+    (tmp_path / "campaign.toml").write_text(text.replace('guessed = ["angle.unit = deg"]\n', ""))
+    told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
+    assert "unsettled_guess" not in {f["id"] for f in told["findings"]}
     # Without --yes it is asked, once, with what the files hold.
     asked = sindyjoint("init", tmp_path, "--force")
     assert asked.status == 2

@@ -69,6 +69,14 @@ def test_without_scatter_the_floor_is_the_sensor_s():
     )
 
 
+def test_no_verb_trusts_what_rests_on_a_guess(scattered, found):
+    verified = sindyjoint.verify(found.model, replace(scattered, guessed=("angle.unit = deg",)), draws=0)
+    said = figures(verified)
+    assert said["answer"] != "Yes" and said["data"]["colour"] == "fair"
+    assert "unsettled guess" in said["data"]["sentence"]
+    assert figures(found)["data"]["colour"] == "good"
+
+
 def test_verbs_never_give_two_answers_of_one_model(scattered, found):
     verified = sindyjoint.verify(found.model, scattered, draws=0)
     compared = sindyjoint.compare(

@@ -319,12 +319,11 @@ def _write(
         per_unit = f"  # no {load} was measured: coefficients are per unit of {inertia}"
     head = ["# Drafted by sindyjoint init from the files of this folder."]
     if dialogue.questions:
-        # What every result says first.
-        guessed = ", ".join(f"{each.key} = {each.guess}" for each in dialogue.questions.values())
-        note = toml_string(printable(f"guessed by init, for no file tells: {guessed}"))
+        guessed = (f"{each.key} = {each.guess}" for each in dialogue.questions.values())
         head += [
-            '# What is marked "guessed" the files do not tell: correct it, or remove the mark, and this note.',
-            f"notes = [{note}]",
+            "# No file tells this: correct it below, and remove from this list what is right. Until then no result is "
+            "trusted.",
+            f"guessed = [{', '.join(toml_string(printable(each)) for each in guessed)}]",
         ]
     joint = [
         f"name = {toml_string(printable(name))}",

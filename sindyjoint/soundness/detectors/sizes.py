@@ -75,6 +75,20 @@ def find_unequal_units(campaign: Campaign, words: Words) -> Iterator[Finding]:
             )
 
 
+def find_guesses(campaign: Campaign) -> Iterator[Finding]:
+    """Yield what was guessed of channels, units and rates, and is not settled."""
+    if campaign.guessed:
+        yield Finding(
+            "unsettled_guess",
+            None,
+            None,
+            "biases",
+            f"init guessed {', '.join(campaign.guessed)}, which no file tells",
+            "in a wrong unit or of a wrong column every coefficient is wrong",
+            "if right, remove it from 'guessed' in campaign.toml, else run sindyjoint init --force --set KEY=VALUE",
+        )
+
+
 def find_other_sensors(campaign: Campaign, words: Words) -> Iterator[Finding]:
     """Yield columns that measure what a channel does, move otherwise, and are used nowhere."""
     sources = (run.source for run in campaign.runs if run.source is not None)
