@@ -17,7 +17,7 @@ from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.laws import Law
-from sindyjoint.numeric import Array, kept
+from sindyjoint.numeric import DIFFERENCE, Array, kept
 
 # Runge-Kutta of order 4 is stable up to 2.8 of a step times the rate at which a state settles.
 STIFF, MOST_SUBSTEPS = 2.0, 512
@@ -271,12 +271,13 @@ def slip_direction(rate: ArrayLike) -> Array:
 APPROACH = 200  # samples
 
 
-def brought_from_rest(law: Law, angle: Array, rate: Array, rest: float = 0.0) -> Array:
+def brought_from_rest(law: Law, angle: Array, rate: Array, rest: float = 0.0, held: bool = False) -> Array:
     """Return the internal states of a joint brought from an angle of rest to the first one, as fast as it moves later.
 
+    Where it was ``held`` there, what relaxes has relaxed: rates of the states are then zero, by one step of Newton's.
     A state that changes at standstill is no memory of the motion but a clock, which the approach does not advance.
     """
-    from sindyjoint.mechanics.kernels import evaluate_law, integrate_states
+    from sindyjoint.mechanics.kernels import integrate_states
 
     compiled = law.compiled()
     state = np.zeros((compiled.n_states, APPROACH))
@@ -288,12 +289,16 @@ def brought_from_rest(law: Law, angle: Array, rate: Array, rest: float = 0.0) ->
     phase = np.linspace(0.0, np.pi, APPROACH)
     approach, speed = rest + 0.5 * way * (1 - np.cos(phase)), 0.5 * way * np.sin(phase) * np.pi / duration
     integrate_states(compiled.address, approach, speed, compiled.numbers, duration / (APPROACH - 1), 1, state)
-    still = np.zeros((1 + compiled.n_states, 1))
+    brought, step = state[:, -1:], DIFFERENCE * abs(way)
+    if held and np.isfinite(brought).all():
+        at = np.hstack([brought, brought + step * np.eye(compiled.n_states)])
+        none = np.zeros(at.shape[1])
+        still = law.state_rate(none + angle[0], none, none, at)
+        slopes = (still[:, 1:] - still[:, :1]) / step
+        brought = brought - np.linalg.lstsq(slopes, still[:, :1], rcond=None)[0]
     zero = np.zeros(1)
-    evaluate_law(
-        compiled.address, zero, zero, zero, np.zeros((compiled.n_states, 1)), compiled.numbers, still
-    )
-    return np.where(still[1:, 0] == 0, state[:, -1], 0.0)
+    clock = law.state_rate(zero, zero, zero, np.zeros((compiled.n_states, 1)))
+    return np.where(clock == 0, brought, 0.0)[:, 0]
 
 
 def transfer_moment(
@@ -353,11 +358,18 @@ def prescribed_motion(law: Law, angle: Excitation, samples: int, sample_rate: fl
 
 
 def internal_states(
-    law: Law, angle: ArrayLike, rate: ArrayLike, sample_rate: float, *, substeps: int = 8, rest: float = 0.0
+    law: Law,
+    angle: ArrayLike,
+    rate: ArrayLike,
+    sample_rate: float,
+    *,
+    substeps: int = 8,
+    rest: float = 0.0,
+    held: bool = False,
 ) -> Array:
     """Return the internal states of a law along a prescribed motion, shape (n_states, n).
 
-    Parameters and what is raised: :func:`transfer_moment`.
+    Parameters and what is raised: :func:`transfer_moment`; ``held``: :func:`brought_from_rest`.
     """
     from sindyjoint.mechanics.kernels import fastest_decay, integrate_states
 
@@ -370,7 +382,7 @@ def internal_states(
     compiled = law.compiled()
     state = np.zeros((compiled.n_states, theta.size))
     if compiled.n_states:
-        state[:, 0] = brought_from_rest(law, theta, omega, rest)
+        state[:, 0] = brought_from_rest(law, theta, omega, rest, held)
         step, steps = 1.0 / sample_rate, int(substeps)
         integrate_states(compiled.address, theta, omega, compiled.numbers, step, steps, state)
         decay = fastest_decay(compiled.address, theta, omega, direction, compiled.numbers, state) * step

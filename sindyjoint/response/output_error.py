@@ -13,7 +13,7 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SimulationError
 from sindyjoint.mechanics.laws import LawWithNumbers
 from sindyjoint.mechanics.segments import simulate_segments
-from sindyjoint.mechanics.stickslip import Motion, simulate_many
+from sindyjoint.mechanics.stickslip import Motion, brought_from_rest, simulate_many
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
 from sindyjoint.response.drive import FAR_OFF
@@ -29,7 +29,7 @@ from sindyjoint.response.output_error_runs import (
     nuisance_parameter,
     record_of,
 )
-from sindyjoint.response.run import along_motion, attempted, rest_of
+from sindyjoint.response.run import along_motion, attempted, followed_motion, released, rest_of
 from sindyjoint.states import ForceStates
 
 RTOL = 1e-7
@@ -271,7 +271,7 @@ class OutputError:
             record.law, [record.excitation], duration, rate if cycle is None else cycle.sample_rate,
             parameters=self._law_parameters(record, sets),
             beam_inertia=self._inertia(record, sets) - record.law.inertia,
-            initial=initial, initial_state=record.inner, limits=record.limits, rtol=RTOL,
+            initial=initial, initial_state=self._inner(record, sets), limits=record.limits, rtol=RTOL,
         )  # fmt: skip
         angle, rates, acceleration = many.angle, many.rate, many.acceleration
         if cycle is None:
@@ -282,6 +282,17 @@ class OutputError:
             cycle.at_samples(rates, acceleration),
             acceleration[:, -cycle.nodes :][:, cycle.left],
         )
+
+    def _inner(self, record: Record, sets: Array) -> Array | None:
+        """Return the internal states that each set starts from; how far what is held has yielded is its law's."""
+        if record.inner is None or not record.inner.size or not released(record.states):
+            return record.inner
+        motion, rest = followed_motion(record.states), rest_of(record.states)
+        laws = (
+            LawWithNumbers(record.law, numbers, record.law.inertia)
+            for numbers in self._law_parameters(record, sets)
+        )
+        return np.array([brought_from_rest(law, *motion, rest, held=True) for law in laws])
 
     def _simulate_segments(self, record: Record, x: Array) -> Motion:
         """Return the motion of one set by multiple shooting; internal states start as along the measured motion."""

@@ -329,7 +329,9 @@ def along_motion(
     still = without_noise_travel(states, angle, rate, 1 / sample_rate) if law.n_states else (angle, rate)
     fastest = states.frequency or states.bandwidth
     substeps = max(1, min(substeps, math.ceil(IN_A_CYCLE * fastest / sample_rate)))
-    inner = internal_states(law, still[0], still[1], sample_rate, substeps=substeps, rest=rest_of(states))
+    inner = internal_states(
+        law, still[0], still[1], sample_rate, substeps=substeps, rest=rest_of(states), held=released(states)
+    )
     moment = law.moment(angle, rate, slip_direction(rate), inner)[size:] + law.inertia * states.acceleration
     return moment + (law.added if isinstance(law, LawInRun) else 0.0), inner[:, size:]
 
@@ -337,6 +339,12 @@ def along_motion(
 def followed_motion(states: ForceStates) -> tuple[Array, Array]:
     """Return the angle and rate that internal states follow: as measured, but straight while the joint sticks."""
     return without_noise_travel(states, states.angle, states.rate, 1 / states.sample_rate)
+
+
+def released(states: ForceStates) -> bool:
+    """Return whether states begin where a free motion was held."""
+    free = states.method == "broadband" and not states.repeated and np.ptp(states.moment) == 0
+    return bool(free and states.lead is None and states.time[0] < states.dropped + 0.5 / states.sample_rate)
 
 
 def rest_of(states: ForceStates) -> float:
