@@ -198,6 +198,8 @@ class Comparison(Shown):
         What ``frequencies`` are of: samples without time, and aperiodic runs, have none.
     trust : Trust, optional
         Of the discovered model and the campaign.
+    friction : tuple of Choice
+        Laws of dry friction, fitted as they are, where an input is a load.
     """
 
     SCHEMA: ClassVar = 1
@@ -216,7 +218,7 @@ class Comparison(Shown):
             "levels",
         ),
         **same("libraries", "inclusion", "sets", "left_out", "tests", "model", "undetermined", "warnings"),
-        **same("seconds", "noise_floor", "given", "parts", "soundness"),
+        **same("seconds", "noise_floor", "given", "parts", "soundness", "friction"),
     }
     joint: str
     motion: str
@@ -241,12 +243,14 @@ class Comparison(Shown):
     parts: Literal["frequency", "level", "run"] = "frequency"
     trust: Trust | None = None
     levels: tuple[Choice, ...] = ()
+    friction: tuple[Choice, ...] = ()
 
     @property
     def groups(self) -> dict[str, tuple[Choice, ...]]:
-        """What was compared, by what: method, frequency, level, library."""
+        """What was compared, by what: method, frequency, level, library, law of friction."""
         groups = {"method": self.methods, self.parts: self.frequencies}
-        return {**groups, **({"level": self.levels} if self.levels else {}), "library": self.libraries}
+        more = {"level": self.levels, "library": self.libraries, "friction law": self.friction}
+        return groups | {by: choices for by, choices in more.items() if choices}
 
     @property
     def several(self) -> str:

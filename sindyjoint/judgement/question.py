@@ -186,14 +186,14 @@ def _residual(selection: Selection, target: float) -> float:
 
 
 def _terms(found: Found) -> tuple[ChosenTerm, ...]:
-    step = found.selection.step
-    if step is None:
-        return ()
-    errors = step.fit.standard_errors
-    half = scipy.special.stdtrit(np.maximum(step.fit.effective_degrees, 1.0), 0.975) * errors
+    return () if found.selection.step is None else _chosen(found.law, found.selection.step.fit)
+
+
+def _chosen(law: Mapping[str, float], fit: Fit) -> tuple[ChosenTerm, ...]:
+    half = scipy.special.stdtrit(np.maximum(fit.effective_degrees, 1.0), 0.975) * fit.standard_errors
     return tuple(
-        ChosenTerm(name, c, float(e), (float(c - h), float(c + h)))
-        for (name, c), e, h in zip(found.law.items(), errors, half, strict=True)
+        ChosenTerm(name, float(c), float(e), (float(c - h), float(c + h)))
+        for (name, c), e, h in zip(law.items(), fit.standard_errors, half, strict=True)
     )
 
 
@@ -267,6 +267,44 @@ def by_library(
         choice = _scored(choice, held_out)
         result.append((choice, {t.id: t.unit for t in regressor.model_.terms}))
     return tuple(result)
+
+
+def by_friction_law(question: Question) -> tuple[Choice, ...]:
+    """Fit laws of friction under a load, the rest of the found law beside each; score them on held-out groups.
+
+    Dry friction alone, and then models M1 to M4 of Duclusaud et al. (2024), Stribeck's part not loaded, and one of a
+    load's square. Empty where no input is a force, a moment or a pressure.
+    """
+    found, evidence = question.found, question.evidence
+    families = {term.id: term.term.family for term in found.regressor.terms_}
+    drag = ("coulomb_friction", "linear_damping")
+    rest = [each for each in found.model.ids if families[each] != "friction" and each not in drag]
+    laws = {"Coulomb": drag[:1], "viscous": drag, "viscous, Stribeck": (*drag, "stribeck_friction")}
+    for each in found.campaign.inputs:
+        load = f"coulomb_friction_proportional_to_{each.name}"
+        if load in evidence.ids:
+            laws[f"viscous, {each.name}"] = (*drag, load)
+            laws[f"viscous, {each.name}, Stribeck"] = (*drag, load, "stribeck_friction")
+            laws[f"viscous, {each.name} squared"] = (*drag, load, f"{load}_squared")
+    if len(laws) < 4 or len(evidence.groups) < 2:
+        return ()
+    return tuple(
+        _fitted(evidence, name, (*rest, *law)) for name, law in laws.items() if {*law} <= {*evidence.ids}
+    )
+
+
+def _fitted(evidence: Evidence, name: str, terms: Sequence[str]) -> Choice:
+    """Return given terms as a choice, with their error on each held-out group."""
+    columns = [evidence.ids.index(term) for term in terms]
+    errors = []
+    for group in evidence.groups:
+        others = fit_columns(evidence.only([each for each in evidence.groups if each != group]), columns)
+        runs = {run.name for run in evidence.runs if run.group == group}
+        errors.append(moment_error(evidence, runs, dict(zip(terms, others.coefficients, strict=True))))
+    fit = fit_columns(evidence, columns)
+    chosen = _chosen(dict(zip(terms, fit.coefficients, strict=True)), fit)
+    choice = Choice(name, chosen, "given", len(terms), residual=fit.residual_rms / evidence.target_rms)
+    return _scored(choice, pooled_error(errors))
 
 
 def hold_out_groups(question: Question) -> dict[str, CrossValidation]:

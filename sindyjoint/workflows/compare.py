@@ -26,6 +26,7 @@ from sindyjoint.judgement.question import (
     Question,
     add_responses,
     against_paper,
+    by_friction_law,
     by_group,
     by_level,
     by_library,
@@ -167,6 +168,7 @@ def _compared(
     frequencies = clock.run(f"one {parts} at a time", by_group, question)
     levels = clock.run("one level at a time", by_level, question)
     fitted = clock.run("libraries", by_library, question, libraries, forbidden)
+    friction = clock.run("laws of friction", by_friction_law, question)
     left_out = clock.run("holding out frequencies and levels", hold_out_groups, question)
     methods = clock.run("simulating held-out runs", add_responses, found, evidence, methods)
     included = clock.run(
@@ -186,6 +188,7 @@ def _compared(
         frequencies=tuple(map(against, frequencies)),
         levels=tuple(map(against, levels)),
         libraries=tuple(against(choice) for choice, _ in fitted),
+        friction=friction,
         inclusion=tuple(float(p) for p in included.probability),
         sets=included.sets,
         left_out=left_out,

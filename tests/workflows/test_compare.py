@@ -3,9 +3,10 @@
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from sindyjoint import compare, simulate
+from sindyjoint import Campaign, compare, simulate
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.reporting import write_results
@@ -157,3 +158,46 @@ def test_command_line(campaign, tmp_path):
     outcome = ask("compare", manifest, "--json", "--method", "stlsq", "--replicates", 20)
     assert outcome.status == 0, outcome.stderr
     assert json.loads(outcome.stdout)["methods"][0]["name"] == "stlsq"
+
+
+def loaded(noise, seed):
+    """Return steady sines of M = 600·θ + 1.5·θ̇ + (0.5 + 0.02·N)·sign θ̇ under the load N, made here in closed form."""
+    rng, time = np.random.default_rng(seed), np.arange(0, 2, 1e-3)
+    settings = [(3, 20), (3, 80), (4, 50), (4, 120), (5, 20), (5, 120), (6, 80), (6, 50)]
+    angles, moments = [], []
+    for number, (frequency, load) in enumerate(settings):
+        phase, amplitude = 2 * np.pi * frequency * time, 0.006 + 0.001 * number
+        angle, rate = amplitude * np.sin(phase), amplitude * 2 * np.pi * frequency * np.cos(phase)
+        moment = 600 * angle + 1.5 * rate + (0.5 + 0.02 * load) * np.sign(rate)
+        angles.append(angle + 0.4 * noise * amplitude * rng.normal(size=time.size))
+        moments.append(moment + noise * np.std(moment) * rng.normal(size=time.size))
+    return Campaign.from_arrays(
+        angle=angles, moment=moments, rate=1000.0, frequency=[f for f, _ in settings], inertia=0.0,
+        inputs={"load": [f"{load} N" for _, load in settings]}, name="gear",
+    )  # fmt: skip
+
+
+def test_laws_of_friction_under_a_load_are_tabulated_with_their_errors(tmp_path):
+    result = compare(loaded(0.005, 0), methods=["stlsq"], libraries=["paper"], replicates=10)
+    by_name = {choice.name: choice for choice in result.friction}
+    assert list(by_name) == [
+        "Coulomb", "viscous", "viscous, Stribeck", "viscous, load", "viscous, load, Stribeck", "viscous, load squared"
+    ]  # fmt: skip
+    right = by_name["viscous, load"]
+    truth = {
+        "linear_stiffness": 600, "coulomb_friction": 0.5, "linear_damping": 1.5,
+        "coulomb_friction_proportional_to_load": 0.02,
+    }  # fmt: skip
+    # Twice the 95 % interval: one of the four in 5 000 campaigns would be outside.
+    for term in right.terms:
+        low, high = term.interval95
+        assert abs(term.coefficient - truth[term.id]) < high - low
+    # What is made without the load misses the friction's change of up to a quarter of the moment; noise is 0.5 %.
+    assert by_name["viscous, Stribeck"].held_out > 20 * right.held_out
+    assert right.held_out < 0.006
+    assert right.held_out_error < 0.001
+    assert "Laws of friction under the load" in (result.report(tmp_path / "out") / "report.html").read_text()
+
+
+def test_without_a_load_no_laws_of_friction_are_compared(result):
+    assert result.friction == ()

@@ -57,6 +57,7 @@ def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) 
     whole = {
         "method": ("methods", "Methods against terms"),
         "library": ("libraries", "Libraries against terms"),
+        "friction law": ("friction-laws", "Laws of friction under the load"),
     }
     several = {"frequency": "frequencies"}.get(by, f"{by}s")
     name, title = whole.get(by, (several, f"Each single {by} against terms"))
