@@ -53,6 +53,17 @@ def test_another_law_is_a_run_that_differs():
     assert (finding.id, finding.run) == ("run_differs", "multisine 3")
 
 
+def test_a_delay_of_one_run_is_found_and_a_zero_told():
+    (finding,) = found(moment=np.roll(RUNS[3].moment, 2))
+    assert (finding.id, finding.run) == ("channel_delay", "multisine 3")
+    (told,) = re.findall(r"comes ([0-9.]+) ms earlier", finding.extent)
+    assert float(told) == pytest.approx(5, rel=0.1)
+    (finding,) = found(moment=RUNS[3].moment - 0.5)
+    assert finding.id == "run_differs"
+    (told,) = re.findall(r"agree with ([0-9.]+) N\*m added", finding.extent)
+    assert float(told) == pytest.approx(0.5, rel=0.05)
+
+
 @pytest.mark.parametrize("channel", ["moment", "angle"])
 @pytest.mark.parametrize("size", [0.08, 0.3])
 def test_a_drift_is_found(channel, size):

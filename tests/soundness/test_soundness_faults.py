@@ -75,6 +75,28 @@ def test_words_follow_the_motion():
     assert "force" in text and "moment" not in text and "N*m" not in text
 
 
+def steady(frequency, level, stiffness=1.0, damping=1.0, friction=1.0):
+    """A run of ten periods of the paper's law, its angle prescribed; 0.5 % noise."""
+    time = np.arange(0, 10 / frequency, 1e-3)
+    phase, rng = 2 * np.pi * frequency * time, np.random.default_rng([int(frequency), int(1e6 * level)])
+    angle, rate = level * np.sin(phase), level * 2 * np.pi * frequency * np.cos(phase)
+    moment = stiffness * (6066 * angle - 2.684e9 * angle**3) + damping * 48 * rate
+    moment += friction * 0.4 * np.sign(rate)
+    noisy = [x + 0.005 * np.std(x) * rng.standard_normal(x.size) for x in (moment, angle)]
+    return Run(f"{frequency} Hz, {level}", *noisy, 1000.0, frequency=frequency)
+
+
+@pytest.mark.parametrize("other", [{"friction": 1.6}, {"stiffness": 0.85, "damping": 0.6, "friction": 0.8}])
+def test_another_friction_or_temperature_is_no_delay_and_no_gain(other):
+    runs = [
+        steady(f, level, **(other if (f, level) == (3, 4e-4) else {}))
+        for f in (2, 3, 5)
+        for level in (2.5e-4, 4e-4, 6e-4)
+    ]
+    (finding,) = findings_of(Campaign(Joint(inertia=0.0), tuple(runs)))
+    assert (finding.id, finding.run) == ("run_differs", "3 Hz, 0.0004")
+
+
 def run_of(moment, angle, name="a", **rest):
     return Run(name, moment, angle, 100.0, **rest)
 

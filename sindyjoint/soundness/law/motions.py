@@ -72,6 +72,13 @@ class Motions:
         }
         return replace(self, **signals)
 
+    def advanced(self, time: float) -> Self:
+        """Return the runs with the moment earlier by a time, s; to its square, of runs that do not repeat."""
+        if self.frequency is not None:
+            return self.filtered("moment", np.exp(2j * np.pi * self.lines * time))
+        rate = self.rate - time * self.acceleration
+        return replace(self, angle=self.angle - time * (self.rate + rate) / 2, rate=rate)
+
     @property
     def lines(self) -> Array:
         """Frequencies of the harmonics of mean cycles, Hz, shape (r, POINTS // 2 + 1)."""

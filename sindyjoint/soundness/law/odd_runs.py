@@ -123,8 +123,7 @@ def find_odd_runs(runs: Motions, inertia: float | None, words: Words) -> tuple[l
     if not odd or len(alike) < 2:
         return [], others
     held = Held(runs, tuple(alike), inertia, common)
-    told = {i: _describe(i, held, words) for i in odd}
-    return [f for i, f in told.items() if f.id != "run_differs" or held.departs(i)], others
+    return [found for i in odd if (found := _describe(i, held, words))], others
 
 
 def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
@@ -189,6 +188,26 @@ class Held:
         """Return the RMS that the law leaves of a single run, in parts of its moment's."""
         return self.rows(run).left_by(self.law)
 
+    def ways(self, index: int) -> tuple[float, dict[str, tuple[float, float]]]:
+        """Return the RMS by which a run departs, and how far one number each restores it, and what that leaves.
+
+        A factor on the moment or on the angle, a delay of the moment, s, and its zero.
+        """
+        run = self.runs.take([index])
+        rows = self.rows(run)
+        expected, target = rows.columns[0] @ self.law, rows.target[0]
+        gain = float(target @ expected / max(float(expected @ expected), 1e-300))
+        swing, one = float(np.abs(run.angle).max()) / self.scale.angle, rows.columns[0, :, 0]
+        zero = float(one @ (target - expected) / (one @ one))
+        grid = np.unique([-1.0, *np.geomspace(0.5, 2.0, 25), *swing * np.geomspace(0.2, 5.0, 25)])
+        longest = SOUNDNESS.minor_share * 2 * np.pi * float(np.std(run.angle) / np.std(run.rate))
+        return rms(target - expected), {
+            "moment": (gain, rms(target - gain * expected)),
+            "angle": least(lambda g: self.left_of(run.scaled("angle", 1 / g)), grid),
+            "delay": least(lambda t: self.left_of(run.advanced(t)), longest * np.linspace(-1, 1, 21)),
+            "zero": (zero, rms(target - expected - zero * one)),
+        }
+
     def departs(self, run: int) -> bool:
         """Return whether a run departs where the others can say what is expected, and its kin does not depart alike.
 
@@ -223,57 +242,48 @@ class Held:
         return min(left[1:]) > SOUNDNESS.explains * left[0]
 
 
-def _describe(index: int, held: Held, words: Words) -> Finding:
-    """Return the finding: the factor on moment or angle that restores the law, a delay that does, or that none does."""
-    run = held.runs.take([index])
-    rows = held.rows(run)
-    expected, target = rows.columns[0] @ held.law, rows.target[0]
-    departure = rms(target - expected)
-    gain = float(target @ expected / max(float(expected @ expected), 1e-300))
-    swing = float(np.abs(run.angle).max()) / held.scale.angle
-    grid = np.unique([-1.0, *np.geomspace(0.5, 2.0, 25), *swing * np.geomspace(0.2, 5.0, 25)])
-    turned, left = least(lambda g: held.left_of(run.scaled("angle", 1 / g)), grid)
-    name, gain, left = min(
-        ("moment", gain, rms(target - gain * expected)), ("angle", turned, left), key=lambda each: each[2]
-    )
+def _describe(index: int, held: Held, words: Words) -> Finding | None:
+    """Return what restores the law, or comes closest to it, or that nothing does; None where it may be the joint's."""
+    departure, ways = held.ways(index)
+    name = min(ways, key=lambda each: ways[each][1])
+    (number, left), run = ways[name], held.runs.names[index]
     # Of the RMS: a single number is to account for a single run. Beside as much again its size would be unknown.
-    explained = min(SOUNDNESS.explains * departure, SOUNDNESS.unknown)
+    closest = left <= min(SOUNDNESS.explains * departure, SOUNDNESS.unknown)
+    if not (closest or held.departs(index)):
+        return None
+    # It does where it leaves little, or as much as the law leaves of the others.
+    little = max(SOUNDNESS.minor_share * departure, SOUNDNESS.fewest * held.common)
+    explained = closest and left <= little
     said = f"(it departs by {100 * departure:.3g} %, they do by {100 * held.common:.2g} %)"
-    if left > explained:
-        time, after = _best_delay(run, held)
-        late = after <= explained
-        lags = f"; they agree where it comes {1e3 * abs(time):.3g} ms {'earlier' if time > 0 else 'later'}"
+    if name in ("delay", "zero") or not explained:
+        changed = {
+            "delay": f"where it comes {1e3 * abs(number):.3g} ms {'earlier' if number > 0 else 'later'}",
+            "zero": f"with {-number:.3g} {words.unit('moment')} added to it",
+        }.get(name, f"where its {words.of(name)} is divided by {number:.3g}")
+        late = name == "delay" and explained
+        agree = "they agree" if explained else "they come closest"
+        nearest = f"; {agree} {changed}, which leaves {100 * left:.2g} %"
         return Finding(
             "channel_delay" if late else "run_differs",
-            run.names[0],
+            run,
             "moment" if late else None,
             "biases",
-            f"its {words.of('moment')} is not what the law of the other runs gives {said}{lags if late else ''}",
+            f"its {words.of('moment')} is not what the law of the other runs gives {said}"
+            f"{nearest if closest else ''}",
             "the coefficients (k1, k3, c1, M_F) are a mean of two joints or two set-ups",
             "look at what was changed before that run; leave it out, or diagnose it apart",
         )
-    if gain < 0:
-        extent = f"its {words.of(name)} is that of the other runs times {gain:.3g}"
-        return Finding("reversed_sign", run.names[0], name, "stops", extent, OTHER_SIGN, REVERSE)
+    if number < 0:
+        extent = f"its {words.of(name)} is that of the other runs times {number:.3g}"
+        return Finding("reversed_sign", run, name, "stops", extent, OTHER_SIGN, REVERSE)
     return Finding(
         "gain_differs",
-        run.names[0],
+        run,
         name,
-        "biases" if max(gain, 1 / gain) < SOUNDNESS.clearly else "stops",
-        f"its {words.of(name)} is {gain:.4g} times what the law of the other runs gives {said}",
+        "biases" if max(number, 1 / number) < SOUNDNESS.clearly else "stops",
+        f"its {words.of(name)} is {number:.4g} times what the law of the other runs gives {said}",
         DRAWN,
         "compare gain and unit of that run with the others'; correct it or leave it out",
-    )
-
-
-def _best_delay(run: Motions, held: Held) -> tuple[float, float]:
-    """Return by how much the moment of a steady run lags, s, by the law, and the RMS that remains without the lag."""
-    if run.frequency is None:
-        return 0.0, np.inf
-    longest = SOUNDNESS.minor_share / float(run.frequency[0])
-    turn = 2j * np.pi * run.lines
-    return least(
-        lambda t: held.left_of(run.filtered("moment", np.exp(turn * t))), longest * np.linspace(-1, 1, 21)
     )
 
 
