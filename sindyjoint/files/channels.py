@@ -20,6 +20,7 @@ from sindyjoint.files.timeaxis import (
     longest_part,
     margin,
     resampled,
+    step_of,
     uniform_rate,
     unwound,
     with_lost_samples,
@@ -254,6 +255,11 @@ class RunReader:
             return found, None
         self._refuse_lengths({str(name): values.size for name, values in found.items()})
         present = np.logical_and.reduce([np.isfinite(values) for values in found.values()])
+        step = step_of(present)
+        if step > 1 and isinstance(self.channels.time, TimeChannel):
+            # No sample is made up; the faster channel has few above half of the slower one's rate.
+            self.notes.append(f"a channel holds a number in one of {step} rows: the others were left out")
+            return {name: values[present] for name, values in found.items()}, None
         return {name: bridged(values) for name, values in found.items()}, present
 
     def _unwound(self, values: Array, unit: str, factor: float) -> Array:

@@ -128,6 +128,19 @@ def bridged(values: Array) -> Array:
     return values if present.all() else np.interp(at, at[present], values[present])
 
 
+def step_of(present: NDArray[np.bool_]) -> int:
+    """Return by how many rows the samples of a slower channel lie apart, where they do evenly; else one.
+
+    Examples
+    --------
+    >>> step_of(np.arange(40) % 2 == 1), step_of(np.arange(40) < 30)
+    (2, 1)
+    """
+    steps = np.diff(np.flatnonzero(present))
+    even = steps.size >= MINIMUM_SAMPLES and np.all(steps == steps[0])
+    return int(steps[0]) if even else 1
+
+
 def unwound(values: Array, unit: str, one: float = 0.0) -> Array:
     """Return a motion that does not leap by whole turns, as degrees from 0 to 360 do, or a counter that is full.
 

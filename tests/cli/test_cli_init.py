@@ -392,9 +392,29 @@ def test_channels_of_two_rates_are_told_with_their_lengths(sindyjoint, tmp_path)
         file["Torque"], file["Angle"] = moment, angle[::4]
         file["Torque"].attrs["unit"], file["Angle"].attrs["unit"] = "Nm", "mrad"
     told = sindyjoint("init", tmp_path, "--yes").stderr
-    assert (
-        "no column for the angle ('Angle' has 600 samples and the others 2400: bring all to one rate)" in told
-    )
+    said = "('Angle' has 600 samples and the others 2400: bring all to one rate (numpy.interp))"
+    assert f"no column for the angle {said}" in told
+    # The same of two files with the channels of one run.
+    apart = tmp_path / "apart"
+    apart.mkdir()
+    table(apart / "a_torque.csv", "time_s,torque_Nm", TIME, moment)
+    table(apart / "a_angle.csv", "time_s,angle_mrad", TIME[::4], angle[::4])
+    assert "'angle_mrad' has 600 samples and the others 2400" in sindyjoint("init", apart, "--yes").stderr
+
+
+def test_of_a_channel_with_blanks_in_every_second_row_the_others_are_used(sindyjoint, tmp_path):
+    moment, angle = swing(2.0)
+    rows = [
+        f"{t:.4f},{m:.6g},{'' if i % 2 else f'{a:.6g}'}"
+        for i, (t, m, a) in enumerate(zip(TIME, moment, angle, strict=True))
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(["time_s,torque_Nm,angle_mrad", *rows]) + "\n")
+    assert sindyjoint("init", tmp_path).status == 0
+    read = load_campaign(tmp_path)
+    assert read.runs[0].sample_rate == RATE / 2
+    np.testing.assert_allclose(read.runs[0].angle, 1e-3 * angle[::2], rtol=1e-5)
+    np.testing.assert_allclose(read.runs[0].moment, moment[::2], rtol=1e-5)
+    assert read.notes == ("a channel holds a number in one of 2 rows: the others were left out",)
 
 
 @pytest.mark.parametrize("unit", ["deg", "counts"])

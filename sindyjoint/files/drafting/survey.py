@@ -284,7 +284,8 @@ def _of_one_length(file: Bundle, length: int | None = None) -> Bundle:
     """Return a run without the columns of another length than its channels have: by default than the longest."""
     size = max(column.values.size for column in file.columns) if length is None else length
     other = tuple(
-        f"{column.title!r} has {column.values.size} samples and the others {size}: bring all to one rate"
+        f"{column.title!r} has {column.values.size} samples and the others {size}: bring all to one rate "
+        "(numpy.interp)"
         for column in file.columns
         if column.values.size != size
     )
@@ -323,19 +324,20 @@ def bundle_files(files: Sequence[Bundle]) -> tuple[Bundle, ...]:
     apart = any(LOADS & found for found in roles) and any(MOTIONS & found for found in roles)
     if not apart or any(LOADS & found and MOTIONS & found for found in roles):
         return told
-    groups: dict[tuple[object, ...], list[Bundle]] = {}
+    groups: dict[tuple[str, ...], list[Bundle]] = {}
     for file in told:
-        # What is left of its name without words for channels.
-        marks = marks_of(PurePosixPath(file.name).with_suffix("").as_posix())
-        groups.setdefault((*marks, file.columns[0].values.size), []).append(file)
+        # By what is left of its name without words for channels.
+        groups.setdefault(marks_of(PurePosixPath(file.name).with_suffix("").as_posix()), []).append(file)
     return tuple(
-        replace(
-            group[0],
-            columns=group[0].columns
-            + tuple(replace(column, file=other.name) for other in group[1:] for column in other.columns),
-            remarks=tuple(remark for file in group for remark in file.remarks),
-            simulated=any(file.simulated for file in group),
-            scalars=tuple(scalar for file in group for scalar in file.scalars),
+        _of_one_length(
+            replace(
+                group[0],
+                columns=group[0].columns
+                + tuple(replace(column, file=other.name) for other in group[1:] for column in other.columns),
+                remarks=tuple(remark for file in group for remark in file.remarks),
+                simulated=any(file.simulated for file in group),
+                scalars=tuple(scalar for file in group for scalar in file.scalars),
+            )
         )
         for group in groups.values()
     )

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.documents import check_regular, read_regular
 from sindyjoint.errors import InputError, MissingExtraError, MissingInputError, SindyJointError, refuse
+from sindyjoint.files.timeaxis import step_of
 from sindyjoint.files.units import unit_in_name
 from sindyjoint.inputs import FileUnit
 from sindyjoint.numeric import Array
@@ -150,7 +151,7 @@ class Table:
         wanted : sequence of str or int
             Names, or positions counted from 1.
         gaps : bool
-            Whether samples may be missing, which are NaN or infinite then, as long as most are there.
+            Whether samples may be missing, which are NaN or infinite then, as long as most are there, or every second.
 
         Raises
         ------
@@ -216,7 +217,7 @@ class Table:
         if array.ndim != 1:
             raise InputError(f"{self.path}: column {name!r} has shape {array.shape}; expected one dimension")
         bad = np.flatnonzero(~np.isfinite(array))
-        if bad.size and not (gaps and 2 * bad.size < array.size):
+        if bad.size and not (gaps and (2 * bad.size < array.size or step_of(np.isfinite(array)) > 1)):
             raise InputError(
                 f"{self.path}: column {name!r} holds {array[bad[0]]} in {self.row(int(bad[0]))}"
                 + (f" and {bad.size - 1} more value(s) that are not finite" if bad.size > 1 else "")
