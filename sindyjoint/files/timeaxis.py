@@ -133,7 +133,7 @@ def step_of(present: NDArray[np.bool_]) -> int:
 
     Examples
     --------
-    >>> step_of(np.arange(40) % 2 == 1), step_of(np.arange(40) < 30)
+    >>> step_of(np.arange(80) % 2 == 1), step_of(np.arange(80) < 60)
     (2, 1)
     """
     steps = np.diff(np.flatnonzero(present))

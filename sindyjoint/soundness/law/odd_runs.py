@@ -123,7 +123,7 @@ def find_odd_runs(runs: Motions, inertia: float | None, words: Words) -> tuple[l
     if not odd or len(alike) < 2:
         return [], others
     held = Held(runs, tuple(alike), inertia, common)
-    return [found for i in odd if (found := _describe(i, held, words))], others
+    return [told for i in odd if (told := _describe(i, held, words))], others
 
 
 def _departing(rows: Rows, size: int) -> tuple[tuple[int, ...], float] | None:
