@@ -108,6 +108,8 @@ class Tested:
                 result.steps, verdict, Gaps(result.initial, result.final, result.noise_floor), CAMPAIGN
             )
             result = replace(result, verdict=verdict, reason=reason, steps=steps)
+        if self.campaign.moves_freely:
+            result = _of_response(result)
         result = replace(result, trust=trust)
         return replace(result, trust=judge_diagnosis(result, self.campaign.simulated))
 
@@ -159,3 +161,17 @@ def stopped(checked: Check[Campaign], model: JointModel | None) -> Diagnosis:
         stopped=checked,
         trust=Trust((judge_soundness(checked.soundness, checked.measured.simulated, model.joint.motion),)),
     )
+
+
+def _of_response(result: Diagnosis) -> Diagnosis:
+    """Return a diagnosis without gaps of the moment along smoothed states: of a free motion the response decides."""
+
+    def bare(gap: Gap) -> Gap:
+        return replace(gap, moment=float("nan"))
+
+    steps = (
+        replace(step, gap_before=bare(step.gap_before), gap_after=bare(step.gap_after))
+        for step in result.steps
+    )
+    names = ("initial", "final", "noise_floor", "uncertainty")
+    return replace(result, steps=tuple(steps), **{name: bare(getattr(result, name)) for name in names})
