@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,10 +13,11 @@ from sindyjoint.discovery.frequency import heterogeneity
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.terms import Reference, ResolvedTerm, term_columns
+from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.judgement.changed import MANY
 from sindyjoint.judgement.discovery import Discovery, fitted_to
 from sindyjoint.judgement.headline import RECOVERED
+from sindyjoint.judgement.joint_search import beyond, exchanged, moving_as, search, terms_of, weakest
 from sindyjoint.judgement.term_search import campaign_model
 from sindyjoint.judgement.verdict import (
     few_rows,
@@ -28,24 +29,20 @@ from sindyjoint.judgement.verdict import (
 )
 from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import Array
-from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
 from sindyjoint.soundness.warnings import list_warnings
-from sindyjoint.states import ForceStates, regression_rows, signals_hash
+from sindyjoint.states import ForceStates, signals_hash
 from sindyjoint.substructure.law_errors import LawErrors, Recovered, law_errors
 from sindyjoint.substructure.recovery import Recovery, Update, recover, with_numbers
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
 from sindyjoint.substructure.transfer import static_moments
-from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, run_weights, with_slow
+from sindyjoint.substructure.unseen import LawRows, find_slow, run_weights, with_slow
 from sindyjoint.text import spelled
 
 # What no sensor of the structure distinguishes from the angle at which the joint rests.
 UNSEEN = "constant_moment"
-COLUMNS = ("angle", "rate", "moment")
 # Terms that may be added one after another for they stand out of the sensors' noise.
 STANDING_OUT = 3
-ALIKE = 0.8  # of the furthest: so far must another one stand out to be tried, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +121,8 @@ def find_laws(
         members = [number for number, other in enumerate(test.kinds) if other == kind]
         names = tuple(test.structure.hinges[number].name for number in members)
         every = (_recovered(test, recovery, number) for recovery in recoveries for number in members)
-        recovered = tuple(
-            each for each in every if each and np.count_nonzero(each.states.moving) >= MINIMUM_SAMPLES
+        recovered = _telling(
+            [each for each in every if each and np.count_nonzero(each.states.moving) >= MINIMUM_SAMPLES]
         )
         if not recovered:
             reason = "the joint does not move beyond the noise in any run: drive the structure harder"
@@ -146,6 +143,18 @@ def _recovered(test: RigTest, recovery: Recovery, joint: int) -> Recovered | Non
     return Recovered(recovery, joint, joint_states(recovery, joint, name, moment))
 
 
+def _telling(recovered: Sequence[Recovered]) -> tuple[Recovered, ...]:
+    """Return the runs that tell more than the slow part of their own angle; all where none does."""
+    telling = [
+        each
+        for each in recovered
+        if not few_rows(
+            int(np.count_nonzero(each.states.moving)), slow_part(each.recovery, each.joint).start.size
+        )
+    ]
+    return tuple(telling or recovered)
+
+
 def _find_law(
     test: RigTest, kind: str, recovered: tuple[Recovered, ...], options: dict[str, Any]
 ) -> tuple[Discovery, str, tuple[Recovered, ...], LawErrors | None]:
@@ -161,11 +170,13 @@ def _find_law(
     weights = run_weights(states)
     forced, forbidden = tuple(options.get("forced", ())), tuple(options.get("forbidden", ()))
     added: tuple[str, ...] = ()
+    instead: tuple[str, ...] = ()
+    dropped: list[ResolvedTerm] = []
     found = None
     # What was taken out never comes back: the search ends.
     while True:
-        asked = {**options, "forced": (*forced, *added), "forbidden": forbidden}
-        found = _search(states, slow, weights, asked, found)
+        asked = {**options, "forced": (*forced, *added, *instead), "forbidden": forbidden}
+        found = search(states, slow, weights, asked, found)
         recovered = tuple(
             replace(each, states=state, unseen=values, weight=float(weight))
             for each, state, values, weight in zip(
@@ -174,11 +185,15 @@ def _find_law(
         )
         rows, errors, more = found.rows, None, ""
         if rows is not None:
-            errors, more = _beyond(found.regressor, rows, states, recovered, slow)
+            errors, more = beyond(found, rows, states, recovered, slow, dropped)
         few = few_rows(*_counted(recovered))
-        weak = "" if errors is None else _weakest(found, errors, forced)
-        if weak:
-            added, forbidden = tuple(name for name in added if name != weak), (*forbidden, weak)
+        gone, put = None if errors is None else weakest(found, errors, forced), tuple[str, ...]()
+        if errors is not None and gone is None:
+            gone, put = exchanged(found, states, recovered, slow, errors, forced)
+        if gone is not None:
+            added, instead = (tuple(n for n in names if n != gone.id) for names in (added, instead))
+            instead += put
+            forbidden, dropped = (*forbidden, gone.id), [*dropped, gone]
         elif more and not few and len(added) < STANDING_OUT:
             added = (*added, more)
         else:
@@ -193,103 +208,10 @@ def _find_law(
     return discovery, "", recovered, errors
 
 
-class _Search(NamedTuple):
-    """Terms, with the slow angles and whole states that go with them."""
-
-    regressor: TermRegression
-    rows: LawRows | None
-    states: tuple[ForceStates, ...]
-    unseen: Sequence[Array]
-
-
-def _search(
-    states: Sequence[ForceStates],
-    slow: Sequence[Slow],
-    weights: Array,
-    options: dict[str, Any],
-    before: _Search | None,
-) -> _Search:
-    """Choose terms and the slow part of the angles in turn, from what a search before found of these."""
-    # Before terms are known the paper's stand for them: one of them bends as the stiffness does.
-    allowed = set(PAPER_TERMS)
-    unseen: Sequence[Array] = [] if before is None else before.unseen
-    whole = tuple(states if before is None else before.states)
-    # Each search is made at the slow angles that the terms found before ask for.
-    for _ in range(4):
-        regressor = TermRegression(**options)
-        reference = Reference.of(*(np.concatenate([getattr(s, name) for s in states]) for name in COLUMNS))
-        terms = [term for term in regressor.candidates(reference) if term.id in allowed]
-        if terms:
-            unseen = find_slow(_moving_as(states, whole), slow, terms, weights, unseen).unknowns
-        unseen = unseen or [each.start for each in slow]
-        whole = tuple(map(with_slow, states, slow, unseen))
-        arguments = regression_rows(whole, 0.0).fit_arguments()
-        regressor.fit(
-            **arguments, sample_weight=np.repeat(weights, [np.count_nonzero(s.moving) for s in whole])
-        )
-        if allowed.issuperset(regressor.selected_):
-            break
-        allowed = {*PAPER_TERMS, *regressor.selected_}
-    found = _terms_of(regressor)
-    if not found:
-        return _Search(regressor, None, whole, unseen)
-    rows = find_slow(_moving_as(states, whole), slow, found, weights, unseen)
-    return _Search(regressor, rows, tuple(map(with_slow, states, slow, rows.unknowns)), rows.unknowns)
-
-
-def _moving_as(states: Sequence[ForceStates], whole: Sequence[ForceStates]) -> list[ForceStates]:
-    """Return states that count as moving where they do with the slow part of their angle."""
-    return [replace(s, moving=w.moving) for s, w in zip(states, whole, strict=True)]
-
-
-def _beyond(
-    regressor: TermRegression,
-    rows: LawRows,
-    states: Sequence[ForceStates],
-    recovered: Sequence[Recovered],
-    slow: Sequence[Slow],
-) -> tuple[LawErrors, str]:
-    """Return the errors of a law, and which further term stands furthest out of the sensors' noise; "" if none does."""
-    selected = {*regressor.selected_}
-    rest = [term for term in regressor.terms_ if term.id not in selected]
-    columns = [
-        term_columns(rest, each.states.angle[kept], each.states.rate[kept], each.states.acceleration[kept])
-        for each, kept in zip(recovered, rows.kept, strict=True)
-    ]
-    errors = law_errors(rows, recovered, slow, columns)
-    size = np.where(errors.excess_with < SUBSTRUCTURE.many_times, np.abs(errors.others), 0.0)
-    if not rest or size.max() < SUBSTRUCTURE.stands_out:
-        return errors, ""
-
-    def left_with(term: ResolvedTerm) -> float:
-        moved = _moving_as(states, [each.states for each in recovered])
-        fitted = find_slow(moved, slow, [*_terms_of(regressor), term], rows.weights, rows.unknowns)
-        return law_errors(fitted, recovered, slow).excess
-
-    # The slow angles follow each of them otherwise: those that are about alike are fitted.
-    rivals = [rest[place] for place in np.flatnonzero(size > ALIKE * size.max())]
-    return errors, min(rivals, key=left_with).id if len(rivals) > 1 else rivals[0].id
-
-
-def _weakest(found: _Search, errors: LawErrors, forced: Sequence[str]) -> str:
-    """Return the term that stands least out of the noise of the sensors, where its interval holds zero; else ""."""
-    assert found.rows is not None
-    ratios = np.abs(found.rows.coefficients) / np.sqrt(np.diag(errors.covariance))
-    place = int(np.argmin(ratios))
-    name = _terms_of(found.regressor)[place].id
-    return name if ratios[place] < 1.96 and name not in forced else ""
-
-
 def _counted(recovered: Sequence[Recovered]) -> tuple[int, int]:
     """Return in how many samples joints move, and how many numbers of their slow angles are found with the law."""
     moving = sum(int(np.count_nonzero(each.states.moving)) for each in recovered)
     return moving, sum(each.unseen.size for each in recovered)
-
-
-def _terms_of(regressor: TermRegression) -> list[ResolvedTerm]:
-    """Return the terms that were found, in the order of the model."""
-    resolved = {term.id: term for term in regressor.terms_}
-    return [resolved[term.id] for term in regressor.model_.terms]
 
 
 def _judged(
@@ -364,13 +286,13 @@ def with_uncertain_structure(law: JointLaw, test: RigTest, update: Update) -> Jo
 def _test_alike(law: JointLaw) -> str:
     """Say whether the joints of one kind have the same coefficients."""
     assert law.discovery is not None
-    terms = _terms_of(law.discovery.regressor)
+    terms = terms_of(law.discovery.regressor)
     fits = []
     for joint in dict.fromkeys(each.joint for each in law.recovered):
         own = [each for each in law.recovered if each.joint == joint]
         slow = [slow_part(each.recovery, each.joint) for each in own]
         whole = [each.states for each in own]
-        bare = _moving_as([with_slow(e.states, s, -e.unseen) for e, s in zip(own, slow, strict=True)], whole)
+        bare = moving_as([with_slow(e.states, s, -e.unseen) for e, s in zip(own, slow, strict=True)], whole)
         weights = np.array([each.weight for each in own])
         rows = find_slow(bare, slow, terms, weights, [each.unseen for each in own])
         errors = law_errors(rows, own, slow)

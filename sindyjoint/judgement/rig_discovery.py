@@ -297,7 +297,7 @@ def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:
     """Return a discovery in a structure with refined laws, and the structure's numbers as the refinement has them."""
     if not result.refined:
         unsure = (
-            found if any(each.spectra.repeats for each in found.recoveries) else with_narrow_intervals(found)
+            found if any(each.run.frequency for each in found.recoveries) else with_narrow_intervals(found)
         )
         return replace(unsure, refinement=result)
     test, recoveries = found.test, found.recoveries

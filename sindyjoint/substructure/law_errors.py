@@ -10,6 +10,7 @@ of the noise: the sandwich of Huber, Proc. 5th Berkeley Symposium 1, 1967).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,10 @@ class LawErrors:
         The excess with each of these.
     hidden : ndarray, shape (m,)
         Share of the moment, beside the law, that a standard error of each of these is.
+    shifts : ndarray, shape (k, m)
+        By what the coefficients are off where each of these is there, of the size that it would have.
+    likely : ndarray of bool, shape (m,)
+        Which of these may be there though nothing shows it.
     """
 
     size: int
@@ -68,16 +73,26 @@ class LawErrors:
     others: Array
     excess_with: Array
     hidden: Array
+    shifts: Array
+    likely: NDArray[np.bool_]
 
     @property
-    def covariance(self) -> Array:
-        """Of the coefficients, shape (k, k); larger by what is left of the rows beyond the noise, where terms see it.
+    def of_noise(self) -> Array:
+        """Covariance of the coefficients, shape (k, k), larger by what is left of the rows beyond the noise.
 
-        Harmonics beyond the band of the sensors are missing from both sides of the law. What they leave in the rows is
-        too quick to pass for any term; an error of the structure is not, and shows in terms beside the law.
+        As far as terms see it. Harmonics beyond the band of the sensors are missing from both sides of the law. What
+        they leave in the rows is too quick to pass for any term; an error of the structure is not, and shows in terms
+        beside the law.
         """
         noise = _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
         return noise * max(1.0, min(self.excess, self.lack))
+
+    @property
+    def covariance(self) -> Array:
+        """The same with what leaving out each likely term does, as far as its size is not that of its own error."""
+        beyond_error = 1 - 1 / np.maximum(self.others**2, 1.0)
+        shifts = self.shifts * self.likely * np.sqrt(beyond_error)
+        return np.asarray(self.of_noise + shifts @ shifts.T)
 
     @property
     def lack(self) -> float:
@@ -120,7 +135,11 @@ def _covariance(sources: Sequence[Recovered], slopes: Sequence[Complex]) -> Arra
 
 
 def law_errors(
-    rows: LawRows, sources: Sequence[Recovered], slow: Sequence[Slow], others: Sequence[Array] | None = None
+    rows: LawRows,
+    sources: Sequence[Recovered],
+    slow: Sequence[Slow],
+    others: Sequence[Array] | None = None,
+    likely: NDArray[np.bool_] | None = None,
 ) -> LawErrors:
     """Return how the coefficients of a law follow errors of the recovered amplitudes.
 
@@ -134,6 +153,8 @@ def law_errors(
         Of each run.
     others : sequence of ndarray, each of shape (n, m), optional
         Columns of terms beyond the law at the rows of each run.
+    likely : ndarray of bool, shape (m,), optional
+        Which of these may be there though nothing shows it. Default: none.
     """
     k = rows.coefficients.size
     others = [np.zeros((kept.size, 0)) for kept in rows.kept] if others is None else others
@@ -154,8 +175,8 @@ def law_errors(
     for index, (source, weight) in enumerate(zip(sources, rows.weights, strict=True)):
         own = slice(starts[index], starts[index + 1])
         of_rows = np.vstack([inverse @ rows.columns[own].T, (apart[own] / unique).T]) * np.sqrt(weight)
-        errors = _row_errors(source, rows.kept[index], rows.slopes[index])
-        slope = (of_rows @ errors.reshape(len(errors), -1)).reshape(len(of_rows), *errors.shape[1:])
+        errors = _RowErrors(source, rows.kept[index], rows.slopes[index])
+        slope = errors.through(of_rows)
         orders = slow[index].orders - 1
         # First stand cosines and sines of the slow harmonics, as the sensors show them.
         place = unknowns[index] + np.arange(orders.size)
@@ -163,9 +184,9 @@ def law_errors(
         slope[:, orders, 0] += said[:, place] + 1j * said[:, place + orders.size]
         slopes.append(slope[: len(inverse)])
         of_others.append(slope[len(inverse) :])
-        expected += weight * _expected(source, errors)
+        expected += weight * errors.expected
         # Of what errors of the ends do to the rows, coefficients and slow angles follow the most.
-        ends = np.sqrt(weight) * _of_ends(source, errors)
+        ends = np.sqrt(weight) * errors.of_ends
         shared = rows.columns[own].T @ ends
         expected += float(np.sum(ends**2) - np.sum(shared * (inverse @ shared)))
         left += weight * float(np.sum(rows.residual[index] ** 2))
@@ -187,7 +208,8 @@ def law_errors(
     alone = np.linalg.norm(beyond - law @ (law.T @ beyond), axis=0)
     return LawErrors(
         k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, left / expected, ratios, would_leave,
-        spread * alone / _size(rows, sources),
+        spread * alone / _size(rows, sources), followed[:k] * would_be,
+        np.zeros(ratios.size, dtype=np.bool_) if likely is None else likely,
     )  # fmt: skip
 
 
@@ -201,26 +223,78 @@ def _rows(recovery: Recovery, joint: int) -> list[int]:
     return [joint, recovery.transfer.angles.shape[1] + joint]
 
 
-def _row_errors(source: Recovered, kept: NDArray[np.intp], slopes: tuple[Array, Array]) -> Complex:
-    """Return the error of each row by errors of angle and moment at each harmonic, shape (n, h, 2)."""
-    state, recovery = source.states, source.recovery
-    angular = recovery.spectra.angular
-    spin = np.exp(1j * np.outer((state.time - state.time[0])[kept], angular))
-    used = kept_of(recovery, source.joint)
-    by_angle = -(slopes[0][:, None] + 1j * angular * slopes[1][:, None]) * spin
-    return np.stack([by_angle * (used & ~slow_orders(recovery, source.joint)), spin * used], axis=-1)
+@dataclass(frozen=True, eq=False)
+class _RowErrors:
+    """Errors of rows by those of angle and moment at each harmonic: (−∂M/∂θ − iω·∂M/∂θ̇)·δθ + δM, times exp(iωt)."""
 
+    source: Recovered
+    rows: NDArray[np.intp]
+    slopes: tuple[Array, Array]
 
-def _expected(source: Recovered, errors: Complex) -> float:
-    """Return the sum of squares of the rows that the noise makes; the moment is that of single blocks."""
-    pair = _rows(source.recovery, source.joint)
-    covariance = source.recovery.covariance[:, pair][:, :, pair].copy()
-    covariance[:, 1, 1] *= len(source.recovery.spectra.blocks)
-    moments = np.einsum("nhi,nhj->hij", errors, errors.conj(), optimize=True)
-    return float(np.sum(moments * covariance).real)
+    @cached_property
+    def kept(self) -> NDArray[np.intp]:
+        """The harmonics that are used."""
+        return np.flatnonzero(kept_of(self.source.recovery, self.source.joint))
 
+    @cached_property
+    def rated(self) -> Complex:
+        """Of these iω."""
+        return np.asarray(1j * self.source.recovery.spectra.angular[self.kept], dtype=np.complex128)
 
-def _of_ends(source: Recovered, errors: Complex) -> Array:
-    """Return what errors of the ends of a record do to the rows, shape (n, errors)."""
-    added = source.recovery.of_ends[:, _rows(source.recovery, source.joint)]
-    return np.asarray(np.tensordot(errors, added, ((1, 2), (0, 1))).real)
+    @cached_property
+    def seen(self) -> Array:
+        """One where the angle is that of the sensors, zero where the law tells it."""
+        return np.where(slow_orders(self.source.recovery, self.source.joint)[self.kept], 0.0, 1.0)
+
+    @cached_property
+    def _spin(self) -> Complex:
+        """exp(iωt) of a run that repeats, shape (n, harmonics); a record has those of its Fourier transform."""
+        time = self.source.states.time
+        return np.exp(np.outer((time - time[0])[self.rows], self.rated))
+
+    def _analysed(self, of_rows: Array) -> Complex:
+        """Return Σ a·exp(iωt) over the rows, shapes (k, n) to (k, harmonics)."""
+        if self.source.recovery.spectra.repeats:
+            return np.asarray(of_rows @ self._spin, dtype=np.complex128)
+        spread = np.zeros((len(of_rows), self.source.states.n_samples))
+        spread[:, self.rows] = of_rows
+        return np.asarray(np.fft.rfft(spread)[:, self.kept + 1].conj())
+
+    def _series(self, amplitudes: Complex) -> Array:
+        """Return Re Σ a·exp(iωt) at the rows, shapes (harmonics, k) to (n, k)."""
+        if self.source.recovery.spectra.repeats:
+            return np.asarray((self._spin @ amplitudes).real)
+        samples = self.source.states.n_samples
+        spectrum = np.zeros((samples // 2 + 1, amplitudes.shape[1]), dtype=complex)
+        spectrum[self.kept + 1] = amplitudes * samples / 2
+        return np.fft.irfft(spectrum, samples, axis=0)[self.rows]
+
+    def through(self, of_rows: Array) -> Complex:
+        """Return what errors of the amplitudes make of anything linear in the rows, shapes (k, n) to (k, h, 2)."""
+        stiff, damped = (self._analysed(of_rows * slope) for slope in self.slopes)
+        passed = np.zeros((len(of_rows), self.source.recovery.spectra.angular.size, 2), dtype=complex)
+        passed[:, self.kept, 0] = -self.seen * (stiff + self.rated * damped)
+        passed[:, self.kept, 1] = self._analysed(of_rows)
+        return passed
+
+    @property
+    def expected(self) -> float:
+        """The sum of squares of the rows that the noise makes; the moment is that of single blocks."""
+        pair = _rows(self.source.recovery, self.source.joint)
+        covariance = self.source.recovery.covariance[self.kept][:, pair][:, :, pair]
+        stiff, damped = self.slopes
+        of_angle = self.seen * (stiff @ stiff + np.abs(self.rated) ** 2 * (damped @ damped))
+        both = -self.seen * (stiff.sum() + self.rated * damped.sum())
+        of_moment = stiff.size * len(self.source.recovery.spectra.blocks)
+        parts = of_angle * covariance[:, 0, 0] + of_moment * covariance[:, 1, 1]
+        return float(np.sum(parts + 2 * both * covariance[:, 0, 1]).real)
+
+    @property
+    def of_ends(self) -> Array:
+        """What errors of the ends of a record do to the rows, shape (n, errors)."""
+        added = self.source.recovery.of_ends[:, _rows(self.source.recovery, self.source.joint)][self.kept]
+        of_angle = self.seen[:, None] * added[:, 0]
+        parts = self._series(np.hstack([of_angle, self.rated[:, None] * of_angle, added[:, 1]]))
+        angle, rate, moment = np.hsplit(parts, 3)
+        stiff, damped = (slope[:, None] for slope in self.slopes)
+        return np.asarray(moment - stiff * angle - damped * rate)

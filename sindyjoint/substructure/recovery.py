@@ -15,13 +15,13 @@ import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
-from sindyjoint.limits import SUBSTRUCTURE
+from sindyjoint.limits import SOUNDNESS, STATES, SUBSTRUCTURE
 from sindyjoint.measurement.noise import signal_end
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.substructure.simulated.steady import condense
-from sindyjoint.substructure.spectra import Spectra, channel_spectra, strongest
+from sindyjoint.substructure.spectra import Spectra, between_harmonics, channel_spectra, strongest
 from sindyjoint.substructure.transfer import (
     Ends,
     Transfer,
@@ -30,6 +30,7 @@ from sindyjoint.substructure.transfer import (
     only_displacement,
     open_joints,
 )
+from sindyjoint.text import list_some
 
 Complex = NDArray[np.complex128]
 
@@ -139,7 +140,10 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
             f"{len(test.sensors)} sensor(s) for {joints} joints; expected at least one sensor for each joint"
         )
     declared = declared_noise(test)
-    spectra = spectra or channel_spectra(run, declared, _shown_band(test, run))
+    if spectra is None:
+        spectra = channel_spectra(run, declared, _shown_band(test, run))
+        if spectra.repeats and vibrates_freely(test, run, spectra):
+            spectra = channel_spectra(_whole_periods(run, spectra), declared, _shown_band(test, run))
     transfer = open_joints(test.structure, test.at, test.sensors, spectra.angular)
     design, sigma, values = transfer.design, np.sqrt(spectra.variance.T), spectra.amplitudes.T
     estimator, _, left = solved(design, sigma, values)
@@ -160,6 +164,35 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
             spectra = replace(spectra, variance=spectra.variance * misfit / degrees)
             misfit = float(degrees)
     return Recovery(run, spectra, transfer, estimator, states, misfit, degrees, ends)
+
+
+def _whole_periods(run: RigRun, spectra: Spectra) -> RigRun:
+    """Return a run as a record that does not repeat, which ends where it begins but for its free vibration.
+
+    Where it did not, its mean moments would not be those of equilibrium.
+    """
+    period = run.sample_rate / spectra.frequency
+    count = 1 + round(int((run.drive.size - 1) / period) * period)
+    return replace(run, frequency=None, drive=run.drive[:count], responses=run.responses[:, :count])
+
+
+def vibrates_freely(test: RigTest, run: RigRun, spectra: Spectra) -> bool:
+    """Return whether what a run that should repeat has between its harmonics is motion of the structure.
+
+    Noise of the sensors contradicts the structure by as many of its parts as there are sensors beyond joints; a free
+    vibration that has not died out does not. The whole record is then taken as it is.
+    """
+    free, followed = len(test.sensors) - test.structure.n_joints, 1 + test.structure.n_joints
+    angular, sigma, values = between_harmonics(run, spectra, HARMONICS)
+    rms = np.sqrt(
+        np.sum(np.abs(values[:, 1:]) ** 2, axis=0) / np.sum(np.abs(spectra.amplitudes[1:]) ** 2, axis=1)
+    )
+    if not free or rms.max() < STATES.accuracy:
+        return False
+    left = solved(open_joints(test.structure, test.at, test.sensors, angular).design, sigma, values)[2]
+    share = np.sum(np.abs(left) ** 2) / np.sum(np.abs(values / sigma) ** 2)
+    least = scipy.stats.beta.ppf(SOUNDNESS.false_alarm, angular.size * free, angular.size * followed)
+    return bool(share < least)
 
 
 def declared_noise(test: RigTest) -> Array:
@@ -307,6 +340,17 @@ def held_warnings(test: RigTest, held: Sequence[Spectra]) -> tuple[str, ...]:
                 f"{np.sqrt(misfit):.1f} times their noise off: the joints slip in it; drive it less"
             )
     return tuple(words)
+
+
+def unsettled_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
+    """Say which runs should repeat and do not, for the structure still vibrates freely."""
+    names = [repr(e.run.name) for e in recoveries if e.run.frequency is not None and not e.spectra.repeats]
+    if not names:
+        return ()
+    return (
+        f"{list_some(names, 'runs')}: the structure still vibrates freely, so each is taken as a record that does not "
+        "repeat; settle longer before recording",
+    )
 
 
 def update_structure(

@@ -382,9 +382,44 @@ def _record_spectra(run: RigRun, declared: Array | None, bandwidth: float | None
             noise = float(declared[number])
         least = np.finfo(float).eps * float(np.abs(signal).max(initial=1e-300))
         variance.append(np.full(count, 2 * max(noise, least) ** 2 / n))
+    mean = signals[:, :-1].mean(axis=1) + jump[:, 0] / 2 / n
     return Spectra(
-        frequency, 0, np.array([0, n]), signals.mean(axis=1), amplitudes, amplitudes[None], np.array(variance), False
+        frequency, 0, np.array([0, n]), mean, amplitudes, amplitudes[None], np.array(variance), False
     )  # fmt: skip
+
+
+def between_harmonics(run: RigRun, spectra: Spectra, count: int) -> tuple[Array, Array, Complex]:
+    """Return what a run that should repeat has between its harmonics, at its strongest lines.
+
+    Parameters
+    ----------
+    run : RigRun
+    spectra : Spectra
+        Of a run that repeats.
+    count : int
+        Of lines, those that stand furthest out of the noise.
+
+    Returns
+    -------
+    angular : ndarray, shape (count,)
+    sigma, amplitudes : ndarray, shapes (count, channels)
+        Noise of a real part, and what was found.
+    """
+    n = int(spectra.edges[-1])
+    signals = run.signals[:, spectra.first : spectra.first + n]
+    orders = np.arange(1, spectra.amplitudes.shape[1] + 1)
+    basis = HarmonicBasis.build(np.arange(n) / run.sample_rate, spectra.frequency, orders)
+    series = [
+        basis.series(mean, part.real, -part.imag)
+        for mean, part in zip(spectra.mean, spectra.amplitudes, strict=True)
+    ]
+    lines = 2 / n * np.fft.rfft(signals - series)[:, 1:]
+    angular = 2 * np.pi * run.sample_rate / n * np.arange(1, lines.shape[1] + 1)
+    within = angular <= spectra.angular[-1]
+    lines, angular = lines[:, within], angular[within]
+    sigma = np.sqrt([np.interp(angular, spectra.angular, each) for each in spectra.variance])
+    rows = np.sort(np.argsort(np.sum(np.abs(lines / sigma) ** 2, axis=0))[-count:])
+    return angular[rows], sigma[:, rows].T, lines[:, rows].T
 
 
 def strongest(spectra: Spectra, count: int) -> tuple[Spectra, Array]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.described import same
 from sindyjoint.limits import MEASUREMENT, STATES, SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.numeric import Array, scaled_least_squares
+from sindyjoint.numeric import Array, rms, scaled_least_squares
 from sindyjoint.states import (
     BLOCKS,
     ForceStates,
@@ -88,7 +88,9 @@ def slow_orders(recovery: Recovery, joint: int) -> Orders:
     main = strongest_line(size, error)
     if not recovery.spectra.repeats:
         # The errors of all harmonics from one up, against the angle about and above where its rate is largest.
-        main = strongest_line(size * recovery.spectra.angular, error * recovery.spectra.angular)
+        # Of thousands of lines none stands out by chance more often than one alone does.
+        outlying = np.sqrt(1 + 2 * np.log(size.size) / SUBSTRUCTURE.line**2)
+        main = strongest_line(size * recovery.spectra.angular, outlying * error * recovery.spectra.angular)
         above = np.sqrt(np.cumsum(error[::-1] ** 2)[::-1])
         slow = above > SUBSTRUCTURE.small_share * np.sqrt(np.sum(size[main // 2 :] ** 2))
         return slow & (np.arange(size.size) < main // 2)
@@ -103,12 +105,20 @@ def slow_part(recovery: Recovery, joint: int) -> Slow:
     # What the states hold of them already is not added once more.
     missing = np.where(kept_of(recovery, joint), 0.0, recovery.values[joint])
     drift = 0.0 if recovery.spectra.repeats else recovery.spectra.frequency
+    level = 0.0
+    if recovery.run.frequency and drift:
+        # A velocity that is another at the end takes a moment M·ω·v/(ωT) of those M·ω·v of a vibration of angular ω.
+        of_moment = recovery.values[recovery.transfer.angles.shape[1] + joint]
+        level = (
+            rms(np.abs(of_moment)) * np.sqrt(of_moment.size / 2) * drift / (np.pi * recovery.run.frequency)
+        )
     return Slow(
         np.flatnonzero(rows) + 1,
         missing[rows],
         recovery.standard_error[joint, rows],
         recovery.spectra.frequency,
         drift,
+        level,
     )
 
 

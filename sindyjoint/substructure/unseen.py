@@ -18,6 +18,7 @@ from sindyjoint.numeric import DIFFERENCE, Array, partials, scaled_least_squares
 from sindyjoint.states import ForceStates, moving_mask
 
 Complex = NDArray[np.complex128]
+Basis = tuple[Array, Array, Array]  # of angle, rate and moment, shapes (n, u)
 
 ROUNDS = 20
 ROWS = 2000  # of each run
@@ -42,6 +43,9 @@ class Slow:
     drift : float
         One over the length of a record that does not repeat, Hz: that it ends at another angle than it began at, and at
         another rate, no accelerometer sees. Zero in runs that repeat.
+    level : float
+        How far the mean moment may be from that of equilibrium, N·m, as where a structure that still vibrates freely
+        does not end as it began. Zero: it is that one.
     """
 
     orders: NDArray[np.intp]
@@ -49,9 +53,10 @@ class Slow:
     standard_error: Array
     frequency: float = 0.0
     drift: float = 0.0
+    level: float = 0.0
 
-    def basis(self, state: ForceStates, rows: NDArray[np.intp] | slice = slice(None)) -> tuple[Array, Array]:
-        """Return what each unknown adds to angle and rate, shapes (n, u): cosines, sines, mean, then ends."""
+    def basis(self, state: ForceStates, rows: NDArray[np.intp] | slice = slice(None)) -> Basis:
+        """Return what each unknown adds to angle, rate and moment: cosines, sines, mean, then ends and mean moment."""
         angular = 2 * np.pi * self.frequency * self.orders
         time = (state.time - state.time[0])[rows]
         phase = np.outer(time, angular)
@@ -62,12 +67,16 @@ class Slow:
             part = self.drift * time[:, None]
             angle += [part - 0.5, part**2 - part + 1 / 6]
             rate += [self.drift * one, self.drift * (2 * part - 1)]
-        return np.hstack(angle), np.hstack(rate)
+        if self.level:
+            angle, rate = [*angle, 0 * one], [*rate, 0 * one]
+        moment = np.zeros((len(phase), self.start.size))
+        moment[:, self.start.size - 1] = self.level > 0
+        return np.hstack(angle), np.hstack(rate), moment
 
     @property
     def blind(self) -> int:
-        """Of how many unknowns nothing is seen at all: the mean, and drift and bend of a record."""
-        return 3 if self.drift else 1
+        """Of how many unknowns nothing is seen at all: the mean, drift and bend of a record, the mean moment."""
+        return (3 if self.drift else 1) + (self.level > 0)
 
     @property
     def start(self) -> Array:
@@ -77,7 +86,10 @@ class Slow:
     @property
     def errors(self) -> Array:
         """Their standard errors; infinite of what is not seen at all."""
-        return np.concatenate([self.standard_error, self.standard_error, np.full(self.blind, np.inf)])
+        blind = np.full(self.blind, np.inf)
+        if self.level:
+            blind[-1] = self.level
+        return np.concatenate([self.standard_error, self.standard_error, blind])
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,12 +166,15 @@ def find_slow(
             for state, rows, basis, values in zip(states, kept, bases, unknowns, strict=True)
         ]
         of_unknowns = [
-            by_angle[:, None] * basis[0] + by_rate[:, None] * basis[1]
+            by_angle[:, None] * basis[0] + by_rate[:, None] * basis[1] - basis[2]
             for (_, (by_angle, by_rate)), basis in zip(found, bases, strict=True)
         ]
         return [columns for columns, _ in found], [pair for _, pair in found], of_unknowns
 
-    target = np.concatenate([np.sqrt(w) * moment for w, moment in zip(weights, moments, strict=True)])
+    def whole_moments() -> list[Array]:
+        return [m + basis[2] @ values for m, basis, values in zip(moments, bases, unknowns, strict=True)]
+
+    target = np.concatenate([np.sqrt(w) * m for w, m in zip(weights, whole_moments(), strict=True)])
     for number in range(ROUNDS):
         own, _, of_unknowns = linearised()
         if number == 0:
@@ -171,7 +186,7 @@ def find_slow(
         said = [noise / each.errors * (each.start - now) for each, now in zip(slow, unknowns, strict=True)]
         runs = [
             np.sqrt(w) * np.column_stack(part)
-            for w, *part in zip(weights, of_unknowns, own, moments, strict=True)
+            for w, *part in zip(weights, of_unknowns, own, whole_moments(), strict=True)
         ]
         coefficients, steps = _solve(runs, [noise / each.errors for each in slow], said)
         left = [
@@ -188,7 +203,7 @@ def find_slow(
             break
     own, slopes, of_unknowns = linearised()
     columns = _stacked(own, of_unknowns, weights)
-    residual = [moment - part @ coefficients for moment, part in zip(moments, own, strict=True)]
+    residual = [moment - part @ coefficients for moment, part in zip(whole_moments(), own, strict=True)]
     return LawRows(
         tuple(unknowns), coefficients, tuple(kept), columns, tuple(slopes), tuple(residual), noise / errors, weights
     )  # fmt: skip
@@ -203,7 +218,7 @@ def _begin(
     slow: Sequence[Slow],
     terms: Sequence[ResolvedTerm],
     kept: Sequence[NDArray[np.intp]],
-    bases: Sequence[tuple[Array, Array]],
+    bases: Sequence[Basis],
     unknowns: Sequence[Array],
 ) -> list[Array]:
     """Return the unknowns with mean, drift and bend of records that a linear joint with friction would have.
@@ -230,7 +245,7 @@ def _begin(
 def _columns_and_slopes(
     state: ForceStates,
     rows: NDArray[np.intp],
-    basis: tuple[Array, Array],
+    basis: Basis,
     unknowns: Array,
     terms: Sequence[ResolvedTerm],
     coefficients: Array,
@@ -303,13 +318,14 @@ def run_weights(states: Sequence[ForceStates]) -> Array:
 
 def with_slow(state: ForceStates, slow: Slow, values: Array) -> ForceStates:
     """Return force states with the slow part of their angle, moving where they do with it, too."""
-    angle, rate = (basis @ values for basis in slow.basis(state))
+    angle, rate, moment = (basis @ values for basis in slow.basis(state))
     replicate = state.replicate
     if replicate is not None:
-        replicate = (replicate[0] + angle, replicate[1] + rate, replicate[2])
+        replicate = (replicate[0] + angle, replicate[1] + rate, replicate[2])  # of a run that repeats
     rate = state.rate + rate
     moving = state.moving & moving_mask(rate, state.slowest, state.guard)
-    return replace(state, angle=state.angle + angle, rate=rate, replicate=replicate, moving=moving)
+    angle, moment = state.angle + angle, state.moment + moment
+    return replace(state, angle=angle, rate=rate, moment=moment, replicate=replicate, moving=moving)
 
 
 def within_record(samples: int, sample_rate: float, bandwidth: float) -> NDArray[np.bool_]:

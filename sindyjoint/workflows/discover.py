@@ -382,6 +382,7 @@ def laws_of_rig(
         held_spectra,
         held_warnings,
         recover,
+        unsettled_warnings,
         update_structure,
         with_numbers,
     )
@@ -411,9 +412,9 @@ def laws_of_rig(
     words = [each.words for each in seen if each.words]
     differ = [law.alike for law in laws if "differ" in law.alike]
     said = (unstated_numbers(update),) if unstated and update is not None else misfit_warnings(recoveries)
-    warnings = (*said, *held_warnings(test, held), *words, *differ)
+    warnings = (*said, *unsettled_warnings(recoveries), *held_warnings(test, held), *words, *differ)
     found = RigDiscovery(test, laws, update, recoveries, seen, worth_of_sensors(test, recoveries), warnings)
-    passing = not any(each.spectra.repeats for each in recoveries)
+    passing = all(run.frequency is None for run in runs)
     if not found.found or not (passing if refine is None else refine):
         return with_narrow_intervals(found) if passing and found.found else found
     models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}

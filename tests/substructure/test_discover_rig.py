@@ -53,6 +53,25 @@ def test_the_law_of_an_elastic_joint_has_no_friction(found):
     assert found.misfit == pytest.approx(1.0, abs=0.2) and found.found
 
 
+def test_runs_in_which_the_structure_still_vibrates_freely_are_taken_as_records():
+    """Averaged over periods their friction would be another's: the free vibration reverses the joint, too."""
+    true = {"linear_stiffness": K, "cubic_stiffness": K3, "linear_damping": 1.0, "coulomb_friction": 0.2}
+
+    def light(d, v):
+        return K * d + K3 * d**3 + 1.0 * v + 0.2 * np.tanh(v / 1e-5)
+
+    runs = [
+        integrated_run(f"{f:g} Hz {a:g} N", f, a, light, noise=0.005, seed=i, settled=0.5)
+        for i, (f, a) in enumerate(DRIVES[1::2])
+    ]
+    unsettled = discover_rig(rig_test(runs), random_state=0)
+    assert "still vibrates freely" in unsettled.warnings[0] and not unsettled.refinement
+    terms = unsettled.laws[0].discovery.model.terms
+    assert {"linear_stiffness", "coulomb_friction"} <= {term.id for term in terms} <= true.keys()
+    for term in terms:
+        assert abs(term.coefficient - true[term.id]) < 4 * term.standard_error
+
+
 def test_no_term_is_shown_whose_interval_holds_zero(runs):
     """However many are taken by their share: all of them go, none is asked for and forbidden at once."""
     (law,) = discover_rig(rig_test(runs), random_state=0, threshold=1e-4).laws

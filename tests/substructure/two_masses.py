@@ -64,9 +64,8 @@ def passing_run(seconds=12.0):
     return run, x(second, 0) - x(first, 0), force
 
 
-def integrated_run(name, frequency, amplitude, law, periods=10, noise=0.0, seed=0):
+def integrated_run(name, frequency, amplitude, law, periods=10, noise=0.0, seed=0, settled=6.0):
     """A run by SciPy's integrator, written here: law(d, v) is the joint's force at an elongation and its rate."""
-    settled = 6.0
     time = settled + np.arange(int(periods * RATE / frequency)) / RATE
 
     def drive(t):

@@ -33,9 +33,10 @@ from sindyjoint.response.verification import (
 )
 from sindyjoint.response.verify_rig import place_by_kind
 from sindyjoint.states import signals_hash
-from sindyjoint.substructure.recovery import Recovery, recover
+from sindyjoint.substructure.recovery import Recovery, declared_noise, recover
 from sindyjoint.substructure.simulated.runs import SteadyRun
 from sindyjoint.substructure.simulated.segments import SegmentedRun
+from sindyjoint.substructure.spectra import channel_spectra
 
 UNITS = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 Complex = NDArray[np.complex128]
@@ -165,7 +166,9 @@ def verify_runs(
     beyond: list[str] = []
     for number, run in enumerate(chosen, 1):
         say(f"simulating runs: {number} of {len(chosen)}")
-        recovery = recover(test, run)
+        # A model is in its steady motion, whatever still vibrates freely in a run that should repeat.
+        steady = None if run.frequency is None else channel_spectra(run, declared_noise(test))
+        recovery = recover(test, run, steady)
         measured = (_steady_run if recovery.spectra.repeats else _recorded_run)(test, recovery)
         begins = rms(run.responses[:, 0] / run.responses.std(axis=1)) < AT_REST
         if not (measured.repeats or begins):
