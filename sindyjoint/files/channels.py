@@ -250,7 +250,11 @@ class RunReader:
         Straight lines run across what is missing.
         """
         columns = self._wanted()
-        found = dict(zip(columns, self.table.columns(columns, gaps=not self.part), strict=True))
+        read = self.table.columns(columns, gaps=not self.part)
+        size = max(values.size for values in read)
+        # A single number holds for all samples.
+        whole = [np.resize(values, size) if values.size == 1 else values for values in read]
+        found = dict(zip(columns, whole, strict=True))
         if all(np.isfinite(values).all() for values in found.values()):
             return found, None
         self._refuse_lengths({str(name): values.size for name, values in found.items()})

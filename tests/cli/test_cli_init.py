@@ -444,3 +444,41 @@ def test_a_spike_of_a_sensor_is_no_turn(sindyjoint, tmp_path):
     table(tmp_path / "a.csv", "time_s,torque_Nm,angle_deg", TIME, moment, angle)
     assert sindyjoint("init", tmp_path).status == 0
     assert np.degrees(load_campaign(tmp_path).runs[0].angle.max()) == pytest.approx(500.0)
+
+
+def test_what_has_one_value_in_each_run_is_offered_as_an_input(sindyjoint, tmp_path):
+    moment, angle = swing(2.0)
+    for name, warm, load in (("a", 20.0, 100.0), ("b", 60.0, 250.0)):
+        rest = [np.full(TIME.size, load), warm + 0.05 * np.cos(TIME)]
+        table(
+            tmp_path / f"{name}.csv",
+            "time_s,torque_Nm,q_mrad,preload_N,temp [°C]",
+            TIME,
+            moment,
+            angle,
+            *rest,
+        )
+    offered = sindyjoint("init", tmp_path).stdout
+    assert "one value in each run, 100 to 250; lets the law depend on it: --set inputs=preload_N" in offered
+    assert sindyjoint("init", tmp_path, "--force", "--set", "inputs=preload_N, temp [°C]").status == 0
+    assert manifest(tmp_path)["inputs"] == {
+        "preload_N": {"column": "preload_N", "unit": "N"},
+        "temp": {"column": "temp [°C]", "unit": "degC"},
+    }
+    read = load_campaign(tmp_path)
+    assert [run.inputs["preload_N"][0] for run in read.runs] == [100.0, 250.0]
+    assert read.inputs[1].unit == "K" and read.runs[1].inputs["temp"][0] == pytest.approx(333.2)
+    refused = sindyjoint("init", tmp_path, "--force", "--set", "inputs=preload")
+    assert refused.status == 2 and "did you mean 'preload_N'" in refused.stderr
+
+
+def test_a_single_number_beside_the_columns_is_an_input_of_its_run(sindyjoint, tmp_path):
+    moment, angle = swing(2.0)
+    for name, gap in (("a", 0.1), ("b", 0.3)):
+        held = {"time_s": TIME, "torque_Nm": moment, "angle_mrad": angle, "gap_mm": gap}
+        savemat(tmp_path / f"{name}.mat", held)
+    assert "--set inputs=gap_mm" in sindyjoint("init", tmp_path).stdout
+    assert sindyjoint("init", tmp_path, "--force", "--set", "inputs=gap_mm").status == 0
+    np.testing.assert_allclose(
+        [run.inputs["gap_mm"][0] for run in load_campaign(tmp_path).runs], [1e-4, 3e-4]
+    )

@@ -16,9 +16,18 @@ from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 
 _OWN = {motion: {key for key, _ in keys.values()} - {"acceleration"} for motion, keys in KEYS.items()}
-ANSWERS = ("name", "motion", "inertia", "mass", "time", "time.unit", "rate", "runs", "validate") + tuple(
-    f"{key}{part}" for key in CHANNEL_KEYS for part in ("", ".unit", ".gain")
-)
+ANSWERS = (
+    "name",
+    "motion",
+    "inertia",
+    "mass",
+    "time",
+    "time.unit",
+    "rate",
+    "runs",
+    "validate",
+    "inputs",
+) + tuple(f"{key}{part}" for key in CHANNEL_KEYS for part in ("", ".unit", ".gain"))
 # Never taken for moment or angle, whatever else is missing.
 OTHERS = {"time", "temperature", "acceleration", "velocity", "angular rate", "counter"}
 # What a lever makes a channel of, and the gain of one of 0.2 m.

@@ -16,7 +16,14 @@ from sindyjoint.files.drafting.assignment import (
     find_motion,
     find_unit,
 )
-from sindyjoint.files.drafting.run import draft_time, find_course, find_frequency, name_levels
+from sindyjoint.files.drafting.run import (
+    draft_time,
+    find_course,
+    find_frequency,
+    input_lines,
+    name_levels,
+    offer_inputs,
+)
 from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files, split_runs
 from sindyjoint.files.manifest import NONE
 from sindyjoint.files.timeaxis import unwound
@@ -163,9 +170,10 @@ def draft_manifest(
         quantity: [columns[quantity] for _, columns in assigned if quantity in columns]
         for quantity in KEYS[motion]
     }
+    offered = offer_inputs(bundles)
     for bundle, columns in assigned:
         try:
-            runs.append(_draft_run(bundle, columns, motion, dialogue, peers))
+            runs.append(_draft_run(bundle, columns, motion, dialogue, peers, offered))
         except InputError as error:
             left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     if not runs:
@@ -181,7 +189,10 @@ def draft_manifest(
     drafted = [replace(run.drafted, level=level) for run, level in zip(runs, levels, strict=True)]
     simulated = any(bundle.simulated for bundle in bundles if bundle.name in {run.file for run in drafted})
     channels = [run.channels for run in runs]
-    text = _write(dialogue.answers.get("name", name), motion, drafted, channels, simulated, dialogue, left)
+    inputs = input_lines(dialogue.answers.get("inputs", ""), bundles[0])
+    text = _write(
+        dialogue.answers.get("name", name), motion, drafted, channels, simulated, dialogue, left, inputs
+    )
     questions = tuple(dialogue.questions.values())
     used = _list_used(runs)
     return Draft(text, motion, channels[0], tuple(drafted), questions, tuple(left), simulated, used)
@@ -209,6 +220,7 @@ def _draft_run(
     motion: Motion,
     dialogue: Dialogue,
     peers: Mapping[str, Sequence[Column]],
+    offered: Mapping[str, str],
 ) -> _Run:
     channels: dict[str, str] = {}
     rate = draft_time(bundle, columns.get("time"), channels, dialogue)
@@ -236,7 +248,10 @@ def _draft_run(
         if (column.file, column.key) not in taken:
             why = f"looks like {column.role}" if column.role else "neither name nor unit tell"
             why = why if np.ptp(column.values) else f"constant at {column.values[0]:g}"
+            why = offered.get(column.title, why)
             used.append(UsedColumn(bundle.name, column.key, UNUSED, column.unit, why))
+    numbers = [title for title, _ in bundle.scalars if title in offered]
+    used += [UsedColumn(bundle.name, title, UNUSED, "", offered[title]) for title in numbers]
     of_motion = "angle" if "angle" in columns else "acceleration"
     angle = columns[of_motion]
     moment = columns["moment"].values if "moment" in columns else np.zeros_like(angle.values)
@@ -308,6 +323,7 @@ def _write(
     simulated: bool,
     dialogue: Dialogue,
     left_out: Sequence[tuple[str, str]],
+    inputs: Sequence[str],
 ) -> str:
     """Return the text of the manifest."""
     inertia, unit = KEYS[motion]["inertia"]
@@ -354,4 +370,6 @@ def _write(
     ]
     tail = ["", "# Left out:"] if left_out else []
     tail += [f"#   {' '.join(printable(f'{file}: {why}').split())}" for file, why in left_out]
-    return manifest_text([*head, *["", "simulated = true"] * simulated], joint, channels, entries, tail=tail)
+    return manifest_text(
+        [*head, *["", "simulated = true"] * simulated], joint, channels, entries, inputs, tail
+    )

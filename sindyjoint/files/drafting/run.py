@@ -1,11 +1,13 @@
-"""How a run was sampled and excited: its rate, its frequency, its level."""
+"""How a run was sampled and excited: its rate, its frequency, its level, and under which conditions."""
 
 import re
+import shlex
+from collections import defaultdict
 from collections.abc import Sequence
 
 import numpy as np
 
-from sindyjoint.errors import InputError
+from sindyjoint.errors import InputError, nearest
 from sindyjoint.files.drafting.assignment import Dialogue
 from sindyjoint.files.drafting.survey import Bundle, Column
 from sindyjoint.files.timeaxis import (
@@ -17,7 +19,7 @@ from sindyjoint.files.timeaxis import (
     uniform_rate,
     with_lost_samples,
 )
-from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
 from sindyjoint.files.writers import toml_string
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.policy import SHARED
@@ -40,6 +42,8 @@ RATES = {"fs", "fsamp", "srate", "samplerate", "samplingrate", "samplefrequency"
 INTERVALS = {
     "dt", "ts", "deltat", "sampletime", "sampleinterval", "samplinginterval", "samplingtime", "samplingperiod",
 }  # fmt: skip
+# Of temperatures, where they are no coulombs and farads.
+WARM = {"C": "degC", "°C": "degC", "F": "degF", "°F": "degF"}
 # Stamps this far apart, in seconds, are rather milliseconds.
 COARSE = 0.5
 # Share of its power by which a motion may change from one period to the next.
@@ -214,3 +218,36 @@ def name_levels(names: Sequence[str], peaks: Sequence[float], unit: str) -> list
         written = word[1].lower() if word else f"{re.sub('[,p]', '.', size[1])} {size[2]}" if size else ""
         labels[i] = written or f"{float(f'{lowest:.2g}'):g} {unit}"
     return labels
+
+
+def offer_inputs(bundles: Sequence[Bundle]) -> dict[str, str]:
+    """Return what has one value in each run, and others in others, as a temperature or a preload, and the offer."""
+    found: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    for bundle in bundles:
+        for column in bundle.columns:
+            if column.role not in ("time", "counter"):
+                found[column.title].append((float(np.mean(column.values)), float(np.std(column.values))))
+        for title, value in bundle.scalars:
+            found[title].append((value, 0.0))
+    offered = {}
+    for title, values in found.items():
+        levels, within = np.transpose(values)
+        if levels.size == len(bundles) and within.max() < SHARED.tolerated * np.ptp(levels):
+            offer = f"lets the law depend on it: --set inputs={shlex.quote(title)}"
+            offered[title] = f"one value in each run, {levels.min():.4g} to {levels.max():.4g}; {offer}"
+    return offered
+
+
+def input_lines(answer: str, bundle: Bundle) -> list[str]:
+    """Return ``[inputs]`` with the columns, or single numbers, that were named."""
+    lines = []
+    for title in filter(None, map(str.strip, answer.split(","))):
+        column, scalars = bundle.find(title), [each for each, _ in bundle.scalars]
+        if column is None and title not in scalars:
+            known = [str(each.key) for each in bundle.columns] + scalars
+            raise InputError(f"inputs = {title!r} is no column; {nearest(title, known, 'columns there:')}")
+        stated = column.unit if column is not None else (unit_in_name(title) or ("",))[0]
+        name = re.sub(r"\W+", "_", re.sub(r"[\[({].*", "", title)).strip("_")
+        key = toml_string(title if column is None else column.key)
+        lines.append(f"{name} = {{ column = {key}, unit = {toml_string(WARM.get(stated, stated) or '1')} }}")
+    return ["", "[inputs]", *lines] if lines else []
