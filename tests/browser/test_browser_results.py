@@ -51,6 +51,15 @@ def test_narrow_and_dark(open_page, page_path):
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(20, 24, 29)"
 
 
+def test_on_a_desktop_nothing_is_scrolled_sideways(open_page, page_path):
+    page = open_page(page_path, viewport={"width": 1440, "height": 900})
+    wider = page.evaluate(
+        """() => [...document.querySelectorAll("html, .scroll, figure")]
+            .filter((e) => e.scrollWidth > e.clientWidth + 1).map((e) => e.innerText.slice(0, 60))"""
+    )
+    assert wider == []
+
+
 def test_tables_sort_by_the_numbers_they_show(open_page, page_path):
     page = open_page(page_path)
     table = page.locator("table.sortable").first
