@@ -82,7 +82,7 @@ ACCELERATIONS = ("rad/s**2", "m/s**2")
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*\*?\s*(.*?)\s*", re.DOTALL)
 
 # Units in the names of columns: ``force [kN]``, ``angle (mrad)``, ``angle_mrad``.
-_BRACKETS = re.compile(r"[\[({]\s*([^\])}]+?)\s*[\])}]\s*$")
+_BRACKETS = re.compile(r"[\[({]\s*([^\])}:]+?)\s*[\])}]\s*$")
 _ENDING = re.compile(r"^(?P<base>.*?)(?:\s*/\s*|_|\s+)(?P<unit>[^\W\d_](?:[^\W_]|[*·^])*|°|µ\w+)$")
 _QUOTIENT = re.compile(r"(?:^|[_\s])(?P<over>[^\W\d_]+)/(?P<under>[^\W\d_]+)(?P<square>\^?2|²)?$")
 # What an ending must be to count as a unit; single letters only after a word.
@@ -121,8 +121,8 @@ def _try_parse(unit: str) -> pint.Unit | None:
     """Return pint's unit for a spelling, or None where pint knows none."""
     torque = next(filter(None, (pair.fullmatch(unit) for pair in _TORQUES)), None)
     unit = f"{torque['pull']}f*{torque['arm']}" if torque else _MEANT.get(unit, unit)
-    # A hyphen between two units multiplies them, as in N-m.
-    unit = re.sub(r"(?<=[^\W\d_])-(?=[^\W\d_])", "*", unit)
+    # A hyphen or a point between two units multiplies them, as in N-m.
+    unit = re.sub(r"(?<=[^\W\d_])[-.](?=[^\W\d_])", "*", unit)
     # pint evaluates numbers while it parses, so a tower of powers would run for ever: only small ones pass.
     bare = re.sub(_EXPONENT, " ", unit)
     chained = re.search(rf"{_EXPONENT}\s*(?:\*\*|\^)", unit)
@@ -367,14 +367,14 @@ def is_unit(text: str) -> bool:
 
     Examples
     --------
-    >>> is_unit("[s]"), is_unit("kN"), is_unit("m/s^2"), is_unit("force"), is_unit("-"), is_unit("force [N]")
+    >>> is_unit("[s]"), is_unit("N.m"), is_unit("m/s^2"), is_unit("force"), is_unit("-"), is_unit("force [N]")
     (True, True, True, False, True, False)
     """
     text = text.strip()
     bare = text.strip("[](){}").strip()
     if text[:1] in ("[", "(", "{") or bare in ("-", "1", "%"):
         return True
-    parts = re.split(r"[*·/^ ]+\d*", bare)
+    parts = re.split(r"[*·/^ ]+\d*|(?<=[^\W\d_])[-.](?=[^\W\d_])", bare)
     return all(part in KNOWN | LETTERS | OTHERS or part.isdigit() or not part for part in parts)
 
 

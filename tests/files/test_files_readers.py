@@ -18,6 +18,7 @@ from made_files import (
     stored,
     uff,
 )
+from scipy.io import savemat
 
 from sindyjoint.errors import InputError, MissingExtraError, SindyJointError
 from sindyjoint.files import READERS, load_campaign, read_table
@@ -47,6 +48,22 @@ def test_mat_v73(tmp_path):
     time, moment, angle = table.columns(["t", "s.m", "X(:,1)"])
     np.testing.assert_array_equal([time, moment, angle], [T, M, A])
     assert "#refs#.a" not in table.names
+
+
+def test_structs_in_an_array_are_numbered_and_a_vector_may_have_its_name_beside_it(tmp_path):
+    signals = np.zeros((2,), dtype=[("values", object), ("label", object)])
+    signals[0], signals[1] = (np.arange(40.0)[:, None], "Torque [Nm]"), (np.ones((40, 1)), "Angle")
+    savemat(tmp_path / "scope.mat", {"out": {"time": np.arange(40.0), "signals": signals}})
+    table = read_table(tmp_path / "scope.mat")[0]
+    assert table.names == ("out.time", "out.signals(1).Torque [Nm]", "out.signals(2).Angle")
+    np.testing.assert_array_equal(table.columns(["out.signals(1).Torque [Nm]"])[0], np.arange(40.0))
+    assert table.stated_unit("out.signals(1).Torque [Nm]")[1] == "N*m"
+
+
+def test_the_column_of_a_matrix_has_no_unit(tmp_path):
+    np.savez(tmp_path / "a.npz", data=np.arange(80.0).reshape(40, 2))
+    table = read_table(tmp_path / "a.npz")[0]
+    assert table.names == ("data[:,0]", "data[:,1]") and table.stated_unit("data[:,0]") is None
 
 
 def test_names_without_their_group_where_they_are_unique(tmp_path):

@@ -242,6 +242,8 @@ HEADER = 128
 DEEPEST = 20
 V4_NUMBERS = ("f8", "f4", "i4", "i2", "u2", "u1")
 V4_HEADER = 20
+# What programs call the name of a vector that stands beside it.
+LABELS = ("label", "name", "Label", "Name")
 
 
 def read_mat(path: Path, data: bytes | None = None) -> Table | None:
@@ -268,14 +270,21 @@ def read_mat(path: Path, data: bytes | None = None) -> Table | None:
                 arrays |= vectors(name, array, "(:,{})", first=1)
     texts = {name: str(array) for name, array in stored if array.dtype.kind == "U"}
     parents = [name.rpartition(".")[0] for name in arrays]
-    # A struct of one vector, and its unit beside.
+    # A struct of one vector, and its unit and its name beside.
     long = [parent for parent, array in zip(parents, arrays.values(), strict=True) if array.size > 1]
-    units = tuple(
-        next((texts[f"{parent}.{key}"] for key in UNIT_KEYS if f"{parent}.{key}" in texts), "")
-        if long.count(parent) == 1
-        else ""
-        for parent in parents
-    )
+
+    def beside(parent: str, keys: Sequence[str]) -> str:
+        found = (texts[f"{parent}.{key}"] for key in keys if f"{parent}.{key}" in texts)
+        return next(found, "") if long.count(parent) == 1 else ""
+
+    units = tuple(beside(parent, UNIT_KEYS) for parent in parents)
+    labels = [beside(parent, LABELS) for parent in parents]
+    named = [
+        f"{parent}.{label}" if label and array.size > 1 else name
+        for (name, array), parent, label in zip(arrays.items(), parents, labels, strict=True)
+    ]
+    if len(set(named)) == len(arrays):
+        arrays = dict(zip(named, arrays.values(), strict=True))
     return Table.of(
         path, arrays, aliases=short_names(tuple(arrays), "."), remarks=tuple(texts.values()), units=units
     )
@@ -372,8 +381,11 @@ class _Elements:
         if not flags.size or not 2 <= len(shape) <= 32 or min(shape) < 0:
             raise self.damaged(f"an array has the shape {shape!s:.60}")
         kind, marks = int(flags[0]) & 0xFF, int(flags[0])
-        if kind == STRUCT and math.prod(shape) == 1 and name:
-            yield from inner.fields(name)
+        if kind == STRUCT and name:
+            lengths, names = inner.numbers(), inner.next()[1]
+            count = math.prod(shape) if names else 0
+            for number in range(1, count + 1):
+                yield from inner.fields(f"{name}({number})" if count > 1 else name, lengths, names)
         elif kind == TEXT and shape[0] == 1 and name:
             code, letters = inner.next()
             ending = ("-le" if self.order == "<" else "-be") if code in (4, 17) else ""
@@ -386,8 +398,8 @@ class _Elements:
             with np.errstate(all="ignore"):
                 yield name, values.astype("?" if marks & LOGICAL else CLASSES[kind]).reshape(shape, order="F")
 
-    def fields(self, name: str) -> Iterator[tuple[str, NDArray[Any]]]:
-        lengths, names = self.numbers(), self.next()[1]
+    def fields(self, name: str, lengths: NDArray[Any], names: bytes) -> Iterator[tuple[str, NDArray[Any]]]:
+        """Yield the arrays of the fields of one struct, whose names have a length each."""
         length = int(lengths[0]) if lengths.size else 0
         if length < 1 or len(names) % length:
             raise self.damaged(f"the names of the fields of {name!r:.40} are damaged")
