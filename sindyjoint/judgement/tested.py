@@ -174,4 +174,5 @@ def _of_response(result: Diagnosis) -> Diagnosis:
         for step in result.steps
     )
     names = ("initial", "final", "noise_floor", "uncertainty")
-    return replace(result, steps=tuple(steps), **{name: bare(getattr(result, name)) for name in names})
+    gaps: dict[str, Any] = {name: bare(getattr(result, name)) for name in names}
+    return replace(result, steps=tuple(steps), **gaps)
