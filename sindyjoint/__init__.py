@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from sindyjoint.workflows.simulate import rig_motion, simulate
     from sindyjoint.workflows.verify import refine, verify
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 __all__ = [
     "Campaign",
