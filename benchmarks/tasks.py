@@ -97,7 +97,7 @@ def states_of(path: str) -> tuple[np.ndarray, np.ndarray]:
 def fit_ours(n: int, path: str, where: str) -> dict[str, Any]:
     """Fit by the public door: ``JointRegressor`` from arrays, or ``discover_rows`` from a table on disk."""
     from sindyjoint import JointRegressor
-    from sindyjoint.discovery.large.tables import discover_rows
+    from sindyjoint.discovery.long_tables import discover_rows
 
     if where == "memory":
         X, y = states_of(path)
@@ -160,7 +160,7 @@ def limits() -> dict[str, Any]:
 
 def disk(n: int, folder: str) -> dict[str, Any]:
     """Stream a table from disk into a factor, and, as the limit, its bytes into nothing."""
-    from sindyjoint.discovery.large.tables import RowTask, run_rows
+    from sindyjoint.discovery.long_tables import RowTask, run_rows
 
     path = Path(folder) / f"rows-{n}.npy"
     task = RowTask(path, (1, 2, 3), 0, n, None, terms())
@@ -184,7 +184,7 @@ def statistics(n: int, folder: str) -> dict[str, Any]:
     from sindyjoint.discovery.crossvalidation import cross_validate
     from sindyjoint.discovery.evidence import Evidence, RunEvidence
     from sindyjoint.discovery.factors import merge
-    from sindyjoint.discovery.large.tables import RowTask, run_rows
+    from sindyjoint.discovery.long_tables import RowTask, run_rows
     from sindyjoint.discovery.uncertainty import inclusion
 
     path = Path(folder) / f"rows-{n}.npy"

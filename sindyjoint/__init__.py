@@ -9,8 +9,8 @@ from sindyjoint.hooks import supply
 
 if TYPE_CHECKING:
     from sindyjoint.discovery.estimator import JointRegressor
-    from sindyjoint.discovery.large.tables import discover_rows
     from sindyjoint.discovery.library import TermLibrary
+    from sindyjoint.discovery.long_tables import discover_rows
     from sindyjoint.discovery.optimizer import UniqueShareSTLSQ
     from sindyjoint.equation.catalogue import Catalogue, load_catalogue
     from sindyjoint.equation.model import JointModel
@@ -124,7 +124,7 @@ _HOMES = {
     "diagnose_structure": "workflows.diagnose",
     "discover": "workflows.discover",
     "discover_rig": "workflows.discover",
-    "discover_rows": "discovery.large.tables",
+    "discover_rows": "discovery.long_tables",
     "draw": "reporting.registry",
     "export_model": "export",
     "figure_bytes": "reporting.style",

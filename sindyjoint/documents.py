@@ -29,7 +29,6 @@ from sindyjoint.text import control_character
 # A campaign of ten thousand runs is a megabyte of TOML; the data of a page of figures a few megabytes of JSON.
 LARGEST = {"TOML": 1 << 23, "JSON": 1 << 28}
 DEEPEST = 40
-LARGEST_INTEGER = 1 << 63
 # tomllib works through a dotted key in a time that grows with its square.
 _LONG_KEY = re.compile(r"""(?<![\w-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){32}""")
 SUMS = "SHA256SUMS"
@@ -38,7 +37,6 @@ KIND = "# results: "
 # The folder of pictures has no list of its own.
 INNER = "figures"
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\x00-\x1f]+)")
-_LARGEST_LIST = 1 << 24
 # What every figure and export says of its origin, in its first bytes.
 _MARK, _MARKED = b"sindyjoint", 1 << 20
 
@@ -159,7 +157,7 @@ def _check_tree(content: Any, called: str) -> None:
                 inner += item
             elif isinstance(item, str):
                 _check_text(item, called)
-            elif isinstance(item, int) and abs(item) >= LARGEST_INTEGER:
+            elif isinstance(item, int) and abs(item) >= 1 << 63:
                 raise InputError(f"{called}: holds an integer of {len(f'{item:x}')} hexadecimal digits; expected one "
                                  "that a computer counts with")  # fmt: skip
         if not inner:
@@ -207,7 +205,7 @@ def read_list(folder: Path, damaged: bool = False) -> Listed:
     path, kind = folder / SUMS, ""
     if not path.is_file():
         return Listed()
-    lines = read_regular(path, _LARGEST_LIST).decode("utf-8", errors="replace").split("\n")
+    lines = read_regular(path, 1 << 24).decode("utf-8", errors="replace").split("\n")
     found = Listed(finished=lines[0] != UNFINISHED, there=True)
     for line in lines:
         match = _LINE.fullmatch(line)

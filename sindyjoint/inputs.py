@@ -22,8 +22,6 @@ RESERVED = frozenset(
 )
 # Values are sorted into so many bins over the tested range: neighbours are one level.
 BINS = 50
-# A bin that holds less of each run than this share was passed on the way to another.
-PASSED = 0.005
 
 
 @dataclass(frozen=True)
@@ -169,7 +167,8 @@ def levels(values: Iterable[Array], tested: tuple[float, float]) -> int:
         return 1
     parts = [np.histogram(v, BINS, (low, high))[0] / v.size for v in values]
     # What is passed on the way from one level to another is none.
-    seen = np.flatnonzero(np.sum(parts, axis=0) > min(PASSED * len(parts), 0.5))
+    # A bin that holds less of each run than this share was passed on the way to another.
+    seen = np.flatnonzero(np.sum(parts, axis=0) > min(0.005 * len(parts), 0.5))
     # A level is a stretch without a gap; one that runs on counts once more for every quarter of the range.
     groups = np.split(seen, np.flatnonzero(np.diff(seen) > 1) + 1)
     return int(sum(1 + 4 * (group.size - 1) // BINS for group in groups))

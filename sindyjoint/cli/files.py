@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sindyjoint.cli.answer import AsJson, ForceOption, Progress
 from sindyjoint.cli.options import (
-    AsJson,
     AtOption,
-    ForceOption,
     constant_of,
     default_of,
     given,
@@ -22,7 +21,6 @@ from sindyjoint.cli.options import (
     split_pairs,
     with_blocks,
 )
-from sindyjoint.cli.progress import Progress
 from sindyjoint.documents import refuse_foreign_file
 from sindyjoint.errors import InputError, UnknownNameError, refuse
 from sindyjoint.files.atomic import write_bytes

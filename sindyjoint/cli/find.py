@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import answer, call, read, write
+from sindyjoint.cli.answer import Output, Progress, answer, call, read, write
 from sindyjoint.cli.options import (
     DISCOVER,
     AcceptOption,
@@ -18,14 +18,12 @@ from sindyjoint.cli.options import (
     CampaignPath,
     CandidatesOption,
     Finding,
-    Output,
     Work,
     default_of,
     given,
     refuse_other_options,
     with_blocks,
 )
-from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import InputError, refuse
 
 if TYPE_CHECKING:

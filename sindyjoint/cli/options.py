@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.answer import Output, Progress
 from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:
@@ -139,13 +139,6 @@ AcceptOption = Annotated[
         "--accept", metavar="ID", help="Finding of the check of the data that shall not stop. Repeatable."
     ),
 ]
-ForceOption = Annotated[
-    bool,
-    typer.Option(
-        "--force", help="Replace files in --out that were not written by this command, or were changed since."
-    ),
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 AtOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -188,14 +181,6 @@ ClusterOption = Annotated[
         metavar="ADDRESS", callback=_check_address, help="Address of a running Dask scheduler to work on."
     ),
 ]
-
-
-@dataclass(frozen=True)
-class Output:
-    """What is done with a result: the options of every command that writes one."""
-
-    force: ForceOption = False
-    as_json: AsJson = False
 
 
 @dataclass(frozen=True)

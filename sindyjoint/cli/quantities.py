@@ -8,9 +8,8 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from sindyjoint.cli.answer import answer, call
-from sindyjoint.cli.options import Output, default_of, given, with_blocks
-from sindyjoint.cli.progress import Progress
+from sindyjoint.cli.answer import Output, Progress, answer, call
+from sindyjoint.cli.options import default_of, given, with_blocks
 from sindyjoint.errors import InputError, UnitError
 from sindyjoint.files.units import conversion, parse_quantity, split_quantity
 from sindyjoint.trust import PLACES

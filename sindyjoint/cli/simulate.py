@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from sindyjoint.cli.answer import ForceOption, Progress
 from sindyjoint.cli.options import (
     AtOption,
-    ForceOption,
     default_of,
     given,
     given_inputs,
     refuse_other_options,
     with_blocks,
 )
-from sindyjoint.cli.progress import Progress
 from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:

@@ -9,21 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sindyjoint.cli.answer import Interrupted, answer, call, read
+from sindyjoint.cli.answer import AsJson, Interrupted, Output, Progress, answer, call, read
 from sindyjoint.cli.options import (
     AcceptOption,
     AlignOption,
-    AsJson,
     CampaignPath,
     CandidatesOption,
     Finding,
-    Output,
     Work,
     default_of,
     given,
     with_blocks,
 )
-from sindyjoint.cli.progress import Progress
 from sindyjoint.text import printable
 
 if TYPE_CHECKING:

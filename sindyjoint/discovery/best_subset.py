@@ -11,7 +11,6 @@ Wilson, Technometrics 16(4), 1974.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -29,28 +28,12 @@ MOST_COLUMNS = 40
 REPLICATES = 32
 
 
-@dataclass(frozen=True)
-class Subset:
-    """The best set of its size.
-
-    Parameters
-    ----------
-    columns : tuple of int
-        In rising order.
-    squared_error : float
-        Sum of squared residuals in the units of the factor's target.
-    """
-
-    columns: tuple[int, ...]
-    squared_error: float
-
-
 def best_subsets(
     factor: Factor,
     forced: Sequence[int] = (),
     signs: Mapping[int, int] | None = None,
-) -> list[Subset]:
-    """Return the best subset of every size, from one column (or the forced ones) up.
+) -> list[tuple[int, ...]]:
+    """Return the columns of the best subset of every size, from one column (or the forced ones) up.
 
     Parameters
     ----------
@@ -71,7 +54,7 @@ def best_subsets(
         raise InputError(
             f"{p} candidate terms; an exact best subset takes at most {MOST_COLUMNS}: choose a smaller library"
         )
-    scaled, _, target = factor.normalised()
+    scaled, _, _ = factor.normalised()
     order = _search_order(scaled, [*dict.fromkeys(forced)])
     start = scaled.take(order).triangle
     if np.abs(np.diag(start)[:p]).min() < 1e-12:
@@ -80,12 +63,11 @@ def best_subsets(
         [0 if signs is None else int(signs.get(column, 0)) for column in order], dtype=np.int64
     )
     errors, sets = _search(start, len(set(forced)), expected, p)
-    found = []
-    for size in range(max(1, len(set(forced))), p + 1):
-        if np.isfinite(errors[size]):
-            columns = tuple(sorted(order[i] for i in np.flatnonzero(sets[size])))
-            found.append(Subset(columns, float(errors[size]) * target**2))
-    return found
+    return [
+        tuple(sorted(order[i] for i in np.flatnonzero(sets[size])))
+        for size in range(max(1, len(set(forced))), p + 1)
+        if np.isfinite(errors[size])
+    ]
 
 
 def replicate_subsets(triangles: Array, largest: int) -> NDArray[np.bool_]:

@@ -27,10 +27,6 @@ from sindyjoint.text import quantities
 
 # Gauss–Newton steps, and evenly spaced rows that suffice for them.
 STEPS, ROWS = 4, 40_000
-# A candidate that explains the moment better than the delay by this likelihood ratio belongs to the law.
-BETTER = 100.0
-# Values that are tried over the range of a term's parameter.
-SHAPES = 7
 
 
 @dataclass(frozen=True)
@@ -178,7 +174,8 @@ def _over_range(term: Term) -> list[Term]:
     parameter = term.parameters[0] if len(term.parameters) == 1 else None
     if parameter is None or parameter.lower is None or parameter.upper is None:
         return [term]
-    values = np.geomspace(parameter.lower, parameter.upper, SHAPES)
+    # Values that are tried over the range of a term's parameter.
+    values = np.geomspace(parameter.lower, parameter.upper, 7)
     return [replace(term, parameters=(replace(parameter, value=value),)) for value in values]
 
 
@@ -214,7 +211,8 @@ def _better_than(
         return None
     won = (falls / own - 1) * (delay.time / delay.standard_error) ** 2
     best = int(np.argmax(won))
-    return best if won[best] > 2 * np.log(BETTER) else None
+    # A candidate that explains the moment better than the delay by this likelihood ratio belongs to the law.
+    return best if won[best] > 2 * np.log(100.0) else None
 
 
 def align_channels(campaign: Campaign) -> Campaign:

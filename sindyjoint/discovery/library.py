@@ -14,10 +14,9 @@ from pysindy.feature_library.base import BaseFeatureLibrary, x_sequence_or_item
 from pysindy.utils import AxesArray, comprehend_axes
 from sklearn.utils.validation import check_is_fitted
 
-from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.discovery.rows import state_columns
-from sindyjoint.equation.candidates import with_dependences
+from sindyjoint.equation.candidates import catalogue_of, with_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, input_names, reference_values, tested_inputs

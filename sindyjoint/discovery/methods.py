@@ -16,7 +16,7 @@ import numpy as np
 
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, merge
-from sindyjoint.discovery.selection import backward_path, elimination_path
+from sindyjoint.discovery.selection import elimination_path
 from sindyjoint.errors import InputError, MissingExtraError, UnknownNameError, nearest
 from sindyjoint.numeric import Array
 
@@ -24,8 +24,7 @@ Path = list[tuple[int, ...]]
 
 # Thresholds on scaled coefficients, as shares of the target's RMS.
 THRESHOLDS = np.geomspace(1e-3, 1.0, 43)
-# A resampled fit costs as many fits as there are replicates: coarser steps, twenty replicates as pysindy's default.
-ENSEMBLE_THRESHOLDS = np.geomspace(2e-3, 0.5, 12)
+# As many replicates as pysindy's default.
 ENSEMBLE_MODELS = 20
 
 
@@ -62,7 +61,7 @@ def _best_subset(asked: Asked) -> Path:
     """Exact best subset of every size, by branch and bound."""
     from sindyjoint.discovery.best_subset import best_subsets
 
-    return [subset.columns for subset in best_subsets(asked.factor, asked.forced, asked.signs)]
+    return best_subsets(asked.factor, asked.forced, asked.signs)
 
 
 def _of_pysindy(name: str, **settings: Any) -> Any:
@@ -102,7 +101,8 @@ def _ensemble(asked: Asked) -> Path:
     def build(threshold: float) -> Any:
         return BlockEnsemble(_pysindy_stlsq(threshold), bagging=True, n_models=ENSEMBLE_MODELS)
 
-    return _threshold_path(asked, build, ENSEMBLE_THRESHOLDS)
+    # A resampled fit costs as many fits as there are replicates: coarser steps.
+    return _threshold_path(asked, build, np.geomspace(2e-3, 0.5, 12))
 
 
 def _lasso_lars(asked: Asked) -> Path:
@@ -128,7 +128,7 @@ METHODS: dict[str, Method] = {
     "stlsq": lambda asked: elimination_path(asked.factor, asked.forced, asked.evidence.parents),
     "best_subset": _best_subset,
     # Backward elimination: the term whose removal costs least goes, and does not come back.
-    "backward": lambda asked: backward_path(asked.factor, asked.forced, asked.evidence.parents),
+    "backward": lambda asked: elimination_path(asked.factor, asked.forced, asked.evidence.parents, 0),
     "coefficient_stlsq": lambda asked: _threshold_path(asked, _pysindy_stlsq),
     "sr3": lambda asked: _threshold_path(asked, _pysindy_sr3),
     # SSR of pysindy, the stepwise sparse regressor: the smallest scaled coefficient goes, one at a time.

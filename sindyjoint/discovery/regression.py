@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
-from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.methods import check_method, column_path
 from sindyjoint.discovery.rows import RowLabels, Rows, gather, rows_that_count, state_columns
 from sindyjoint.discovery.selection import (
@@ -24,7 +23,7 @@ from sindyjoint.discovery.selection import (
     choose_by_threshold,
     path_of,
 )
-from sindyjoint.equation.candidates import with_dependences
+from sindyjoint.equation.candidates import catalogue_of, with_dependences
 from sindyjoint.equation.catalogue import Catalogue, Reference, load_catalogue
 from sindyjoint.equation.model import Fitted, JointModel, model_terms
 from sindyjoint.equation.terms import ResolvedTerm

@@ -98,7 +98,7 @@ class Selection:
 
 
 def elimination_path(
-    factor: Factor, forced: Sequence[int] = (), parents: Parents | None = None
+    factor: Factor, forced: Sequence[int] = (), parents: Parents | None = None, exchange_below: int = 13
 ) -> list[tuple[int, ...]]:
     """Return one set of columns for every size, by removing the least unique share and exchanging.
 
@@ -110,21 +110,10 @@ def elimination_path(
         Columns that are never removed.
     parents : mapping of int to tuple of int, optional
         Columns that stay as long as the one that is given with them.
+    exchange_below : int
+        Size below which terms are exchanged: that is worth its time only where a model is small enough to be chosen.
     """
-    # Exchanging terms is worth its time only where the model is small enough to be chosen.
-    return _eliminate(factor, forced, 13, parents or {})
-
-
-def backward_path(
-    factor: Factor, forced: Sequence[int] = (), parents: Parents | None = None
-) -> list[tuple[int, ...]]:
-    """Return one set of columns for every size, by removing the least unique share and never exchanging."""
-    return _eliminate(factor, forced, 0, parents or {})
-
-
-def _eliminate(
-    factor: Factor, forced: Sequence[int], exchange_below: int, parents: Parents
-) -> list[tuple[int, ...]]:
+    parents = parents or {}
     scaled, _, _ = factor.normalised()
     kept = list(range(scaled.n_columns))
     path = [tuple(kept)]

@@ -18,9 +18,6 @@ from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 from sindyjoint.text import spelled
 
-# Of unit columns, the residual of one on the others: below the square root of the precision nothing in a Gram matrix.
-ALIKE = 1e-7
-
 
 @dataclass(frozen=True, eq=False)
 class Inclusion:
@@ -214,7 +211,9 @@ def _t_and_share(
     rows, p = np.arange(len(active))[:, None], gram.shape[1] - 1
     columns = np.take_along_axis(triangles, active[:, None, :], axis=2)
     factors = np.asarray(np.linalg.qr(columns, mode="r"), dtype=np.float64)
-    alike = np.abs(np.einsum("bii->bi", factors)).min(axis=1) < ALIKE
+    # Of unit columns, the residual of one on the others: below the square root of the precision there is nothing of it
+    # in a Gram matrix.
+    alike = np.abs(np.einsum("bii->bi", factors)).min(axis=1) < np.finfo(float).eps ** 0.5
     factors[alike] = np.eye(active.shape[1])
     root = np.linalg.inv(factors)
     inverse = root @ root.transpose(0, 2, 1)

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 from sindyjoint.equation import dimensions, formula
 from sindyjoint.equation.catalogue_file import (
-    GatheredCatalogue,
-    LocatedEntry,
+    Located,
     check_symbols,
     find_catalogue,
     gather_catalogue,
@@ -154,9 +153,10 @@ class Catalogue:
         return tuple(term.resolve(reference) for term in self.terms)
 
 
-def list_catalogues() -> tuple[GatheredCatalogue, ...]:
-    """Return what ships with the package, in alphabetical order."""
-    return tuple(gather_catalogue(library_folder() / f"{name}.toml") for name in shipped_names())
+def list_catalogues() -> tuple[Catalogue, ...]:
+    """Return what ships with the package, in alphabetical order, with formulas as they are written."""
+    found = (gather_catalogue(library_folder() / f"{name}.toml") for name in shipped_names())
+    return tuple(Catalogue(name, text, tuple(entry for entry, _ in terms)) for name, text, terms in found)
 
 
 def load_catalogue(name_or_path: str | Path) -> Catalogue:
@@ -209,8 +209,8 @@ def as_catalogue(library: str | Path | Catalogue | Sequence[str | Path | Catalog
 
 
 def _load(path: Path) -> Catalogue:
-    gathered = gather_catalogue(path)
-    return Catalogue(gathered.name, gathered.description, tuple(_term(located) for located in gathered.terms))
+    name, description, terms = gather_catalogue(path)
+    return Catalogue(name, description, tuple(map(_term, terms)))
 
 
 @cache
@@ -219,13 +219,13 @@ def _read_shipped(path: Path) -> Catalogue:
     return _load(path)
 
 
-def _term(located: LocatedEntry) -> Term:
+def _term(located: Located) -> Term:
     """Build a term from its entry: parse the formula, check units, bring them into rotational form.
 
     What ships is in that form, and is not checked anew by every process: the tests load a copy of it, which is.
     """
-    entry = located.entry
-    where = f"{located.path.name}: term {entry.id!r}"
+    entry, path = located
+    where = f"{path.name}: term {entry.id!r}"
     try:
         inputs = entry.inputs
         _check_bounds(entry.parameters)
@@ -236,7 +236,7 @@ def _term(located: LocatedEntry) -> Term:
             raise InputError(f"a parameter name is used twice among {', '.join(names)}")
         expression = formula.parse_formula(entry.formula, names, [each.name for each in inputs])
         _check_use(expression, [*names, *(each.name for each in inputs)])
-        ships = located.path.parent == library_folder()
+        ships = path.parent == library_folder()
         motion = None if ships else _checked_motion(entry, expression)
         parameters = tuple(_parameter(parameter, motion) for parameter in entry.parameters)
     except (FormulaError, UnitError, InputError) as error:

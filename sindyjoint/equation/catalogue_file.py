@@ -34,22 +34,8 @@ class CatalogueEntry:
     term: tuple[Term, ...] = ()
 
 
-@dataclass(frozen=True)
-class LocatedEntry:
-    """A term's entry and the file it was written in."""
-
-    entry: Term
-    path: Path
-
-
-@dataclass(frozen=True)
-class GatheredCatalogue:
-    """A catalogue file with its includes followed: name, description, every term's entry."""
-
-    name: str
-    description: str
-    path: Path
-    terms: tuple[LocatedEntry, ...]
+# A term and the file that it stands in.
+Located = tuple[Term, Path]
 
 
 def library_folder() -> Path:
@@ -111,8 +97,8 @@ def find_catalogue(name_or_path: str | Path, folder: Path | None = None) -> Path
     return path
 
 
-def gather_catalogue(path: Path) -> GatheredCatalogue:
-    """Read a catalogue file, follow what it includes, and check that ids and symbols are unique.
+def gather_catalogue(path: Path) -> tuple[str, str, tuple[Located, ...]]:
+    """Return name, description and terms of a catalogue file, those that it includes among them.
 
     Raises
     ------
@@ -122,18 +108,18 @@ def gather_catalogue(path: Path) -> GatheredCatalogue:
         For an include or a picked term that does not exist.
     """
     catalogue = _read_entries(path)
-    terms: dict[str, LocatedEntry] = {}
-    for located in _collect_terms(path, catalogue, ()):
-        earlier = terms.setdefault(located.entry.id, located)
-        if earlier is not located and (earlier.path != located.path or earlier.entry != located.entry):
+    terms: dict[str, Located] = {}
+    for entry, home in _collect_terms(path, catalogue, ()):
+        earlier = terms.setdefault(entry.id, (entry, home))
+        if earlier != (entry, home):
             raise InputError(
-                f"{path.name}: term {located.entry.id!r} is defined in {earlier.path.name} and in "
-                f"{located.path.name}; include one of them, or rename yours"
+                f"{path.name}: term {entry.id!r} is defined in {earlier[1].name} and in {home.name}; include one of "
+                "them, or rename yours"
             )
-    check_symbols(path.name, [(located.entry.id, located.entry.symbol) for located in terms.values()])
+    check_symbols(path.name, [(entry.id, entry.symbol) for entry, _ in terms.values()])
     if not terms:
         raise InputError(f"{path.name}: holds no term; add a [[term]] or include a catalogue")
-    return GatheredCatalogue(catalogue.name, catalogue.description, path, tuple(terms.values()))
+    return catalogue.name, catalogue.description, tuple(terms.values())
 
 
 def check_symbols(where: str, ids_and_symbols: list[tuple[str, str]]) -> None:
@@ -148,9 +134,7 @@ def check_symbols(where: str, ids_and_symbols: list[tuple[str, str]]) -> None:
         owners[symbol] = term_id
 
 
-def _collect_terms(
-    path: Path, catalogue: CatalogueEntry, parents: tuple[Path, ...]
-) -> Iterator[LocatedEntry]:
+def _collect_terms(path: Path, catalogue: CatalogueEntry, parents: tuple[Path, ...]) -> Iterator[Located]:
     resolved = path.resolve()
     if resolved in parents:
         names = " → ".join(link.name for link in (*parents[parents.index(resolved) :], resolved))
@@ -164,7 +148,7 @@ def _collect_terms(
         if include.terms is None:
             yield from located
             continue
-        by_id = {term.entry.id: term for term in located}
+        by_id = {term.id: (term, home) for term, home in located}
         for term_id in include.terms:
             if term_id not in by_id:
                 raise UnknownNameError(
@@ -177,7 +161,7 @@ def _collect_terms(
         if entry.id in ids:
             raise InputError(f"{path.name}: the id {entry.id!r} is used twice; give each term another id")
         ids.add(entry.id)
-        yield LocatedEntry(entry, resolved)
+        yield entry, resolved
 
 
 def _read_entries(path: Path) -> CatalogueEntry:

@@ -12,9 +12,6 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import read_test
 from sindyjoint.errors import InputError, MissingInputError
 
-# A term of a law that was measured stays near the measured moment; collinear terms may cancel, not to this extent.
-LARGEST_SHARE = 1e6
-
 
 def as_model(model: JointModel | str | os.PathLike[str]) -> JointModel:
     """Return a model as it is given, or that of a file."""
@@ -91,7 +88,9 @@ def _check_model(model: JointModel) -> None:
         )
         moments = np.abs(moments * [term.coefficient for term in terms]).max(axis=0)
     for term, moment in zip(terms, moments, strict=True):
-        if not moment <= LARGEST_SHARE * fitted.moment_rms:
+        # A term of a law that was measured stays near the measured moment; collinear terms may cancel, not to this
+        # extent.
+        if not moment <= 1e6 * fitted.moment_rms:
             raise InputError(
                 f"term {term.id!r}: its coefficient {term.coefficient:g} makes {moment:.3g} within the tested range, "
                 f"where {fitted.moment_rms:.3g} was measured; the file was changed or damaged"

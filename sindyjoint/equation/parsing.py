@@ -46,14 +46,16 @@ ALIASES = {"x": "theta", "v": "omega", "a": "alpha"}
 
 # A term of a joint's law is a line of text. These bounds leave several times what such a line needs and keep
 # hostile text (towers of powers, thousands of brackets) from costing time or memory.
-MAXIMUM_LENGTH = 400
-MAXIMUM_NODES = 80
-MAXIMUM_DEPTH = 20
-# Functions of functions; shipped terms have three. Printing takes sympy four times as long with every further level.
-MAXIMUM_CALLS = 5
-MAXIMUM_POWER = 12
-MAXIMUM_ARGUMENTS = 4  # of min and max
-MAXIMUM_NUMBER = 1e30
+MOST = {
+    "characters": 400,
+    "parts": 80,
+    "levels": 20,
+    # Functions of functions; shipped terms have three. Every further level takes sympy four times as long to print.
+    "calls": 5,
+    "arguments": 4,  # of min and max
+    "power": 12,
+    "number": int(1e30),
+}
 
 _CHARACTERS = re.compile(r"[A-Za-z0-9_+\-*/().,\s]*", re.ASCII)
 _CHARACTER_HINTS = {
@@ -168,18 +170,18 @@ class _Builder:
         if expression.has(sympy.I, sympy.nan, sympy.oo, sympy.zoo):
             raise self.refusal("it has no real, finite value")
         for part in sympy.postorder_traversal(expression):
-            if part.is_number and not abs(float(part)) <= MAXIMUM_NUMBER:
-                raise self.refusal(f"a number in it is beyond {MAXIMUM_NUMBER:g}")
-            if part.is_Pow and part.exp.is_number and abs(float(part.exp)) > MAXIMUM_POWER:
-                raise self.refusal(f"its power {part} is beyond {MAXIMUM_POWER}")
+            if part.is_number and not abs(float(part)) <= MOST["number"]:
+                raise self.refusal(f"a number in it is beyond {MOST['number']:g}")
+            if part.is_Pow and part.exp.is_number and abs(float(part.exp)) > MOST["power"]:
+                raise self.refusal(f"its power {part} is beyond {MOST['power']}")
         return expression
 
     def _tree(self) -> ast.expr:
         text = self.text.strip()
         if not text:
             raise self.refusal("it is empty")
-        if len(text) > MAXIMUM_LENGTH:
-            raise self.refusal(f"it has {len(text)} characters, more than {MAXIMUM_LENGTH}")
+        if len(text) > MOST["characters"]:
+            raise self.refusal(f"it has {len(text)} characters, more than {MOST['characters']}")
         allowed = _CHARACTERS.match(text)
         assert allowed is not None
         if allowed.end() < len(text):
@@ -201,10 +203,10 @@ class _Builder:
 
     def _node(self, node: ast.AST, depth: int) -> Any:
         self.nodes += 1
-        if depth > MAXIMUM_DEPTH:
-            raise self.refusal(f"it is nested deeper than {MAXIMUM_DEPTH} levels")
-        if self.nodes > MAXIMUM_NODES:
-            raise self.refusal(f"it has more than {MAXIMUM_NODES} parts")
+        if depth > MOST["levels"]:
+            raise self.refusal(f"it is nested deeper than {MOST['levels']} levels")
+        if self.nodes > MOST["parts"]:
+            raise self.refusal(f"it has more than {MOST['parts']} parts")
         match node:
             case ast.Constant():
                 return self._number(node.value)
@@ -228,8 +230,8 @@ class _Builder:
 
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise self.refusal(f"{value!r} is not a real number")
-        if not abs(value) <= MAXIMUM_NUMBER:
-            raise self.refusal(f"a number in it is beyond {MAXIMUM_NUMBER:g}")
+        if not abs(value) <= MOST["number"]:
+            raise self.refusal(f"a number in it is beyond {MOST['number']:g}")
         whole = isinstance(value, int) or (value.is_integer() and abs(value) < 1e15)
         return sympy.Integer(int(value)) if whole else sympy.Float(value, 17)
 
@@ -255,13 +257,13 @@ class _Builder:
             raise self.refusal(f"{self._piece(node)} (an unpacking) is not allowed")
         count = len(node.args)
         if name in ("min", "max"):
-            if not 2 <= count <= MAXIMUM_ARGUMENTS:
-                raise self.refusal(f"{name} takes two to {MAXIMUM_ARGUMENTS} arguments, {count} given")
+            if not 2 <= count <= MOST["arguments"]:
+                raise self.refusal(f"{name} takes two to {MOST['arguments']} arguments, {count} given")
         elif count != 1:
             raise self.refusal(f"{name} takes one argument, {count} given")
         self.calls += 1
-        if self.calls > MAXIMUM_CALLS:
-            raise self.refusal(f"its functions are nested deeper than {MAXIMUM_CALLS} levels")
+        if self.calls > MOST["calls"]:
+            raise self.refusal(f"its functions are nested deeper than {MOST['calls']} levels")
         values = [self._node(argument, depth + 1) for argument in node.args]
         self.calls -= 1
         if all(value.is_number for value in values):
@@ -279,11 +281,11 @@ class _Builder:
             raise self.refusal(f"the exponent of {piece} is not a number")
         if exponent.is_number:
             value = float(exponent)
-            if abs(value) > MAXIMUM_POWER:
-                raise self.refusal(f"the exponent of {piece} is beyond {MAXIMUM_POWER}")
+            if abs(value) > MOST["power"]:
+                raise self.refusal(f"the exponent of {piece} is beyond {MOST['power']}")
             digits = abs(value * math.log10(abs(float(base)))) if base.is_number and base != 0 else 0.0
-            if digits > math.log10(MAXIMUM_NUMBER):
-                raise self.refusal(f"{piece} is beyond {MAXIMUM_NUMBER:g}")
+            if digits > math.log10(MOST["number"]):
+                raise self.refusal(f"{piece} is beyond {MOST['number']:g}")
             # theta**2.0 and abs(theta)**0.5 are the exact powers they look like.
             if exponent.is_Float and (2 * value).is_integer():
                 exponent = sympy.Rational(int(2 * value), 2)
@@ -296,8 +298,8 @@ class _Builder:
                 f"{self._piece(node)} is not real and finite for every motion; divide by, and take roots and "
                 "logarithms of, what cannot be zero or negative, such as 1 + abs(...)"
             )
-        if value.is_number and not abs(float(value)) <= MAXIMUM_NUMBER:
-            raise self.refusal(f"{self._piece(node)} is beyond {MAXIMUM_NUMBER:g}")
+        if value.is_number and not abs(float(value)) <= MOST["number"]:
+            raise self.refusal(f"{self._piece(node)} is beyond {MOST['number']:g}")
         return value
 
 

@@ -12,7 +12,7 @@ from sympy.printing.latex import LatexPrinter
 from sympy.printing.precedence import precedence
 from sympy.printing.str import StrPrinter
 
-from sindyjoint.equation.parsing import ALIASES, MAXIMUM_ARGUMENTS, variable_symbols
+from sindyjoint.equation.parsing import ALIASES, MOST, variable_symbols
 
 # In this order sympy's alphabetical sorting of factors gives θ before θ̇ (dots are combining characters).
 _NAMES = {
@@ -33,9 +33,9 @@ class FormulaPrinter(StrPrinter):
 
     def _call(self, name: str, expr: Any) -> str:
         arguments = [self._print(argument) for argument in expr.args]
-        while len(arguments) > MAXIMUM_ARGUMENTS:
-            first = ", ".join(arguments[:MAXIMUM_ARGUMENTS])
-            arguments = [f"{name}({first})", *arguments[MAXIMUM_ARGUMENTS:]]
+        while len(arguments) > MOST["arguments"]:
+            first = ", ".join(arguments[: MOST["arguments"]])
+            arguments = [f"{name}({first})", *arguments[MOST["arguments"] :]]
         return f"{name}({', '.join(arguments)})"
 
     def _print_Abs(self, expr: Any) -> str:

@@ -20,8 +20,6 @@ from sindyjoint.export.fidelity import Cycles, Represented, Rows, column_moments
 from sindyjoint.export.parts import Curve
 from sindyjoint.numeric import ROUNDING, Array
 
-# Deflections at which fitted sliders may yield, as shares of the tested angle; the last one never does.
-DEFLECTIONS = np.append(np.geomspace(0.01, 1.0, 19), 3.0)
 # Pairs that carry less than this share of all are left out; a fit that misses more of an element than that is none.
 LEAST_PAIR, WORST_FIT = 2e-3, 0.5
 
@@ -161,7 +159,9 @@ def _as_pairs(
         return [kind], Represented(how, kind.stiffness * deflection)
     wanted = cycles.element(element)
     largest = float(np.abs(cycles.angle).max())
-    yields = np.array([float(f"{largest * share:.4g}") for share in DEFLECTIONS])
+    # Deflections at which fitted sliders may yield, as shares of the tested angle; the last one never does.
+    shares = (*np.geomspace(0.01, 1.0, 19), 3.0)
+    yields = np.array([float(f"{largest * share:.4g}") for share in shares])
     columns = cycles.slider(np.broadcast_to(yields[:, None, None], (yields.size, *wanted.shape)), 1.0)
     stiffness, _ = scipy.optimize.nnls(columns.reshape(yields.size, -1).T, wanted.ravel())
     forces = stiffness * np.minimum(yields, yields[-2])

@@ -183,8 +183,6 @@ def comment(lines: Sequence[str], prefix: str, width: int = 110, ascii_only: boo
 
 
 LEVELS, PHASES = 10, 720
-# A cycle is gone through so often, or until its internal states repeat.
-ROUNDS = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +224,8 @@ class Cycles:
     def states(self, element: JointElement) -> Array:
         """Return internal states of an element over the cycles once they repeat, shape (n_states, levels, phases)."""
         levels = [(angle, rate, self.step, 0.0) for angle, rate in zip(self.angle, self.rate, strict=True)]
-        states = states_along(element.form, element.values, levels, ROUNDS)
+        # A cycle is gone through so often, or until its internal states repeat.
+        states = states_along(element.form, element.values, levels, 50)
         return states.reshape(-1, *self.angle.shape)
 
     def element(self, element: JointElement) -> Array:

@@ -8,10 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sindyjoint.described import same
-from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.frequency import heterogeneity
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
+from sindyjoint.equation.candidates import catalogue_of
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import ResolvedTerm
 from sindyjoint.judgement.changed import MANY

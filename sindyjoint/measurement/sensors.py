@@ -24,15 +24,6 @@ from sindyjoint.rig import Fusion, SensorNoise
 
 # Noise below this share of a channel's RMS counts as so much: beyond, rounding decides.
 LEAST_NOISE = 1e-3
-# Drift, and motion below the excitation, as a share of the angle's RMS, beyond which its mean is not known.
-DRIFTS = 0.02
-# Elastic part of the moment, as a share of its RMS, from which it shows where the angle is zero.
-RESTORES = 0.2
-# Share of the largest rate beyond which the joint surely moves.
-MOVES = 0.1
-# Motion that repeats is as dense at its lines as white noise of so many times its size: less draws its amplitude to
-# zero (at 10, by 1e-5 where the noise is 3 % of the acceleration at the first line).
-LINES = 10.0
 
 
 def fuse(
@@ -77,7 +68,9 @@ def fuse(
         fusion = replace(fusion, rate_noise=of_rate)
     if angle is None:
         prior = moving_size(acceleration, sample_rate, noise, frequency)
-        prior *= 1.0 if frequency is None else LINES
+        # Motion that repeats is as dense at its lines as white noise of so many times its size: less draws its
+        # amplitude to zero (at 10, by 1e-5 where the noise is 3 % of the acceleration at the first line).
+        prior *= 1.0 if frequency is None else 10.0
         fusion = replace(fusion, prior=prior, mean_known=False)
     else:
         fusion = _with_measured_noise(fusion, angle, path, sample_rate, declared)
@@ -96,7 +89,8 @@ def fuse(
 
 def _mean_of(found: Array, fusion: Fusion, sample_rate: float, frequency: float | None) -> tuple[Array, bool]:
     """Return an angle, without what moves slower than an excitation where its mean is not known, and whether it is."""
-    least = DRIFTS * float(np.std(found))
+    # Drift, and motion below the excitation, as a share of the angle's RMS, beyond which its mean is not known.
+    least = 0.02 * float(np.std(found))
     known = fusion.mean_known
     if fusion.angle is not None:
         known = fusion.drift * np.sqrt(found.size / 6) <= least
@@ -154,7 +148,8 @@ def elastic_moment(moment: Array, angle: Array, acceleration: Array, step: float
     its constant is what no motion explains.
     """
     rate = np.gradient(angle, step)
-    moves = np.abs(rate) > MOVES * np.max(np.abs(rate))
+    # Share of the largest rate beyond which the joint surely moves.
+    moves = np.abs(rate) > 0.1 * np.max(np.abs(rate))
     # At its ends a record says least of the slow part of the angle.
     moves[: angle.size // 10] = moves[angle.size - angle.size // 10 :] = False
     size = float(np.max(np.abs(angle))) or 1.0
@@ -174,7 +169,8 @@ def zero_of(elastic: Array, angle: Array, moment: Array) -> float | None:
     angle, moment : ndarray, shape (n,)
         About the unknown mean angle, rad and N·m.
     """
-    if np.std(np.polyval(elastic, angle)) < RESTORES * np.std(moment):
+    # Elastic part of the moment, as a share of its RMS, from which it shows where the angle is zero.
+    if np.std(np.polyval(elastic, angle)) < 0.2 * np.std(moment):
         return None
     roots = np.roots(elastic)
     real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (np.abs(roots) <= np.max(np.abs(angle)))]
@@ -188,8 +184,6 @@ def zero_of(elastic: Array, angle: Array, moment: Array) -> float | None:
 STEP = 0.03
 # A line of a spectrum this many times above the noise is motion.
 LINE = 25.0
-# Frequencies, logarithmically spaced, at which the disagreement of two sensors is read.
-BANDS = 40
 
 
 def integrated_twice(acceleration: Array, step: float) -> Array:
@@ -296,7 +290,8 @@ def sensor_noise(angle: Array, path: Array, sample_rate: float) -> tuple[float, 
     window = np.hanning(apart.size)
     power = np.abs(np.fft.rfft((apart - apart.mean()) * window)) ** 2 / np.sum(window**2)
     frequency = np.fft.rfftfreq(apart.size)
-    edges = np.unique(np.geomspace(3, power.size, BANDS + 1).astype(int))
+    # Frequencies, logarithmically spaced, at which the disagreement of two sensors is read.
+    edges = np.unique(np.geomspace(3, power.size, 41).astype(int))
     bands = [slice(low, high) for low, high in zip(edges[:-1], edges[1:], strict=True) if high - low >= 3]
     level = np.array([np.median(power[band]) for band in bands]) / np.log(2)
     count = np.array([band.stop - band.start for band in bands])

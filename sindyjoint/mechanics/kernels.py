@@ -65,7 +65,6 @@ class CompiledLaw:
         return self.numbers[self.places]
 
 
-HALVINGS = 30  # of a step in which a slider reaches its limit
 _pointer = types.CPointer(types.float64)
 LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer, _pointer, _pointer)
 
@@ -210,7 +209,8 @@ def integrate_states(address, angle, rate, parameters, step, substeps, state):
                 if not _state_step(address, cubic, u, width, step, parameters, z, k, moved):
                     break
                 low, high = 0.0, width
-                for _ in range(HALVINGS):
+                # The step in which a slider reaches its limit is halved.
+                for _ in range(30):
                     middle = (low + high) / 2
                     if _state_step(address, cubic, u, middle, step, parameters, z, k, moved):
                         high = middle

@@ -80,9 +80,6 @@ class Sensors:
         )
 
 
-PARTS = ("bread", "meat", "blocks")
-
-
 @dataclass(frozen=True, eq=False)
 class Information:
     """Information of runs on the coefficients of joints; shapes have a leading axis for each run and joint.

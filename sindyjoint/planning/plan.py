@@ -40,7 +40,6 @@ class Separation:
     enough: ClassVar[float] = 0.9  # at which effects are told apart
 
 
-BAND90 = (0.05, 0.5, 0.95)
 # Joints on which the chosen runs, and the grid, are predicted, and what the scatter of a test makes of an interval on
 # each, so many times; the 90 % band of 40 held 88.7 % of those of others.
 DRAWS = 40
@@ -236,7 +235,7 @@ def predictions(model: JointModel, information: Information, coefficients: Array
     chosen = chosen_terms(information, coefficients).mean(axis=0)
     rng = np.random.default_rng(0)
     widths = half_widths(information, rng, DRAWS).reshape(-1, len(model.terms))
-    ends = np.quantile(widths, BAND90, axis=0, method="nearest")
+    ends = np.quantile(widths, (0.05, 0.5, 0.95), axis=0, method="nearest")
     return tuple(
         Prediction(
             term.id, term.unit, term.coefficient, float(middle), (float(low), float(high)), float(share)

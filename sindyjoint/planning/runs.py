@@ -18,9 +18,7 @@ from sindyjoint.states import REPLICATES
 
 POINTS = 400  # samples per period, at least
 PERIODS, MOST_PERIODS = 3, 48
-STEPS = 16  # of the bisection for the highest level
 GROWTH = 1.5
-SMALLEST = 1e-9
 
 
 @dataclass(frozen=True)
@@ -123,9 +121,9 @@ def _highest_of(law: Law, actuator: Actuator, frequency: float, waveform: str, g
     low = high / GROWTH
     while not within_limits(law, actuator, frequency, low, waveform):
         low, high = low / GROWTH, low
-        if low < SMALLEST * guess:
+        if low < 1e-9 * guess:
             raise InputError(f"no level at {frequency:g} Hz is within the limits")
-    for _ in range(STEPS):
+    for _ in range(16):
         middle = 0.5 * (low + high)
         if within_limits(law, actuator, frequency, middle, waveform):
             low = middle

@@ -34,7 +34,6 @@ DEFAULT_GOALS = {WIDTHS: 4.0, FREQUENCY: 1.0}
 
 WORST = 50.0  # logarithm of what is not determined at all
 BROKEN = 10.0  # cost of each thing that a plan must not lack: larger than what logarithms of widths can win
-ROUNDS = 6
 
 
 def _logarithm(values: Array) -> Array:
@@ -246,7 +245,7 @@ def best_runs(choice: Choice, count: int, until: float | None = None) -> list[in
 def _exchanged(choice: Choice, start: Sequence[int]) -> tuple[float, list[int]]:
     """Return the cost of runs of which none can be exchanged for a better one, and these."""
     chosen, cost = [*start], float("inf")
-    for _ in range(ROUNDS):
+    for _ in range(6):
         before = cost
         for at in range(len(chosen)):
             others = chosen[:at] + chosen[at + 1 :]

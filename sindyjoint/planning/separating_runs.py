@@ -83,15 +83,6 @@ def _step(result: Diagnosis, effects: Sequence[str]) -> Step | None:
     return next((step for step in result.steps if {*step.members} & {*effects}), None)
 
 
-@dataclass(frozen=True, eq=False)
-class SeparatingResult:
-    """Runs that separate effects, what that comes to, and the model of the campaign that they follow."""
-
-    runs: tuple[PlannedRun, ...]
-    apart: Separation
-    model: JointModel
-
-
 def _words(
     names: Sequence[str], after: Sequence[float], advice: Sequence[Advice], motion: str, before: float = 0.0
 ) -> str:
@@ -118,29 +109,8 @@ def planned_run(advice: Advice, actuator: Actuator, model: JointModel, duration:
     return PlannedRun("moment", SINE, advice.frequency, level, unit, duration)
 
 
-@dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """A joint of the range in which one of the effects is true, and a test of it.
-
-    Parameters
-    ----------
-    truth : str
-    law : Law
-    runs : tuple of PlannedRun
-    sensors : Sensors
-    seed : int
-        Of the noise.
-    """
-
-    truth: str
-    law: Law
-    runs: tuple[PlannedRun, ...]
-    sensors: Sensors
-    seed: int
-
-    def test(self, *further: PlannedRun) -> Campaign:
-        """Return the virtual test, with some runs more."""
-        return play(self.law, [*self.runs, *further], self.sensors, self.seed)
+# The effect that is true in a joint of the range, and a virtual test of that joint with some runs more.
+Hypothesis = tuple[str, Callable[..., Campaign]]
 
 
 def simulate_hypotheses(
@@ -154,14 +124,18 @@ def simulate_hypotheses(
     """Return a joint of the range for each effect, which adds a share of the moment there."""
     peak = max(float(np.abs(play(model_law(joints[0]), [run], sensors).runs[0].angle).max()) for run in runs)
     frequencies = sorted({run.frequency for run in runs})
-    hypotheses = []
+    hypotheses: list[Hypothesis] = []
     for number, (joint, effect) in enumerate(zip(joints, effects, strict=True)):
         law = model_law(joint)
         generator = np.random.default_rng([random_state, number])
         added = hidden_law(effect.id, law, peak, frequencies, generator, share)
-        hypotheses.append(
-            Hypothesis(effect.id, SumLaw(law, added), tuple(runs), sensors, random_state + number)
-        )
+
+        def test(
+            *further: PlannedRun, law: Law = SumLaw(law, added), seed: int = random_state + number
+        ) -> Campaign:
+            return play(law, [*runs, *further], sensors, seed)
+
+        hypotheses.append((effect.id, test))
     return hypotheses
 
 
@@ -193,23 +167,25 @@ class SeparatingRuns:
         """Ids of the effects."""
         return tuple(effect.id for effect in self.effects)
 
-    def after_runs(self, campaign: Campaign | str | Path, model: JointModel | None) -> SeparatingResult:
-        """Return the runs that would separate the effects that a campaign does not."""
+    def after_runs(
+        self, campaign: Campaign | str | Path, model: JointModel | None
+    ) -> tuple[tuple[PlannedRun, ...], Separation, JointModel]:
+        """Return the runs that would separate the effects that a campaign does not, what that comes to, its model."""
         names = self.names
         result = self._diagnosed(campaign, model, actuator=self.actuator, progress=self.say)
         step = _step(result, names)
         motion = result.model.joint.motion
         if step is None:
             words = f"the campaign shows none of them: {result.reason}"
-            return SeparatingResult((), Separation(names, float("nan"), (), words), result.model)
+            return (), Separation(names, float("nan"), (), words), result.model
         best = max(probability for _, probability in _all(step))
         if len(step.members) < 2:
             words = f"told apart already: {spelled(step.effect, motion)}, {percent(step.probability)}"
-            return SeparatingResult((), Separation(names, best, (), words), result.model)
+            return (), Separation(names, best, (), words), result.model
         runs = [each for each in result.advice if each.frequency]
         after = tuple(float(each.expected_confidence) for each in runs)
         words = _words(names, after, result.advice, motion, best)
-        return SeparatingResult(self._planned(result), Separation(names, best, after, words), result.model)
+        return self._planned(result), Separation(names, best, after, words), result.model
 
     def before_runs(self, hypotheses: Sequence[Hypothesis]) -> tuple[tuple[PlannedRun, ...], Separation]:
         """Return the run that separates the effects in virtual tests of all hypotheses, and what that comes to.
@@ -219,11 +195,11 @@ class SeparatingRuns:
         names = self.names
         before, asked, advice = [], list[PlannedRun](), list[Advice]()
         motion = "rotation"
-        for number, hypothesis in enumerate(hypotheses, 1):
-            self.say(f"virtual test {number} of {len(hypotheses)}: {spelled(hypothesis.truth)} is true")
-            found = self._diagnosed(hypothesis.test(), actuator=self.actuator)
+        for number, (truth, test) in enumerate(hypotheses, 1):
+            self.say(f"virtual test {number} of {len(hypotheses)}: {spelled(truth)} is true")
+            found = self._diagnosed(test(), actuator=self.actuator)
             motion = found.model.joint.motion
-            before.append(probability_of(found, hypothesis.truth, names))
+            before.append(probability_of(found, truth, names))
             advice += found.advice
             asked += self._planned(found)
         start = float(np.mean(before))
@@ -242,12 +218,13 @@ class SeparatingRuns:
 
     def _again(self, hypothesis: Hypothesis, run: PlannedRun) -> float:
         """Return how sure a hypothesis's effect is with one run more."""
+        truth, test = hypothesis
         try:
-            found = self._diagnosed(hypothesis.test(run), advise=False)
+            found = self._diagnosed(test(run), advise=False)
         except SindyJointError:
             # A run that this joint does not bear.
             return 0.0
-        return probability_of(found, hypothesis.truth, self.names)
+        return probability_of(found, truth, self.names)
 
     def _diagnosed(
         self, campaign: Campaign | str | Path, model: JointModel | None = None, **options: Any

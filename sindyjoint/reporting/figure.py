@@ -36,7 +36,6 @@ Panel: TypeAlias = "Callable[[Any, Axes], Axes]"
 Curve: TypeAlias = tuple[Any, Any, Mapping[str, Any]]
 
 MOST_PANELS = 6
-TITLE = 40  # characters
 
 
 @dataclass(frozen=True)
@@ -164,7 +163,7 @@ def plot(
             ax.plot(at, np.asarray(values) * up.factor, **look)
     ax.set(xlabel=across.label, ylabel=up.label, **settings)
     if title:
-        ax.set_title(plain(shortened(title, TITLE)))
+        ax.set_title(plain(shortened(title, 40)))
     if labels and legend == "above":
         legend_above(ax, -(-labels // columns), columns)
     elif labels and legend != "none":

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from sindyjoint.reporting.figure import Kind, Panel
     from sindyjoint.trust import Light, Trust
 
-# Of a number that a picture is drawn from.
-DIGITS = 6
 TRUST, NEXT = "Can I trust it?", "What next?"
 MARKS = {"good": ("green", "ok"), "fair": ("yellow", "mind"), "poor": ("red", "no")}
 # The policies by which terms are found.
@@ -183,7 +181,7 @@ class View:
         """Return data as plain JSON data."""
         kept = self.kept(data)
         record = {name: getattr(kept, name) for name in self.layout}
-        named = to_plain({self.renamed.get(name, name): record[name] for name in record}, digits=DIGITS)
+        named = to_plain({self.renamed.get(name, name): record[name] for name in record}, digits=6)
         return {**self.marks, **named, "kind": self.kind}
 
     def restore(self, record: Mapping[str, Any]) -> Any:

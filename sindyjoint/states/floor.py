@@ -8,7 +8,6 @@ sinusoid, the periods of a multisine, they are averaged into one.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -154,8 +153,6 @@ BOUNDS = {"coherent", "neighbours"}
 UNKNOWN = "the data do not show how far they repeat"
 # Samples of a period below which two of them cannot be laid over each other, and places to which one is shifted for it.
 SHORTEST, PLACES = 32, 41
-# Periods of a record beyond which more of them say nothing new.
-MOST_PERIODS = 64
 # Samples among which neighbours are sought, the nearest of each, and the fewest pairs.
 MOST_SAMPLES, NEAREST, FEWEST_PAIRS = 40_000, 8, 200
 
@@ -288,11 +285,8 @@ def transfer_noise(states: ForceStates, inertia: float) -> float:
     return float(np.hypot(states.noise.moment, inertia * states.noise.acceleration))
 
 
-class Pair(NamedTuple):
-    """Two periods of one motion: differences of the motion (a column each) and of the moment, where the joint moves."""
-
-    motion: Array
-    moment: Array
+# What motion and moment of samples that should be alike differ by, shapes (n, k) and (n,).
+Pair = tuple[Array, Array]
 
 
 def with_scatter(states: ForceStates, inertia: float | None) -> ForceStates:
@@ -323,8 +317,7 @@ def scatter_of(found: Iterable[Pair]) -> float | None:
     pairs = list(found)
     if not pairs:
         return None
-    motion = np.concatenate([pair.motion for pair in pairs])
-    moment = np.concatenate([pair.moment for pair in pairs])
+    motion, moment = map(np.concatenate, zip(*pairs, strict=True))
     scale = np.maximum(np.sqrt(np.mean(motion**2, axis=0)), 1e-300)
     coefficients = np.linalg.lstsq(motion / scale, moment, rcond=None)[0]
     left = moment - motion / scale @ coefficients
@@ -336,7 +329,8 @@ def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
     frequency = states.frequency or main_frequency(states.angle, states.sample_rate)
     per = int(round(states.sample_rate / frequency)) if frequency > 0 else 0
     count = states.n_samples // per if per >= SHORTEST else 0
-    if count < 2 or count > MOST_PERIODS:
+    # Periods of a record beyond which more of them say nothing new.
+    if count < 2 or count > 64:
         return
     signals, moment = _differing(states, inertia)
     reach = per // PLACES
@@ -350,7 +344,7 @@ def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
         late = slice(begins[int(np.argmin(away))], begins[int(np.argmin(away))] + per)
         both = states.moving[early] & states.moving[late]
         if np.count_nonzero(both) >= SHORTEST // 2:
-            yield Pair((signals[late] - signals[early])[both], (moment[late] - moment[early])[both])
+            yield (signals[late] - signals[early])[both], (moment[late] - moment[early])[both]
 
 
 def _neighbours(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
@@ -376,7 +370,7 @@ def _neighbours(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
         return
     first, second = moving[paired], other[np.arange(moving.size), apart.argmax(axis=1)][paired]
     signals, moment = _differing(states, inertia)
-    yield Pair(signals[second] - signals[first], moment[second] - moment[first])
+    yield signals[second] - signals[first], moment[second] - moment[first]
 
 
 def _differing(states: ForceStates, inertia: float | None) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.limits import STATES
 from sindyjoint.numeric import SAME, Array, kept
 from sindyjoint.record import Run
-from sindyjoint.states.floor import Pair, scatter_of
+from sindyjoint.states.floor import scatter_of
 from sindyjoint.states.harmonics import (
     HarmonicBasis,
     local_noise,
@@ -290,5 +290,5 @@ def repeat_noise(
     change = (columns[lag:] - columns[:-lag])[both]
     change[:, 0] = 1.0  # a drift
     used = np.max(np.abs(change), axis=0) > SAME * np.max(np.abs(columns), axis=0)
-    found = scatter_of([Pair(change[:, used], (moment[lag:] - moment[:-lag])[both])])
+    found = scatter_of([(change[:, used], (moment[lag:] - moment[:-lag])[both])])
     return 0.0 if found is None else found

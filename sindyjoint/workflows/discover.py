@@ -13,12 +13,11 @@ import numpy as np
 
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, without_delay
-from sindyjoint.discovery.foreign_library import catalogue_of
 from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
-from sindyjoint.discovery.large.segments import fit_long, has_long_runs
+from sindyjoint.discovery.long_runs import fit_long, has_long_runs
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import with_gain_uncertainty
-from sindyjoint.equation.candidates import NO_DELAY, rate_free
+from sindyjoint.equation.candidates import NO_DELAY, catalogue_of, rate_free
 from sindyjoint.equation.catalogue import DEFAULT, default_candidates
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options

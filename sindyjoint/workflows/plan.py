@@ -36,7 +36,6 @@ from sindyjoint.planning.prior import (
 from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import DEFAULT_GOALS, GOALS
 from sindyjoint.planning.separating_runs import (
-    SeparatingResult,
     SeparatingRuns,
     chosen_effects,
     rivals_of,
@@ -188,9 +187,9 @@ def plan(
         # Beside no other goal its runs, two at most, have all of the time.
         longer = duration if len(goals) > 1 or run_time is not None else time / CAMPAIGN.most_runs
         with_time = replace(separating, actuator=replace(actuator, duration=longer), duration=longer)
-        found = with_time.after_runs(campaign, known_model)
+        runs, apart, model = with_time.after_runs(campaign, known_model)
         if len(goals) == 1:
-            return _only_separation(found, actuator, Sensors(**stated))
+            return _only_separation(runs, apart, model, actuator, Sensors(**stated))
     known, sensors = _make_prior(like, known_model, campaign, ranges or {}, seed, say)
     known = replace(known, tested=tested)
     if drive is None and known.joint.model.inertia <= 0:
@@ -208,8 +207,8 @@ def plan(
     if not rivals:
         return made.plan(unit, duration, count)
     if campaign is not None:
-        plain = made.plan(unit, duration, max(count - len(found.runs), 1))
-        return _with_separation(plain, found.runs, found.apart)
+        plain = made.plan(unit, duration, max(count - len(runs), 1))
+        return _with_separation(plain, runs, apart)
     if count < 2:
         raise InputError(f"time is {time:g} s; expected two runs at least, one of them to tell effects apart")
     plain = made.plan(unit, duration, count - 1)
@@ -245,12 +244,13 @@ def _goals(goal: str | Mapping[str, float]) -> dict[str, float]:
     return {name: given[name] / total for name in sorted(given, key=lambda name: -given[name])}
 
 
-def _only_separation(found: SeparatingResult, actuator: Actuator, sensors: Sensors) -> Plan:
+def _only_separation(
+    runs: tuple[PlannedRun, ...], apart: Separation, model: JointModel, actuator: Actuator, sensors: Sensors
+) -> Plan:
     """Return the plan of runs that tell effects apart, beside a campaign that was made."""
-    model = found.model
     return Plan(
         model, tuple(model.coefficients), tuple(model.coefficients), actuator, sensors, ((TELL_APART, 1.0),), (),
-        found.runs, (), (), (), (), None, found.apart.words, apart=found.apart,
+        runs, (), (), (), (), None, apart.words, apart=apart,
     )  # fmt: skip
 
 

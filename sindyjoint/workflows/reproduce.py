@@ -25,9 +25,6 @@ from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, SurfaceFit, fit_
 from sindyjoint.workflows.verify import verify
 
 NOISE = 0.01
-# The map needs more levels than the tables: every level is one ring in the plane of angle and rate.
-MAP_LEVELS = tuple(np.linspace(0.92, 0.12, 9).round(3).tolist())
-MAP_DURATION = 4.0  # s
 PRESLIDING = 5e-5  # rad
 MAP_FREQUENCY = 3.0  # Hz
 
@@ -255,8 +252,10 @@ def _reproduce_joint(table: PaperTable, generator: np.random.Generator) -> Joint
 
 def _simulate_rings(law: PaperLaw, generator: np.random.Generator, **options: Any) -> tuple[ForceStates, ...]:
     """Force states at 3 Hz at many levels."""
+    # The map needs more levels than the tables: every level is one ring in the plane of angle and rate.
+    levels = tuple(np.linspace(0.92, 0.12, 9).round(3).tolist())
     test = virtual_test(
-        law, noise=NOISE, raw_channels=True, frequencies=(MAP_FREQUENCY,), levels=MAP_LEVELS, duration=MAP_DURATION,
+        law, noise=NOISE, raw_channels=True, frequencies=(MAP_FREQUENCY,), levels=levels, duration=4.0,
         **options,
     )  # fmt: skip
     runs = tuple(run for run, _ in run_tests(test, generator))

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from sindyjoint import simulate
-from sindyjoint.cli import Progress, main, progress
+from sindyjoint.cli import Progress, answer, main
 
 
 class Spinner:
@@ -20,7 +20,7 @@ class Spinner:
 @pytest.fixture
 def clock(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(answer.time, "perf_counter", lambda: now[0])
     return now
 
 
@@ -62,7 +62,7 @@ def test_an_error_is_the_last_line(monkeypatch, capsys, tmp_path):
         time.sleep(2.0)
         print_stage(shown)
 
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(answer, "PATIENCE", 0.0)
     monkeypatch.setattr(Progress, "_speak", speak)
     simulate(frequencies=[3, 5], levels=[0.9], duration=20.0, out=tmp_path)
     with (tmp_path / "5Hz-0.9.csv").open("a") as file:

@@ -1,5 +1,7 @@
 """The path of models and the choice on it."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,6 @@ from sindyjoint.discovery.best_subset import best_subsets
 from sindyjoint.discovery.evidence import Fit
 from sindyjoint.discovery.selection import (
     Step,
-    backward_path,
     choose_by_evidence,
     choose_by_one_standard_error,
     choose_by_threshold,
@@ -38,7 +39,7 @@ def step(t, share, held_out=(), group_t=None, columns=None, coefficients=None):
 @pytest.mark.parametrize("seed", range(6))
 def test_path_has_one_set_of_each_size_and_keeps_forced_columns(make_factor, seed):
     factor = make_factor(seed)[0]
-    for make in (elimination_path, backward_path):
+    for make in (elimination_path, partial(elimination_path, exchange_below=0)):
         path = make(factor, (5, 7))
         assert [len(s) for s in path] == list(range(9, 1, -1))
         assert all({5, 7} <= set(s) for s in path)
@@ -50,7 +51,7 @@ def test_backward_path_removes_the_term_that_costs_least(make_factor):
     def error(chosen):
         return np.linalg.lstsq(columns[:, list(chosen)], target, rcond=None)[1][0]
 
-    path = backward_path(factor)
+    path = elimination_path(factor, exchange_below=0)
     for large, small in zip(path, path[1:], strict=False):
         choices = [tuple(c for c in large if c != leaving) for leaving in large]
         assert small == min(choices, key=error)
@@ -74,7 +75,7 @@ def test_exchange_never_fits_worse_and_ends_where_no_swap_helps(make_factor):
 
 
 def test_path_meets_the_exact_best_subset_of_a_joint_up_to_the_true_size(evidence):
-    exact = {len(s.columns): s.columns for s in best_subsets(evidence.pooled)}
+    exact = {len(s): s for s in best_subsets(evidence.pooled)}
     path = {len(s): s for s in elimination_path(evidence.pooled)}
     for size in range(1, 7):
         assert path[size] == exact[size]

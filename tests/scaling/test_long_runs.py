@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import discover
-from sindyjoint.discovery.large.segments import Task, work
+from sindyjoint.discovery.long_runs import Task, work
 from sindyjoint.errors import InputError
 from sindyjoint.files import load_campaign, load_segment
 from sindyjoint.parallel import executor

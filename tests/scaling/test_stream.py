@@ -8,7 +8,7 @@ import pytest
 import scipy.io
 
 from sindyjoint import JointRegressor
-from sindyjoint.discovery.large.tables import discover_rows
+from sindyjoint.discovery.long_tables import discover_rows
 from sindyjoint.equation import Reference
 from sindyjoint.errors import InputError
 from sindyjoint.files import open_blocks, read_table
@@ -232,7 +232,7 @@ def test_what_cannot_be_is_refused(tmp_path):
 
 PEAK = """
 import sys
-from sindyjoint.discovery.large.tables import discover_rows
+from sindyjoint.discovery.long_tables import discover_rows
 columns = {"angle": 1, "rate": 2, "moment": 3}
 fit = discover_rows(sys.argv[1], "paper", columns=columns)
 # Not ru_maxrss: what the parent used counts there.

@@ -40,7 +40,6 @@ TOGETHER, RUNS_TOGETHER = "runs", 24
 SEGMENTS, MOST_SEGMENTS, FEWEST_SEGMENTS = 450, 30_000, 60
 # A marked sample is drawn at least so wide, as a share of the run; a picture shows no more marks than these.
 LEAST_WIDTH, MOST_MARKS = 0.006, 400
-COLOURS = {"stops": ACCENT, "biases": PALETTE[4], "note": PALETTE[5]}
 ROW, GAP = 1.0, 0.25
 
 
@@ -150,12 +149,13 @@ def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> Axes:
         "acceleration": f"{q.rate_unit}/s",
     }
     units |= {MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit}
+    colours = {"stops": ACCENT, "biases": PALETTE[4], "note": PALETTE[5]}
     base = {trace.channel: -index * (ROW + GAP) for index, trace in enumerate(run.traces)}
     bottom = min(base.values())
     for mark in run.marks:
         low, height = (base[mark.channel], ROW) if mark.channel in base else (bottom, ROW - bottom)
         bars = list(zip(mark.starts, mark.ends - mark.starts, strict=True))
-        ax.broken_barh(bars, (low - 0.06, height + 0.12), color=COLOURS[mark.severity], alpha=0.45, lw=0)
+        ax.broken_barh(bars, (low - 0.06, height + 0.12), color=colours[mark.severity], alpha=0.45, lw=0)
     ticks: dict[float, str] = {}
     for trace in run.traces:
         least, most, at = float(trace.values.min()), float(trace.values.max()), base[trace.channel]

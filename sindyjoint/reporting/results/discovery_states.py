@@ -35,9 +35,6 @@ from sindyjoint.reporting.style import (
 from sindyjoint.text import quantities
 
 MOST_LOOPS = 6
-# Beyond this many runs each loop is thinned, so that the page of a hundred runs stays small.
-DRAWN_SAMPLES = 24_000
-COLOURS = 33
 
 
 # ---- loops: once as a picture, once to be zoomed
@@ -81,7 +78,8 @@ def loops(data: ReportData, ax: Axes, group: str) -> Axes:
 def loops_payload(data: ReportData) -> dict[str, Any]:
     """Return the loops for zooming, by frequency."""
     x, y = _loop_scales(data)
-    step = max(1, -(-sum(loop.angle.size for loop in data.loops) // DRAWN_SAMPLES))
+    # Beyond this many runs each loop is thinned, so that the page of a hundred runs stays small.
+    step = max(1, -(-sum(loop.angle.size for loop in data.loops) // 24_000))
     labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
     groups = {loop.run: group for group, members in loop_groups(data).items() for loop in members}
     return {
@@ -267,7 +265,7 @@ def _ramp(name: str) -> list[str]:
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    return [to_hex(colormaps[name](position)) for position in np.linspace(0, 1, COLOURS)]
+    return [to_hex(colormaps[name](position)) for position in np.linspace(0, 1, 33)]
 
 
 # ---- the residual

@@ -217,9 +217,6 @@ def correlation(model: JointModel) -> Any:
     return scaled
 
 
-POINTS = 13
-
-
 def _law_at(data: ReportData, over: OverInput, value: float) -> JointModel:
     """Return the law at a value of an input, in the unit of its table."""
     given = next(known for known in data.model.inputs if known.name == over.name)
@@ -247,7 +244,7 @@ def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> Axes:
 
 def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: CoefficientOver) -> Axes:
     """Draw a coefficient of the law over an input, with its 95 % interval, and the fits to single levels."""
-    shown = np.linspace(over.values[0], over.values[-1], POINTS)
+    shown = np.linspace(over.values[0], over.values[-1], 13)
     laws = [_law_at(data, over, float(value)) for value in shown]
     terms = [
         (law[row.id].coefficient, law[row.id].standard_error) if row.id in law else (0.0, 0.0) for law in laws

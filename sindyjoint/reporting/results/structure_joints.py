@@ -102,7 +102,6 @@ KINDS = by_name(
 )
 
 
-POINTS = 400  # of a loop in the picture
 TERMS = ("Term", "Symbol", "Of", "Value", "Unit", "95 % interval")
 
 
@@ -236,7 +235,7 @@ def _loops(result: RigDiscovery) -> Iterator[RecoveredLoop]:
             own = [one for one in law.recovered if one.joint == joint]
             state = max(own, key=lambda one: float(np.ptp(one.states.angle))).states
             rows = np.arange(0, int(state.sample_rate / (state.frequency or 1.0)) + 1)
-            rows = rows[:: max(1, rows.size // POINTS)]
+            rows = rows[:: max(1, rows.size // 400)]
             shown, model = (
                 np.full(rows.size, np.nan),
                 law.discovery.model if law.discovery is not None else None,

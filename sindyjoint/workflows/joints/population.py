@@ -24,14 +24,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import MEDIAN_SQUARE, Array
 from sindyjoint.policy import SHARED as POLICY
 
-EFFICIENCY = 0.37
-ROUNDING = 1e-12
-ROUNDS = 20
-# Beyond so many standard deviations: only these are judged with themselves left out; nearer ones cannot be outliers.
-SUSPECT = 2.0
 HUBER = 1.345
-# Beyond so many joints the degrees of freedom of a slope's error do not matter.
-MANY = 400
 
 
 @dataclass(frozen=True)
@@ -225,10 +218,10 @@ def _estimate_robustly(name: str, y: Array, s: Array, level: float) -> Coefficie
         centre = float(np.median(v))
         first = (v - centre) / np.maximum(np.hypot(median_spread(v - centre, e), e), np.finfo(float).tiny)
         # The median and its deviations know as much of a normal sample as 37 % of it would by mean and variance.
-        kept = _compute_two_sided(first, EFFICIENCY * (v.size - 1)) > 2 * float(
+        kept = _compute_two_sided(first, 0.37 * (v.size - 1)) > 2 * float(
             scipy.special.ndtr(-POLICY.significant)
         )
-        for _ in range(ROUNDS):
+        for _ in range(20):
             mean, error, tau = random_effects(v[kept], e[kept])
             scores[here], p[here] = _judge_outliers(v, e, kept)
             # Whoever the others' distribution does not rule out joins them: rejecting more would make it too narrow.
@@ -245,10 +238,12 @@ def _judge_outliers(v: Array, e: Array, kept: NDArray[np.bool_]) -> tuple[Array,
     """Return z-scores and p-values of joints against those that were kept, each without itself."""
     mean, error, tau = random_effects(v[kept], e[kept])
     # Equal numbers differ by their rounding at most.
-    least = ROUNDING * float(np.max(np.abs(v))) + np.finfo(float).tiny
+    least = 1e-12 * float(np.max(np.abs(v))) + np.finfo(float).tiny
     z = (v - mean) / np.maximum(np.sqrt(tau**2 + e**2 + error**2), least)
     p = _compute_two_sided(z, max(kept.sum() - 2, 1))
-    for i in np.flatnonzero(kept & (np.abs(z) > SUSPECT)):
+    # Beyond so many standard deviations: only these are judged with themselves left out; nearer ones cannot be
+    # outliers.
+    for i in np.flatnonzero(kept & (np.abs(z) > 2.0)):
         # Its influence on mean and τ would hide it.
         others = kept & (np.arange(v.size) != i)
         m, m_error, m_tau = random_effects(v[others], e[others])
@@ -343,7 +338,8 @@ def robust_line(x: Array, y: Array, s: Array) -> tuple[float, float, float, floa
 def _estimate_degrees(design: Array, bread: Array, weight: Array, leverage: Array) -> float:
     """Return Satterthwaite's degrees of freedom of the slope's HC3 variance (Bell and McCaffrey 2002)."""
     n = design.shape[0]
-    if n > MANY:
+    # Beyond so many joints the degrees of freedom of a slope's error do not matter.
+    if n > 400:
         return n - 2.0
     root = np.sqrt(weight)
     scaled = root[:, None] * design

@@ -17,7 +17,7 @@ import numpy as np
 
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
-from sindyjoint.discovery.large.segments import Segment, largest_of, pass_over, relative
+from sindyjoint.discovery.long_runs import Segment, largest_of, pass_over, relative
 from sindyjoint.discovery.rows import PARTS, SEGMENTS, factor_of
 from sindyjoint.equation.catalogue import Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction

@@ -1,1 +1,0 @@
-"""Discovery from data larger than memory: passes over segments of runs and of tables of rows."""
