@@ -37,8 +37,6 @@ KIND = "# results: "
 # The folder of pictures has no list of its own.
 INNER = "figures"
 _LINE = re.compile(r"([0-9a-f]{64})  ([^\x00-\x1f]+)")
-# What every figure and export says of its origin, in its first bytes.
-_MARK, _MARKED = b"sindyjoint", 1 << 20
 
 
 def read_regular(path: Path, largest: int | None = None) -> bytes:
@@ -348,7 +346,8 @@ def refuse_foreign_file(path: str | os.PathLike[str], force: bool) -> None:
     if force or not target.is_file():
         return
     with target.open("rb") as file:
-        known = _MARK in file.read(_MARKED)
+        # Every figure and export says of its origin in its first bytes.
+        known = b"sindyjoint" in file.read(1 << 20)
     if not known:
         raise OutputError(
             f"cannot write {str(target)!r}: a file that sindyjoint did not write is there; choose another name, or "

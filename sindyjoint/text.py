@@ -242,9 +242,6 @@ def power_of_ten(value: float) -> str:
     return ("" if digit == "1" else f"{digit}·") + f"10{superscript(int(power))}"
 
 
-LEAST_SHARE = 1e-4
-
-
 def percent(value: float | None) -> str:
     """Return a share in per cent to three digits; less than a hundredth of a per cent is only stated as less than that.
 
@@ -255,8 +252,8 @@ def percent(value: float | None) -> str:
     """
     if value is None or not math.isfinite(value):
         return "–"
-    if 0 < abs(value) < LEAST_SHARE:
-        return f"< {100 * LEAST_SHARE:g} %"
+    if 0 < abs(value) < 1e-4:
+        return "< 0.01 %"
     return f"{100 * value:.0f} %" if abs(value) >= 9.995 else f"{100 * value:.3g} %"
 
 

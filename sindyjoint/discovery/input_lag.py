@@ -12,9 +12,6 @@ from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import scaled_least_squares
 from sindyjoint.states import ForceStates
 
-# Time constants that are tried, s; the best is refined between its neighbours.
-TRIED = np.geomspace(1e-3, 3.0, 22)
-
 
 @dataclass(frozen=True)
 class InputLag:
@@ -42,6 +39,8 @@ def find_lags(
     The paper's law, each of its coefficients linear in the inputs, is fitted with every time constant that is tried. A
     lag counts that explains a stated share of what is left without it.
     """
+    # Time constants, s; the best is refined between its neighbours.
+    tried = np.geomspace(1e-3, 3.0, 22)
     found: list[InputLag] = []
     for each in inputs:
         if each.lag or all(np.ptp(s.inputs[each.name]) == 0 for s in states):
@@ -49,9 +48,9 @@ def find_lags(
         law = law_of_channels(inertia, inputs)
         lags = {lag.name: lag.time for lag in found}
         without = _left(states, law, inertia, lags)
-        errors = [_left(states, law, inertia, lags | {each.name: float(time)}) for time in TRIED]
+        errors = [_left(states, law, inertia, lags | {each.name: float(time)}) for time in tried]
         best = int(np.argmin(errors))
-        low, high = TRIED[max(best - 1, 0)], TRIED[min(best + 1, TRIED.size - 1)]
+        low, high = tried[max(best - 1, 0)], tried[min(best + 1, tried.size - 1)]
         finer = np.geomspace(low, high, 9)
         again = [_left(states, law, inertia, lags | {each.name: float(time)}) for time in finer]
         removed = 1 - min(again) / without if without > 0 else 0.0

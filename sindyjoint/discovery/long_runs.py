@@ -17,7 +17,7 @@ from sindyjoint.discovery.delay import shifted
 from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.discovery.regression import TermRegression
-from sindyjoint.discovery.rows import RowLabels, Rows, factor_of, gather, hierarchy, row_arguments
+from sindyjoint.discovery.rows import Rows, factor_of, gather, hierarchy, known_labels, row_arguments
 from sindyjoint.equation.catalogue import Catalogue, Reference, as_catalogue
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import compile_terms
@@ -291,6 +291,6 @@ def _gather_short(
 ) -> RunEvidence:
     rows = regression_rows([state], inertia)
     group, run = (np.full(rows.y.size, name, dtype=object) for name in (label, state.run))
-    labels = RowLabels.labelled(group, run, rows.blocks)
+    labels = known_labels(group, run, rows.blocks)
     whole = Rows(rows.X, rows.y)
     return gather(terms, whole, labels, whole.again(rows.X_replicate, rows.y_replicate), inputs).runs[0]

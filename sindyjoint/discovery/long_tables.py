@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 # Rows read at once: a few megabytes.
 READ = 1 << 17
 COLUMNS = {"angle": "angle", "rate": "rate", "moment": "moment"}
-# Pieces of each file that a scan for the scales takes, READ rows together.
-PIECES = 16
 
 
 @dataclass(frozen=True)
@@ -195,8 +193,9 @@ def _pieces(paths: Sequence[Path], like: RowTask) -> list[RowTask]:
     tasks = []
     for path in paths:
         rows = _open_file(path).rows
-        piece = -(-min(rows, READ) // PIECES)
-        starts = np.linspace(0, rows - piece, PIECES).astype(int).tolist()
+        # Sixteen, of so many rows together.
+        piece = -(-min(rows, READ) // 16)
+        starts = np.linspace(0, rows - piece, 16).astype(int).tolist()
         tasks += [replace(like, path=path, start=start, stop=start + piece) for start in starts]
     return tasks
 

@@ -24,8 +24,6 @@ Path = list[tuple[int, ...]]
 
 # Thresholds on scaled coefficients, as shares of the target's RMS.
 THRESHOLDS = np.geomspace(1e-3, 1.0, 43)
-# As many replicates as pysindy's default.
-ENSEMBLE_MODELS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +84,8 @@ def _ensemble(asked: Asked) -> Path:
     """EnsembleOptimizer of pysindy: STLSQ fits, median of the coefficients, over resampled blocks rather than rows."""
     from pysindy.optimizers import EnsembleOptimizer
 
-    resampled = [_resampled_blocks(asked) for _ in range(ENSEMBLE_MODELS)]
+    # As many replicates as pysindy's default.
+    resampled = [_resampled_blocks(asked) for _ in range(20)]
 
     class BlockEnsemble(EnsembleOptimizer):
         """The ensemble with its resampling handed in: the base class draws single rows from the global generator."""
@@ -99,7 +98,7 @@ def _ensemble(asked: Asked) -> Path:
             self.coef_ = np.median(self.coef_list, axis=0)
 
     def build(threshold: float) -> Any:
-        return BlockEnsemble(_pysindy_stlsq(threshold), bagging=True, n_models=ENSEMBLE_MODELS)
+        return BlockEnsemble(_pysindy_stlsq(threshold), bagging=True, n_models=len(resampled))
 
     # A resampled fit costs as many fits as there are replicates: coarser steps.
     return _threshold_path(asked, build, np.geomspace(2e-3, 0.5, 12))

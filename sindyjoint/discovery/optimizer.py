@@ -22,7 +22,7 @@ from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.regression import SelectionRules, TermRegression, choose
-from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns, rows_that_count
+from sindyjoint.discovery.rows import Rows, gather_columns, row_labels, rows_that_count
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, UnknownNameError
@@ -154,7 +154,7 @@ class UniqueShareSTLSQ(SelectionRules, BaseOptimizer):
         weight, columns, targets, *given, of_columns, of_target = rows_that_count(
             sample_weight, len(columns), columns, targets, *given, *(self.replicate or (None, None))
         )
-        labels = RowLabels.of(len(columns), *given)
+        labels = row_labels(len(columns), *given)
         names = self._names(columns.shape[1])
         replicate = self._replicate(Rows(columns, targets[:, 0], weight), of_columns, of_target)
         shared = replicate is not None and np.array_equal(replicate.X, columns)

@@ -15,7 +15,7 @@ from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.evidence import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.methods import check_method, column_path
-from sindyjoint.discovery.rows import RowLabels, Rows, gather, rows_that_count, state_columns
+from sindyjoint.discovery.rows import Rows, gather, row_labels, rows_that_count, state_columns
 from sindyjoint.discovery.selection import (
     Selection,
     choose_by_evidence,
@@ -167,8 +167,8 @@ class TermRegression(SelectionRules):
             raise InputError(
                 f"X has {X.shape[1]} feature(s); 2 (angle, rate) or 3 (angle, rate, acceleration) are expected{behind}"
             )
-        labels = RowLabels.of(X.shape[0], groups, runs, blocks)
-        parts = [X[rows, motion:] for run in labels.runs for rows in run.blocks]
+        labels = row_labels(X.shape[0], groups, runs, blocks)
+        parts = [X[rows, motion:] for run in labels for rows in run.blocks]
         self.inputs_ = tested_inputs(self.inputs, parts)
         reference = Reference.of(X[:, 0], X[:, 1], y)
         terms = self.candidates(reference, motion == 3)

@@ -37,53 +37,44 @@ class LabelledRun:
     blocks: tuple[Index, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class RowLabels:
-    """The runs that rows belong to, in order of appearance."""
+# The runs that rows belong to, in order of appearance.
+RowLabels = tuple[LabelledRun, ...]
 
-    runs: tuple[LabelledRun, ...]
 
-    @classmethod
-    def of(
-        cls, n: int, groups: ArrayLike | None, runs: ArrayLike | None, blocks: ArrayLike | None
-    ) -> RowLabels:
-        """Return the labels of n rows, made up where they are not given.
+def row_labels(
+    n: int, groups: ArrayLike | None, runs: ArrayLike | None, blocks: ArrayLike | None
+) -> RowLabels:
+    """Return the labels of n rows, made up where they are not given.
 
-        Raises
-        ------
-        InputError
-            For labels that are not one per row, or blocks that are whole runs.
-        """
-        given = {"groups": groups, "runs": runs, "blocks": blocks}
-        for name, values in given.items():
-            if values is not None and np.shape(values) != (n,):
-                raise InputError(f"{name} has shape {np.shape(values)}; expected ({n},), one entry per row")
-        of_runs, of_groups = (groups if runs is None else runs), (runs if groups is None else groups)
-        if of_runs is None or of_groups is None:
-            # One record: segments to hold out, each with blocks.
-            segments = zip(PARTS, _cut_segments(slice(0, n), len(PARTS)), strict=False)
-            of_blocks = None if blocks is None else np.asarray(blocks)
-            found = cls(
-                tuple(LabelledRun(part, part, _blocks_of(rows, of_blocks)) for part, rows in segments)
-            )
-        else:
-            found = cls.labelled(of_groups, of_runs, blocks)
-        if blocks is not None and all(len(run.blocks) == 1 for run in found.runs):
-            raise InputError(
-                "blocks has one block in each run; standard errors need the scatter of two or more"
-            )
-        return found
+    Raises
+    ------
+    InputError
+        For labels that are not one per row, or blocks that are whole runs.
+    """
+    given = {"groups": groups, "runs": runs, "blocks": blocks}
+    for name, values in given.items():
+        if values is not None and np.shape(values) != (n,):
+            raise InputError(f"{name} has shape {np.shape(values)}; expected ({n},), one entry per row")
+    of_runs, of_groups = (groups if runs is None else runs), (runs if groups is None else groups)
+    if of_runs is None or of_groups is None:
+        # One record: segments to hold out, each with blocks.
+        segments = zip(PARTS, _cut_segments(slice(0, n), len(PARTS)), strict=False)
+        of_blocks = None if blocks is None else np.asarray(blocks)
+        found = tuple(LabelledRun(part, part, _blocks_of(rows, of_blocks)) for part, rows in segments)
+    else:
+        found = known_labels(of_groups, of_runs, blocks)
+    if blocks is not None and all(len(run.blocks) == 1 for run in found):
+        raise InputError("blocks has one block in each run; standard errors need the scatter of two or more")
+    return found
 
-    @classmethod
-    def labelled(cls, groups: ArrayLike, runs: ArrayLike, blocks: ArrayLike | None) -> RowLabels:
-        """Return the labels of rows of which group and run are known."""
-        group, block = np.asarray(groups), None if blocks is None else np.asarray(blocks)
-        return cls(
-            tuple(
-                LabelledRun(str(run), str(group[rows][0]), _blocks_of(rows, block))
-                for run, rows in _rows_of(np.asarray(runs)).items()
-            )
-        )
+
+def known_labels(groups: ArrayLike, runs: ArrayLike, blocks: ArrayLike | None) -> RowLabels:
+    """Return the labels of rows of which group and run are known."""
+    group, block = np.asarray(groups), None if blocks is None else np.asarray(blocks)
+    return tuple(
+        LabelledRun(str(run), str(group[rows][0]), _blocks_of(rows, block))
+        for run, rows in _rows_of(np.asarray(runs)).items()
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +121,7 @@ def gather(
     terms : sequence of ResolvedTerm
     rows : Rows
         Behind θ, θ̇ and perhaps θ̈ the inputs.
-    labels : RowLabels
+    labels : tuple of LabelledRun
     replicate : Rows, optional
         The same rows from each single block.
     inputs : sequence of str
@@ -182,14 +173,14 @@ def _gathered(
     other = replicate or rows
     same = np.array_equal(other.X, rows.X) and np.array_equal(other.y, rows.y)
     sources = (rows,) if same else (other, rows)
-    parts = [source[block] for source in sources for run in labels.runs for block in run.blocks]
+    parts = [source[block] for source in sources for run in labels for block in run.blocks]
     threaded = sum(part.y.size for part in parts) >= THREADED
     factors = iter(on_threads(factor, parts) if threaded else map(factor, parts))
-    single, *pooled = ([tuple(next(factors) for _ in run.blocks) for run in labels.runs] for _ in sources)
+    single, *pooled = ([tuple(next(factors) for _ in run.blocks) for run in labels] for _ in sources)
     whole = pooled[0] if pooled else single
     runs = [
         RunEvidence(run.name, run.group, merge(every), blocks)
-        for run, blocks, every in zip(labels.runs, single, whole, strict=True)
+        for run, blocks, every in zip(labels, single, whole, strict=True)
     ]
     return Evidence(tuple(ids), tuple(runs), within)
 

@@ -19,23 +19,6 @@ from sindyjoint.numeric import Array
 from sindyjoint.text import spelled
 
 
-@dataclass(frozen=True, eq=False)
-class Inclusion:
-    """How often the rule of choice takes each candidate when the campaign is resampled.
-
-    Parameters
-    ----------
-    ids : tuple of str
-    probability : ndarray, shape (p,)
-    sets : tuple of (tuple of str, float)
-        The chosen sets and their shares of the replicates, most frequent first.
-    """
-
-    ids: tuple[str, ...]
-    probability: Array
-    sets: tuple[tuple[tuple[str, ...], float], ...]
-
-
 @dataclass(frozen=True)
 class Inseparable:
     """A chosen term and a candidate that these runs do not tell apart.
@@ -61,8 +44,8 @@ def inclusion(
     significance: float = DISCOVERY.term_significance,
     least_share: float = DISCOVERY.accuracy,
     random_state: Any = None,
-) -> Inclusion:
-    """Return inclusion probabilities of all candidates.
+) -> tuple[Array, tuple[tuple[tuple[str, ...], float], ...]]:
+    """Return the probabilities of all candidates, and each chosen set with its share, most frequent first.
 
     Each replicate weighs runs and draws block scores anew. Of its best subsets of every size it takes the largest in
     which each term is significant and material: the rule of choice without its checks between groups, which a
@@ -96,7 +79,7 @@ def inclusion(
         key = tuple(name for name, kept in zip(evidence.ids, row, strict=True) if kept)
         sets[key] = sets.get(key, 0) + 1
     ranked = sorted(sets.items(), key=lambda item: -item[1])
-    return Inclusion(evidence.ids, chosen.mean(axis=0), tuple((s, n / replicates) for s, n in ranked))
+    return chosen.mean(axis=0), tuple((s, n / replicates) for s, n in ranked)
 
 
 def inseparable(evidence: Evidence, columns: Sequence[int]) -> tuple[Inseparable, ...]:

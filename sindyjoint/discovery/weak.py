@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.discovery.evidence import Evidence
-from sindyjoint.discovery.rows import RowLabels, Rows, gather_columns
+from sindyjoint.discovery.rows import Rows, gather_columns, row_labels
 from sindyjoint.equation.model import INERTIA
 from sindyjoint.equation.terms import ResolvedTerm, term_columns
 from sindyjoint.errors import InputError, MissingExtraError
@@ -49,7 +49,7 @@ def weak_evidence(
     if len(states) > 1:
         groups = np.repeat(group_labels(states), sizes)
         runs = np.repeat([state.run for state in states], sizes)
-    labels = RowLabels.of(len(columns), groups, runs, blocks)
+    labels = row_labels(len(columns), groups, runs, blocks)
     return gather_columns(
         [term.id for term in terms], Rows(columns, target), labels, Rows(other, other_target)
     )

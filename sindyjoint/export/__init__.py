@@ -63,8 +63,6 @@ HOMES = {
     "json": ("documents", "export_json"),
     "samples": ("documents", "export_samples"),
 }
-# Decks over the tested range of an input, where it is the only one, and where there are more.
-POINTS, POINTS_OF_SEVERAL = 5, 3
 TABLE = "lookup.csv"
 # What writes formulas carries inputs, too, and code takes them as parameters.
 WITH_INPUTS = ("json", "latex", "samples", "python", "c", "fmu")
@@ -166,7 +164,8 @@ def _lookup(model: JointModel, write: Callable[[JointModel], Export]) -> Export:
         Writes a law without inputs.
     """
     inputs = model.used_inputs
-    points = POINTS if len(inputs) == 1 else POINTS_OF_SEVERAL
+    # Decks over the tested range of an input, where it is the only one, and where there are more.
+    points = 5 if len(inputs) == 1 else 3
     nodes = {each.name: np.linspace(*(each.tested or (0.0, 0.0)), points) for each in inputs}
     table = [",".join([*(f"{each.name} [{each.shown_unit}]" for each in inputs), "folder"])]
     decks: dict[str, Export] = {}

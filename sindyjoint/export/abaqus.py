@@ -30,10 +30,8 @@ from sindyjoint.export.fidelity import (
     viscous_rows,
     words_of,
 )
-from sindyjoint.export.parts import GIVE, POINTS, Parts, contribution, power_law, total
+from sindyjoint.export.parts import GIVE, POINTS, RARE, Parts, contribution, power_law, total
 
-# Numbers that a model rarely uses: of the first element, and of the first node inside a Maxwell branch.
-ELEMENT, BRANCH_NODE = 900001, 900001
 WAYS = {
     Maxwell: "connector elasticity in series with damping",
     Gap: "connector elasticity in series with friction",
@@ -68,22 +66,22 @@ def export(model: JointModel) -> Export:
             **inertial_rows(parts),
         },
     )  # fmt: skip
-    last = BRANCH_NODE + sum(not isinstance(kind, Slider) for _, kind in added) - 1
-    nodes = f"node {last}" if last == BRANCH_NODE else f"nodes {BRANCH_NODE} to {last}"
+    last = RARE + sum(not isinstance(kind, Slider) for _, kind in added) - 1
+    nodes = f"node {last}" if last == RARE else f"nodes {RARE} to {last}"
     between = f"define {nodes} at the joint's place, between two connectors in series"
     raised = " (STICK STIFFNESS); raise it where the stuck joint must be stiffer, at the price of smaller increments"
     notes = (
         "replace the two node numbers and the orientation; the connector's local 1-axis is the joint's axis",
         range_note(model, "elasticity and damping go on with the last slope"),
         *sliding_note(model, friction.stiffness, raised),
-        *((between,) if last >= BRANCH_NODE else ()),
+        *((between,) if last >= RARE else ()),
         *inertia_note(model),
     )
     rotation = model.joint.motion == "rotation"
     lines = filled_in(
         "abaqus.inp.j2",
-        element=ELEMENT,
-        node=BRANCH_NODE,
+        element=RARE,
+        node=RARE,
         component=4 if rotation else 1,
         held="HINGE" if rotation else "TRANSLATOR",
         free="CARDAN" if rotation else "CARTESIAN",

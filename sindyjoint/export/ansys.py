@@ -158,10 +158,6 @@ def _title(what: str) -> str:
     return comment([what], "!").rstrip()
 
 
-# A beam is given to us as EI and mass per length; with this Young's modulus they become a section.
-YOUNGS_MODULUS = 70e9
-
-
 @dataclass(frozen=True)
 class _AtRest:
     """The terms of the model as a law without friction, for the natural frequency that damping is set by."""
@@ -198,7 +194,8 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
     # A joint without stiffness, a drive say, makes a mechanism: its beams then have the damping of the locked rig.
     locked = not bool(np.all(structure.tangent_stiffness() > 0))
     frequency = float(structure.frequencies(1, locked=locked)[0])
-    parts = _parts(items)
+    # A beam is given to us as EI and mass per length; with this Young's modulus they become a section.
+    parts, youngs_modulus = _parts(items), 70e9
     name = ascii_line(given.name)
     file = "".join(c if c.isalnum() else "-" for c in name.lower()).strip("-") or "rig"
     if file == "joint":
@@ -210,7 +207,7 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
             f"first frequency with {'locked joints' if locked else at_rest} "
             f"{frequency:.4f} Hz.",
             "Plane motion in x and y. Beams have their bending stiffness and mass per length as a section of "
-            f"E = {YOUNGS_MODULUS:g} Pa, shear is made stiff as in Euler-Bernoulli beams; material loss is damping in "
+            f"E = {youngs_modulus:g} Pa, shear is made stiff as in Euler-Bernoulli beams; material loss is damping in "
             "proportion to stiffness, equal to the loss factor at the first frequency.",
         ],
         "!",
@@ -220,7 +217,7 @@ def rig_deck(model: JointModel, rig: str | Path) -> tuple[str, str]:
         "rig.inp.j2",
         name=name, rig=given, parts=parts, points=points,
         clamp_stiffness=given.clamp_stiffness if np.isfinite(given.clamp_stiffness) else None,
-        youngs_modulus=YOUNGS_MODULUS, density=2700.0, 
+        youngs_modulus=youngs_modulus, density=2700.0, 
         omega=2 * np.pi * frequency, pulse=pulse_table(given.excitation, given.duration),
         every=max(round(1 / (given.sample_rate * given.step)), 1),
     )  # fmt: skip

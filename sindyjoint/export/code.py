@@ -39,8 +39,6 @@ from sindyjoint.export.parts import Parts, corners, softening_limits, steepness
 from sindyjoint.inputs import Input
 
 DIRECTION = sympy.Symbol("direction", real=True)
-# A step of the integration as a share of the fastest time constant: sliders yield inside steps, which costs an order.
-SHARE, SHARE_OF_SLIDERS = 0.1, 0.02
 
 
 class CPrinter(C99CodePrinter):
@@ -179,7 +177,9 @@ def code(file: str, model: JointModel, printer: CodePrinter, infinity: str, law:
         stiffness=number(stiffness + sum(k for k, _ in fast)),
         damping=number(damping),
         relaxation=number(max((decay for _, decay in fast), default=0.0)),
-        share=number(SHARE_OF_SLIDERS if any(map(math.isfinite, law.limits)) else SHARE),
+        # A step of the integration as a share of the fastest time constant: sliders yield inside steps, which costs an
+        # order.
+        share=number(0.02 if any(map(math.isfinite, law.limits)) else 0.1),
         moment=printer.doprint(law.moment),
         rates=[printer.doprint(rate) for rate in law.rates],
         limits=[written(limit, infinity) for limit in law.limits],

@@ -20,8 +20,8 @@ from sindyjoint.export.fidelity import Cycles, Represented, Rows, column_moments
 from sindyjoint.export.parts import Curve
 from sindyjoint.numeric import ROUNDING, Array
 
-# Pairs that carry less than this share of all are left out; a fit that misses more of an element than that is none.
-LEAST_PAIR, WORST_FIT = 2e-3, 0.5
+# A fit that misses more of an element, or of a term, than this share stands for nothing.
+WORST_FIT = 0.5
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,8 @@ def _as_pairs(
     columns = cycles.slider(np.broadcast_to(yields[:, None, None], (yields.size, *wanted.shape)), 1.0)
     stiffness, _ = scipy.optimize.nnls(columns.reshape(yields.size, -1).T, wanted.ravel())
     forces = stiffness * np.minimum(yields, yields[-2])
-    kept = forces > LEAST_PAIR * forces.sum()
+    # Pairs that carry less than this share of all are left out.
+    kept = forces > 2e-3 * forces.sum()
     missed = np.inf
     if kept.any():
         columns = columns[kept]

@@ -182,9 +182,6 @@ def comment(lines: Sequence[str], prefix: str, width: int = 110, ascii_only: boo
     return "".join(f"{prefix} {part}".rstrip() + "\n" for part in wrapped)
 
 
-LEVELS, PHASES = 10, 720
-
-
 @dataclass(frozen=True, eq=False)
 class Cycles:
     """Harmonic motions that fill the tested range, on which representations are judged.
@@ -209,10 +206,11 @@ class Cycles:
     @classmethod
     def of(cls, model: JointModel) -> Self:
         """Return the cycles up to the largest angle and rate of the test of the model."""
-        level = np.linspace(1 / LEVELS, 1, LEVELS)[:, None]
-        phase = (np.arange(PHASES) + 0.5) * 2 * np.pi / PHASES
+        phases = 720
+        level = np.linspace(0.1, 1, 10)[:, None]
+        phase = (np.arange(phases) + 0.5) * 2 * np.pi / phases
         fitted = model.fitted
-        step = 2 * np.pi * fitted.angle / fitted.rate / PHASES
+        step = 2 * np.pi * fitted.angle / fitted.rate / phases
         return cls(level * fitted.angle * np.sin(phase), level * fitted.rate * np.cos(phase), step)
 
     def term(self, term: ModelTerm) -> Array:

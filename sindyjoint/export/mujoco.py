@@ -14,7 +14,17 @@ import numpy as np
 from sindyjoint.equation.formula import variable_symbols
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.export import Export
-from sindyjoint.export.elements import BoucWen, Gap, Kind, LuGre, Maxwell, Slider, speeds, written_as
+from sindyjoint.export.elements import (
+    WORST_FIT,
+    BoucWen,
+    Gap,
+    Kind,
+    LuGre,
+    Maxwell,
+    Slider,
+    speeds,
+    written_as,
+)
 from sindyjoint.export.fidelity import (
     Cycles,
     Represented,
@@ -31,12 +41,8 @@ from sindyjoint.export.fidelity import (
 from sindyjoint.export.parts import Parts, steepness
 from sindyjoint.numeric import Array
 
-# Largest impedance of a constraint that MuJoCo allows (mjMAXIMP): the closer to one, the less friction creeps.
-IMPEDANCE = 0.9999
 # A step as a share of the fastest time constant, and the longest one, s.
 STEP, LONGEST = 0.1, 1e-3
-# A polynomial that misses more of a term than this stands for nothing.
-WORST_FIT = 0.5
 NEEDED = {"joint": "3.7", "tendon": "4.0"}
 
 
@@ -51,7 +57,9 @@ def export(model: JointModel) -> Export:
     step = float(f"{min(STEP / fastest if fastest else LONGEST, LONGEST):.1g}")
     elastic = _Polynomial.of(parts.elastic, cycles, "angle")
     rates = _Polynomial.of(parts.rate, cycles, "rate")
-    creep = (1 - IMPEDANCE) * step * max(rates.jump, 0.0) / inertia
+    # The largest of a constraint that MuJoCo allows (mjMAXIMP): the closer to one, the less friction creeps.
+    impedance = 0.9999
+    creep = (1 - impedance) * step * max(rates.jump, 0.0) / inertia
     rows = {
         **elastic.rows(cycles, "joint, stiffness", words.angle),
         **rates.rows(cycles, "joint, damping", words.rate, creep),
@@ -88,7 +96,7 @@ def export(model: JointModel) -> Export:
         rotation=model.joint.motion == "rotation",
         step=step,
         inertia=inertia,
-        impedance=IMPEDANCE,
+        impedance=impedance,
         elastic=elastic,
         rates=rates,
         tendons=tendons,

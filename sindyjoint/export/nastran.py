@@ -30,12 +30,11 @@ from sindyjoint.export.fidelity import (
     viscous_rows,
     words_of,
 )
-from sindyjoint.export.parts import GIVE, POINTS, Curve, Parts, total
+from sindyjoint.export.parts import GIVE, POINTS, RARE, Curve, Parts, total
 
-# Numbers that a model rarely uses; the notes say to change them where they are taken.
+# The notes say to change these numbers where they are taken.
 NUMBERS = "element damper table_elastic table_rate still relative set far first".split()
-AT = dict(zip(NUMBERS, range(900001, 900010), strict=True))
-NODES = (1, 2)
+AT = dict(zip(NUMBERS, range(RARE, RARE + len(NUMBERS)), strict=True))
 WAYS = {
     Maxwell: "CELAS2 and CDAMP2, a scalar point between",
     Gap: "CROD without hardening and CBUSH1D, a grid point between",
@@ -78,7 +77,7 @@ def export(model: JointModel) -> Export:
     tied = rotation and bool(tabulated) or any(not isinstance(kind, Maxwell) for _, kind in added)
     rows = fidelity_table(model, cycles, carried, whole)
     notes = (
-        f"replace grid points {NODES[0]} and {NODES[1]} and, where taken, the numbers from {AT['element']} on; the "
+        f"replace grid points 1 and 2 and, where taken, the numbers from {AT['element']} on; the "
         f"joint's axis is the basic {'z' if rotation else 'x'} axis (CID 0)",
         "tables act in nonlinear solutions only (SOL 129, 400); linear ones see the stiffness at "
         "standstill and the damping",
@@ -98,7 +97,8 @@ def export(model: JointModel) -> Export:
     of = {each: [kind for _, kind in added if isinstance(kind, each)] for each in (Slider, Gap, Maxwell)}
     low, high = total(parts.elastic, np.array([-step, step]), 0.0)
     deck = filled_in(
-        "nastran.bdf.j2", at=AT, nodes=NODES, field=field, fields=_fields, rounded=_rounded, rotation=rotation,
+        "nastran.bdf.j2", at=AT, nodes=(1, 2), field=field, rounded=_rounded,
+        fields=lambda curve: ",".join(map(field, curve.flat)), rotation=rotation,
         tied=tied, stiffness=float(high - low) / (2 * step), damping=parts.damping, curve=curve,
         rates=rates if tabulated else None, stick=GIVE * model.fitted.angle,
         sliders=of[Slider], gaps=of[Gap], branches=of[Maxwell],
@@ -130,10 +130,6 @@ def read_field(text: str) -> float:
 
 def _rounded(curve: Curve) -> Curve:
     return Curve(*(np.array([read_field(field(v)) for v in values]) for values in (curve.x, curve.y)))
-
-
-def _fields(curve: Curve) -> str:
-    return ",".join(map(field, curve.flat))
 
 
 def _card(name: str, *fields: str) -> str:

@@ -31,8 +31,6 @@ from sindyjoint.export.fidelity import (
 from sindyjoint.export.parts import GIVE, Curve, Parts, power_law
 
 POINTS = 201
-# BoucWen iterates to this change of its state, which is made to be of the size of one, in at most so many steps.
-TOLERANCE, ITERATIONS = 1e-12, 50
 WAYS = {
     BoucWen: "BoucWen",
     Maxwell: "ViscousDamper",
@@ -107,7 +105,8 @@ def _materials(
             # Of the state as a share of its largest, so that its tolerance means something.
             size, scale = kind.deflection, kind.deflection ** (kind.n - 1)
             shape = (0.0, kind.stiffness * size, kind.n, kind.gamma * scale, kind.beta * scale, 1 / size)
-            yield "BoucWen", (*shape, 0.0, 0.0, 0.0, TOLERANCE, ITERATIONS), False
+            # It iterates to a change of 1e-12, in at most 50 steps.
+            yield "BoucWen", (*shape, 0.0, 0.0, 0.0, 1e-12, 50), False
         elif isinstance(kind, Maxwell):
             yield "ViscousDamper", (kind.stiffness, kind.stiffness * kind.time, 1.0), False
         elif isinstance(kind, Gap):

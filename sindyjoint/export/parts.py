@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 RAMP = 1e-3
 # Of a table of the elastic moment.
 POINTS = 41
+# A number of a node or an element that a model rarely uses; those that follow are taken, too.
+RARE = 900001
 # A spring that stands for sticking gives way by this share of the tested angle at full friction.
 GIVE = 1e-4
 

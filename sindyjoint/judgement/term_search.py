@@ -17,9 +17,6 @@ from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, moment_floor, regression_rows
 
-# Rounds of completion and choice, at most, and the change in standard errors below which coefficients stay the same.
-ROUNDS, STAYS = 6, 0.1
-
 
 @dataclass(frozen=True, eq=False)
 class TermSearch:
@@ -140,7 +137,8 @@ def _completed_from(
     from sindyjoint.response.completion import completed_states
 
     found, step = first, None
-    for _ in range(ROUNDS):
+    # Rounds of completion and choice, until no coefficient changes by a tenth of its standard error.
+    for _ in range(6):
         if not law.terms:
             return first
         try:
@@ -158,7 +156,7 @@ def _completed_from(
             continue
         errors, last = found.model.standard_errors, step
         step = (found.model.coefficients - law.coefficients) / errors
-        if np.all(np.abs(step) < STAYS):
+        if np.all(np.abs(step) < 0.1):
             break
         law = found.model
         if last is not None and 0 < (ratio := float(step @ last / (last @ last))) < 1:

@@ -40,8 +40,6 @@ from sindyjoint.trust import Colour, Light
 
 #: Blocks of a run whose residuals show how sure a gap is.
 BLOCKS = 8
-#: Parts of a single run that are left out in turn.
-PARTS = 4
 
 
 class Explained(NamedTuple):
@@ -343,8 +341,8 @@ def left_out_error(
     rows = [_columns(model, test, each) for each in states]
     size = sum(float(_explained(model, test, each, "").moment.sum()) for each in states)
     if len(states) == 1:
-        rows = list(zip(*(np.array_split(part, PARTS) for part in rows[0]), strict=True))
-    groups = group_labels(states) if len(states) > 1 else [str(part) for part in range(PARTS)]
+        rows = list(zip(*(np.array_split(part, 4) for part in rows[0]), strict=True))
+    groups = group_labels(states) if len(states) > 1 else list(map(str, range(len(rows))))
     scale = np.sqrt(np.mean(np.concatenate([X for X, _ in rows]) ** 2, axis=0))
     scale[scale == 0] = 1.0
     rows = [(X / scale, y) for X, y in rows]

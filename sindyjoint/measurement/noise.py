@@ -18,10 +18,6 @@ WIDEST = 0.38
 JUST_BELOW = 0.9
 # And, in parts of that end, where a filter that cuts there does not yet fall.
 BEFORE = (0.5, 0.7)
-# Fewest bins of a spectrum there, and the ratio of its densities up to which they are level.
-FEWEST_BINS, LEVEL = 6, 10.0
-# Noise of so many quantisation steps is no longer coarse.
-FINE = 8
 SEGMENTS = 16
 
 
@@ -139,8 +135,9 @@ def difference_noise(signal: Array, lag: int = 1, order: int = 1) -> float:
     away = np.abs(differences - np.median(differences))
     step = quantisation_step(signal)
     middle = float(np.median(away))
-    if step > 0 and middle < FINE * step:
-        count = np.bincount(np.minimum(np.round(away / step), 4 * FINE).astype(int))
+    # Noise of eight quantisation steps is no longer coarse.
+    if step > 0 and middle < 8 * step:
+        count = np.bincount(np.minimum(np.round(away / step), 32).astype(int))
         share = np.append(0.0, np.cumsum(count) / away.size)
         middle = step * float(np.interp(0.5, share, np.append(0.0, np.arange(count.size) + 0.5)))
     return float(1.4826 * middle / np.sqrt(6.0 if order == 1 else 70.0))
@@ -213,7 +210,8 @@ def noise_before_filter(channel: Array, other: Array, sample_rate: float) -> flo
         return None
     before = density[below & (frequency < BEFORE[1] * end.bandwidth)]
     # Within the lobe of a tone, or on its slope, there is no level of noise to be read.
-    if before.size < FEWEST_BINS or np.ptp(np.log(np.quantile(before, (0.1, 0.9)))) > np.log(LEVEL):
+    # Densities within a decade are level.
+    if before.size < 6 or np.ptp(np.log10(np.quantile(before, (0.1, 0.9)))) > 1:
         return None
     return float(np.sqrt(np.median(before) * sample_rate / 2))
 

@@ -24,13 +24,6 @@ from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, MINIMUM_SAMPLES, Run, checked_signal
 from sindyjoint.rig import SensorNoise
 
-# Most steps of a path, and measured samples that one step holds on the average where there are fewer.
-MOST_STEPS, PER_STEP = 20_000, 2
-# Steps that are left out on either side of a reversal.
-GUARD = 2
-# Steps on either side over which the slope of a channel is taken.
-REACH = 3
-
 
 def measured_run(name: str, signals: Mapping[str, ArrayLike], sample_rate: float, **options: Any) -> Run:
     """Return a run of moment, angle, rate and acceleration, as far as measured.
@@ -282,7 +275,8 @@ def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLi
     path, corners, angles = travelled(measured)
     count = path.size
     # A path has 64 steps at least, where there are as many samples.
-    steps = int(np.clip(count // PER_STEP, min(count, 64), MOST_STEPS))
+    # Two measured samples in a step on the average, unless there are too many.
+    steps = int(np.clip(count // 2, min(count, 64), 20_000))
     grid, along, branch = _branches(corners, angles, float(path[-1]) / steps)
     found, members = np.unique(np.searchsorted((grid[1:] + grid[:-1]) / 2, path), return_inverse=True)
     size, number = np.bincount(members), np.arange(grid.size)
@@ -297,7 +291,7 @@ def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLi
     places = mean(path)
     first, last = (np.searchsorted(branch, branch, side=side) for side in ("left", "right"))
     # A row near a reversal holds samples of both branches, and a branch of less than three others has no slope.
-    inner = (number >= first + GUARD) & (number < last - GUARD) & (last - first >= 2 * GUARD + 3)
+    inner = (number >= first + 2) & (number < last - 2) & (last - first >= 7)
     means = mean(moment)
     slope = _slopes(places / (path[-1] / steps), means, np.where(inner, branch, -1 - branch))
     return Path(
@@ -312,7 +306,7 @@ def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLi
 
 def _slopes(place: Array, values: Array, branch: NDArray[np.intp]) -> Array:
     """Return the slope at each place of the parabola through the values about it on the same branch."""
-    near = np.clip(np.arange(place.size)[:, None] + np.arange(-REACH, REACH + 1), 0, place.size - 1)
+    near = np.clip(np.arange(place.size)[:, None] + np.arange(-3, 4), 0, place.size - 1)
     away = place[near] - place[:, None]
     same = branch[near] == branch[:, None]
     powers = np.stack([np.ones_like(away), away, away**2], axis=2) * same[:, :, None]

@@ -23,8 +23,6 @@ from sindyjoint.response.laws import with_coefficients
 from sindyjoint.states import ForceStates, force_states
 from sindyjoint.text import spelled
 
-MOST_CORNERS = 64
-
 
 @dataclass(frozen=True, eq=False)
 class JointRange:
@@ -53,10 +51,11 @@ class JointRange:
     def corners(self) -> list[JointModel]:
         """Return the joints at the ends of all ranges; of many coefficients some of the combinations."""
         wide = np.flatnonzero(self.high > self.low)
-        if 2**wide.size <= MOST_CORNERS:
+        most = 64
+        if 2**wide.size <= most:
             choices = np.array(list(product((0.0, 1.0), repeat=int(wide.size)))).reshape(-1, wide.size)
         else:
-            choices = np.random.default_rng(0).integers(0, 2, (MOST_CORNERS, wide.size)).astype(float)
+            choices = np.random.default_rng(0).integers(0, 2, (most, wide.size)).astype(float)
         corners = np.tile(self.low, (len(choices), 1))
         corners[:, wide] += choices * (self.high - self.low)[wide]
         return [with_coefficients(self.model, row) for row in np.unique(corners, axis=0)]
@@ -118,9 +117,6 @@ def like_model(model: JointModel) -> JointRange:
     return JointRange(replace(model, covariance=()), low, high)
 
 
-SAME = 0.01  # of a frequency
-
-
 @dataclass(frozen=True)
 class Tested:
     """What runs have reached, beyond which nothing is known of a joint.
@@ -166,8 +162,8 @@ class Tested:
             if reached[name] > tested.get(name, inf)
         ]
         low, high = self.band or (0.0, inf)
-        # That of a tested run is refined from its data.
-        away = sorted(f for f in {*frequencies} if not low * (1 - SAME) <= f <= high * (1 + SAME))
+        # That of a tested run is refined from its data, by less than one in a hundred.
+        away = sorted(f for f in {*frequencies} if not 0.99 * low <= f <= 1.01 * high)
         if away:
             found.append(
                 f"{', '.join(f'{f:g}' for f in away)} Hz where {low:.3g} to {high:.3g} Hz were tested"

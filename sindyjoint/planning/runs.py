@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.limits import PLANNING, PlanningPolicy
+from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics.excitation import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, prescribed_motion, simulate
@@ -17,8 +17,6 @@ from sindyjoint.numeric import Array
 from sindyjoint.states import REPLICATES
 
 POINTS = 400  # samples per period, at least
-PERIODS, MOST_PERIODS = 3, 48
-GROWTH = 1.5
 
 
 @dataclass(frozen=True)
@@ -63,15 +61,15 @@ def motion(
         if moved.angle.min() < low or moved.angle.max() > high:
             raise SimulationError("the prescribed angle passes the softening limit of the joint")
         return moved
-    periods = PERIODS
-    while periods <= MOST_PERIODS:
+    periods, most = 3, 48
+    while periods <= most:
         moved = simulate(law, tones(waveform, level, frequency), periods / frequency, rate, rtol=1e-6)
         last, before = moved.angle[-points:], moved.angle[-2 * points : -points]
         if np.linalg.norm(last - before) <= PLANNING.granted_share * np.linalg.norm(last):
             return moved
         periods *= 2
     raise SimulationError(
-        f"the joint does not repeat within {MOST_PERIODS} periods of {frequency:g} Hz under {level:.3g} N·m"
+        f"the joint does not repeat within {most} periods of {frequency:g} Hz under {level:.3g} N·m"
     )
 
 
@@ -113,14 +111,14 @@ def highest_level(laws: Sequence[Law], actuator: Actuator, frequency: float, wav
 
 def _highest_of(law: Law, actuator: Actuator, frequency: float, waveform: str, guess: float) -> float:
     """Return the highest amplitude that keeps one joint within the limits, from about ``guess`` on."""
-    high = guess
+    high, growth = guess, 1.5
     while within_limits(law, actuator, frequency, high, waveform):
-        high *= GROWTH
+        high *= growth
         if not high < 1e12:
             return inf
-    low = high / GROWTH
+    low = high / growth
     while not within_limits(law, actuator, frequency, low, waveform):
-        low, high = low / GROWTH, low
+        low, high = low / growth, low
         if low < 1e-9 * guess:
             raise InputError(f"no level at {frequency:g} Hz is within the limits")
     for _ in range(16):
@@ -154,7 +152,6 @@ def candidates(
     actuator: Actuator,
     duration: float,
     unit: str,
-    policy: PlanningPolicy = PLANNING,
     waveforms: Sequence[str] = (SINE,),
     say: Callable[[str], None] = lambda stage: None,
 ) -> tuple[tuple[PlannedRun, ...], tuple[PlannedRun, ...]]:
@@ -171,7 +168,6 @@ def candidates(
         Of each run, s.
     unit : str
         Of what is prescribed.
-    policy : PlanningPolicy
     waveforms : sequence of str
         Among which is chosen; the grid is of sines.
     say : callable
@@ -185,7 +181,7 @@ def candidates(
     plain = _rounded(np.linspace(low, high, 3 if high > low else 1))
     found, grid = [], []
     for waveform in dict.fromkeys((*waveforms, SINE)):
-        within = set(_within_band(waveform, actuator, duration, policy)) if waveform in waveforms else set()
+        within = set(_within_band(waveform, actuator, duration)) if waveform in waveforms else set()
         for frequency in sorted({*within, *(plain if waveform == SINE else ())}):
             say(f"highest level at {frequency:g} Hz")
             top = highest_level(laws, actuator, frequency, waveform)
@@ -197,13 +193,13 @@ def candidates(
                 return PlannedRun(actuator.drive, waveform, frequency, level_of(share), unit, duration)
 
             if waveform in waveforms:
-                found += [planned(share) for share in policy.levels]
+                found += [planned(share) for share in PLANNING.levels]
             if waveform == SINE and frequency in plain:
-                grid += [planned(share) for share in policy.levels[::2]]
+                grid += [planned(share) for share in PLANNING.levels[::2]]
     return tuple(found), tuple(grid)
 
 
-def _within_band(waveform: str, actuator: Actuator, duration: float, policy: PlanningPolicy) -> list[float]:
+def _within_band(waveform: str, actuator: Actuator, duration: float) -> list[float]:
     """Return frequencies of a waveform, Hz, that drives within the band alone and repeats often enough in a run."""
     lowest, highest = driven_at(waveform)
     # A duration for the lowest sine is long enough for every other; the rest is for the rounding.
@@ -216,7 +212,7 @@ def _within_band(waveform: str, actuator: Actuator, duration: float, policy: Pla
             f"{REPLICATES + 1} times in a run of {duration:.3g} s: no room for it from {low:g} to {high:g} "
             "Hz; expected a wider band, or longer runs"
         )
-    count = policy.frequencies if most > least * (1 + 1e-9) else 1
+    count = PLANNING.frequencies if most > least * (1 + 1e-9) else 1
     # The plain grid's are among them.
     return _rounded(np.linspace(least, max(most, least), count))
 

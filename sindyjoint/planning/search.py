@@ -13,7 +13,7 @@ from functools import cache, cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.limits import PLANNING, PlanningPolicy
+from sindyjoint.limits import PLANNING
 from sindyjoint.numeric import SAME, Array, kept
 from sindyjoint.planning.information import (
     Information,
@@ -62,7 +62,6 @@ class Choice:
         Frequency and level of these.
     grid : Information, optional
         Of the plain grid, than which no interval shall be wider.
-    policy : PlanningPolicy
     """
 
     runs: tuple[PlannedRun, ...]
@@ -73,7 +72,6 @@ class Choice:
     known: Information | None = None
     known_runs: tuple[tuple[float, str], ...] = ()
     grid: Information | None = None
-    policy: PlanningPolicy = PLANNING
 
     def widest(self, chosen: Sequence[int]) -> Array:
         """Return what the first goal makes small, of each joint, shape (joints,)."""
@@ -85,15 +83,15 @@ class Choice:
     def missing(self, chosen: Sequence[int]) -> int:
         """Return how many settings are missing: of so many frequencies each at so many levels."""
         # Levels are shares of the highest at their frequency: the same place among them is the same level.
-        count, levels = len(self.policy.levels), dict[float, set[str]]()
+        count, levels = len(PLANNING.levels), dict[float, set[str]]()
         for frequency, level in (
             *self.known_runs,
             *((self.runs[i].frequency, str(i % count)) for i in chosen),
         ):
             levels.setdefault(_same(frequency), set()).add(level)
-        possible = min(self.policy.fewest, self._band.size)
-        most = sorted((min(len(each), self.policy.fewest_levels) for each in levels.values()), reverse=True)
-        return max(0, possible * self.policy.fewest_levels - sum(most[:possible]))
+        possible = min(PLANNING.fewest, self._band.size)
+        most = sorted((min(len(each), PLANNING.fewest_levels) for each in levels.values()), reverse=True)
+        return max(0, possible * PLANNING.fewest_levels - sum(most[:possible]))
 
     def left_out(self, chosen: Sequence[int]) -> float:
         """Return the share of the joints of which a discovery would leave out a term that matters."""

@@ -126,19 +126,14 @@ SCRIPTS = ("page.js", "map3d.js", "loops.js")
 _REPAINTED = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)"}
 
 
-@dataclass(frozen=True)
-class Section:
-    """A part of a page: its name in links, its heading, what the bar on top calls it, and its blocks."""
-
-    id: str
-    heading: str
-    link: str
-    blocks: Sequence[str]
+# Id, heading, link and blocks of a section of a page.
+Section = dict[str, Any]
 
 
 def section(id: str, heading: str, link: str, *blocks: str) -> Section:
     """Return a part of a page of blocks that :class:`Blocks` makes; empty ones are left out."""
-    return Section(id, heading, link, [block for block in blocks if block and block.strip()])
+    shown = [block for block in blocks if block and block.strip()]
+    return {"id": id, "heading": heading, "link": link, "blocks": shown}
 
 
 @dataclass(frozen=True)
@@ -245,7 +240,7 @@ def render(page: Page, origin: Provenance, simulated: bool) -> str:
         .get_template("page.html.j2")
         .render(
             page=page,
-            sections=[part for part in page.sections if part.blocks],
+            sections=[part for part in page.sections if part["blocks"]],
             origin=origin,
             simulated=simulated,
             css=markup(_text("style.css")),

@@ -177,14 +177,12 @@ def drawing_style() -> Iterator[None]:
             yield
 
 
-LEGEND_LINE, LEGEND_FRAME = 10.0, 4.0  # points
-
-
 def legend_above(ax: Axes, lines: int, columns: int = 1) -> None:
     """Put the legend into the upper left corner and make room for its lines above what is drawn."""
     low, high = ax.get_ylim()
     panel = ax.get_window_extent().height * 72 / ax.figure.dpi
-    taken = min((LEGEND_LINE * lines + LEGEND_FRAME) / panel, 0.6)
+    # A line, and the frame, in points.
+    taken = min((10.0 * lines + 4.0) / panel, 0.6)
     share = taken / (1 - taken)
     if ax.get_yscale() == "log":
         ax.set_ylim(low, high * (high / low) ** share)

@@ -228,7 +228,7 @@ class View:
             else (show.answers(headline, self.question, page.hero, page.found),)
         )
         sections, soundness = [*page.sections], getattr(result, "soundness", None)
-        if soundness is not None and soundness.findings and "findings" not in {s.id for s in sections}:
+        if soundness is not None and soundness.findings and "findings" not in {s["id"] for s in sections}:
             accepted = ", ".join(map(spelled, soundness.accepted))
             said = f"The verdict is: {soundness.verdict}." + (f" Accepted: {accepted}." if accepted else "")
             more = markup("{} Every channel with the findings marked: <code>sindyjoint check</code>.")

@@ -13,8 +13,6 @@ from sindyjoint.rig import Fusion
 from sindyjoint.states.record import ForceStates, NoiseFloor, moving_mask, rate_limit, within
 
 BLOCKS = 32
-# Samples in which a motion that is released leaves a tenth of its height.
-FEWEST_AT_REST = 6
 
 
 def dwells(rate: Array) -> bool:
@@ -151,10 +149,12 @@ def _released(run: Run) -> bool:
     if np.ptp(run.moment) > 0 or run.rate is not None or run.valid is not None:
         return False
     away = run.angle - np.mean(run.angle[-run.n_samples // 8 :])
-    height = float(np.mean(away[:FEWEST_AT_REST]))
+    # Samples in which a motion that is released leaves a tenth of its height, at least.
+    fewest = 6
+    height = float(np.mean(away[:fewest]))
     gone = np.flatnonzero(np.abs(away - height) > 0.1 * abs(height))
     count = int(gone[0]) if gone.size else 0
-    if count < FEWEST_AT_REST:
+    if count < fewest:
         return False
     time = np.linspace(0, 1, count)
     fit, covariance = np.polyfit(time, away[:count], 2, cov=True)

@@ -151,10 +151,6 @@ SOURCES = {
 #: What shows an upper bound only: a joint with memory has another moment in the same state, too.
 BOUNDS = {"coherent", "neighbours"}
 UNKNOWN = "the data do not show how far they repeat"
-# Samples of a period below which two of them cannot be laid over each other, and places to which one is shifted for it.
-SHORTEST, PLACES = 32, 41
-# Samples among which neighbours are sought, the nearest of each, and the fewest pairs.
-MOST_SAMPLES, NEAREST, FEWEST_PAIRS = 40_000, 8, 200
 
 
 @dataclass(frozen=True)
@@ -328,22 +324,24 @@ def _pairs(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
     """Yield neighbouring periods whose motion is the same within ``tolerated``, each laid over the other."""
     frequency = states.frequency or main_frequency(states.angle, states.sample_rate)
     per = int(round(states.sample_rate / frequency)) if frequency > 0 else 0
-    count = states.n_samples // per if per >= SHORTEST else 0
+    # Samples of a period below which two of them cannot be laid over each other, and places to which one is shifted.
+    shortest, places = 32, 41
+    count = states.n_samples // per if per >= shortest else 0
     # Periods of a record beyond which more of them say nothing new.
     if count < 2 or count > 64:
         return
     signals, moment = _differing(states, inertia)
-    reach = per // PLACES
+    reach = per // places
     for first in range(0, (count - 1) * per, per):
         early = slice(first, first + per)
-        begins = np.unique(np.linspace(first + per - reach, first + per + reach, PLACES).astype(int))
+        begins = np.unique(np.linspace(first + per - reach, first + per + reach, places).astype(int))
         begins = begins[begins + per <= states.n_samples]
         away = [float(np.mean((states.angle[b : b + per] - states.angle[early]) ** 2)) for b in begins]
         if not away or min(away) > 2 * (STATES.tolerated * np.std(states.angle[early])) ** 2:
             continue
         late = slice(begins[int(np.argmin(away))], begins[int(np.argmin(away))] + per)
         both = states.moving[early] & states.moving[late]
-        if np.count_nonzero(both) >= SHORTEST // 2:
+        if np.count_nonzero(both) >= shortest // 2:
             yield (signals[late] - signals[early])[both], (moment[late] - moment[early])[both]
 
 
@@ -354,19 +352,19 @@ def _neighbours(states: ForceStates, inertia: float | None) -> Iterator[Pair]:
     Stefánsson, Končar and Jones (Neural Comput. Appl. 5, 1997), with the differences of their motion taken out.
     """
     moving = np.flatnonzero(states.moving)
-    moving = moving[:: 1 + moving.size // MOST_SAMPLES]
+    moving, fewest = moving[:: 1 + moving.size // 40_000], 200
     state = np.column_stack([states.angle[moving], states.rate[moving]])
     spread = state.std(axis=0)
     frequency = states.frequency or main_frequency(states.angle, states.sample_rate)
-    if moving.size < FEWEST_PAIRS or not spread.all() or not frequency > 0:
+    if moving.size < fewest or not spread.all() or not frequency > 0:
         return
     away, place = scipy.spatial.cKDTree(state / spread).query(
-        state / spread, NEAREST + 1, distance_upper_bound=STATES.tolerated
+        state / spread, 9, distance_upper_bound=STATES.tolerated
     )
     other = moving[np.where(np.isfinite(away), place, 0)]
     apart = np.isfinite(away) & (np.abs(other - moving[:, None]) > states.sample_rate / frequency / 2)
     paired = apart.any(axis=1)
-    if np.count_nonzero(paired) < FEWEST_PAIRS:
+    if np.count_nonzero(paired) < fewest:
         return
     first, second = moving[paired], other[np.arange(moving.size), apart.argmax(axis=1)][paired]
     signals, moment = _differing(states, inertia)

@@ -49,7 +49,7 @@ class HarmonicBasis:
                 return made
         cosine, sine = _compute_multiples(angular[0] * time, len(orders))
         made = cls(cosine.T, sine.T, angular, complete=True)
-        if cosine.size <= KEPT:
+        if cosine.size <= 1_250_000:
             LATEST.append((time, made))
         return made
 
@@ -118,7 +118,6 @@ class HarmonicBasis:
 
 #: The latest bases with their instants, of at most so many cosines each: 40 MB in all.
 LATEST: deque[tuple[Array, HarmonicBasis]] = deque(maxlen=2)
-KEPT = 1_250_000
 
 
 def _compute_multiples(phase: Array, count: int) -> tuple[Array, Array]:

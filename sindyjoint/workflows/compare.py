@@ -171,7 +171,7 @@ def _compared(
     friction = clock.run("laws of friction", by_friction_law, question)
     left_out = clock.run("holding out frequencies and levels", hold_out_groups, question)
     methods = clock.run("simulating held-out runs", add_responses, found, evidence, methods)
-    included = clock.run(
+    probability, sets = clock.run(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=question.random_state,
         **question.rule,
     )  # fmt: skip
@@ -189,8 +189,8 @@ def _compared(
         levels=tuple(map(against, levels)),
         libraries=tuple(against(choice) for choice, _ in fitted),
         friction=friction,
-        inclusion=tuple(float(p) for p in included.probability),
-        sets=included.sets,
+        inclusion=tuple(float(p) for p in probability),
+        sets=sets,
         left_out=left_out,
         tests=tests,
         model=against(model),

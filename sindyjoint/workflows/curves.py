@@ -33,8 +33,6 @@ Model = JointModel | str | Path
 FROM, BEYOND, AMPLITUDES = 0.02, 1.5, 40
 # Curves end at this share of a joint's softening limit; where it has none and was not tested, at this angle, rad.
 TO_SOFTENING, WIDEST = 0.95, 0.01
-# The band of a response, in shares of the first frequencies with sliding and with locked joints.
-BAND = (0.8, 1.15)
 
 
 @checks_options()
@@ -226,7 +224,8 @@ class _CurveMaker:
         structure = self.placed.structure
         sliding, locked = structure.frequencies(modes), structure.frequencies(modes, locked=True)
         if band is None:
-            band = (BAND[0] * float(sliding[0]), BAND[1] * float(locked[0]))
+            # Around the first frequencies with sliding and with locked joints.
+            band = (0.8 * float(sliding[0]), 1.15 * float(locked[0]))
         if not 0 < band[0] < band[1] < np.inf:
             raise InputError(f"band is {band}; expected two positive frequencies, the lower one first")
         laws, warnings = [hinge.law for hinge in structure.hinges], list[str]()

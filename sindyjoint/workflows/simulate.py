@@ -206,9 +206,6 @@ def simulate(
     return made.campaign
 
 
-MODES = 4
-
-
 @dataclass(frozen=True)
 class PointMotion:
     """Motion of a point of a structure.
@@ -352,7 +349,7 @@ def rig_motion(
     made, standing = place_by_name(made, [] if known is None else [known])
     say("frequencies")
     structure = made.structure()
-    slipping, locked = structure.frequencies(MODES), structure.frequencies(MODES, locked=True)
+    slipping, locked = structure.frequencies(4), structure.frequencies(4, locked=True)
     say(f"simulating {made.duration:g} s")
     response = made.respond()
     modelled = {h.name for h, stands in zip(hinges(made), standing, strict=True) if stands is not None}

@@ -11,7 +11,7 @@ from sindyjoint.discovery.evidence import (
     held_out_errors,
 )
 from sindyjoint.discovery.factors import Factor, merge
-from sindyjoint.discovery.rows import RowLabels
+from sindyjoint.discovery.rows import row_labels
 from sindyjoint.errors import InputError
 
 
@@ -96,4 +96,4 @@ def test_fixed_terms_leave_the_rest_as_if_subtracted():
 
 def test_blocks_that_are_whole_runs_are_refused():
     with pytest.raises(InputError, match="blocks has one block in each run; .* two or more"):
-        RowLabels.of(6, None, [0, 0, 0, 1, 1, 1], [5, 5, 5, 5, 5, 5])
+        row_labels(6, None, [0, 0, 0, 1, 1, 1], [5, 5, 5, 5, 5, 5])

@@ -36,10 +36,6 @@ from sindyjoint.text import quantities, spelled
 RUNS_PER_FIGURE = 6
 # The figure of all runs, or of so many.
 TOGETHER, RUNS_TOGETHER = "runs", 24
-# Of the least and the largest value of so many segments the picture of a channel is made.
-SEGMENTS, MOST_SEGMENTS, FEWEST_SEGMENTS = 450, 30_000, 60
-# A marked sample is drawn at least so wide, as a share of the run; a picture shows no more marks than these.
-LEAST_WIDTH, MOST_MARKS = 0.006, 400
 ROW, GAP = 1.0, 0.25
 
 
@@ -93,7 +89,8 @@ class CheckData:
 def gather_check(check: Check[Any]) -> CheckData:
     """Return what is drawn of a check."""
     channels = sum(len(run.channels) for run in check.recorded)
-    segments = int(np.clip(MOST_SEGMENTS // max(channels, 1), FEWEST_SEGMENTS, SEGMENTS))
+    # Of the least and the largest value of so many segments the picture of a channel is made.
+    segments = int(np.clip(30_000 // max(channels, 1), 60, 450))
     runs = tuple(_gather_run(check, run, segments) for run in check.recorded)
     return CheckData(check.name, check.motion, check.soundness.verdict, runs)
 
@@ -130,13 +127,14 @@ def find_extremes(signal: Array, segments: int) -> NDArray[np.intp]:
 
 def _widen(starts: Array, ends: Array, duration: float) -> tuple[Array, Array]:
     """Return spans wide enough to be seen, those that then overlap joined, and no more than a picture can show."""
-    short = 0.5 * np.maximum(LEAST_WIDTH * duration - (ends - starts), 0.0)
+    short = 0.5 * np.maximum(0.006 * duration - (ends - starts), 0.0)
     starts, ends = np.maximum(starts - short, 0.0), np.minimum(ends + short, duration)
     order = np.argsort(starts)
     starts, ends = starts[order], np.maximum.accumulate(ends[order]) if ends.size else ends
     new = np.concatenate([[True], starts[1:] > ends[:-1]]) if starts.size else np.zeros(0, dtype=bool)
     last = np.concatenate([new[1:], [True]]) if starts.size else new
-    return starts[new][:MOST_MARKS], ends[last][:MOST_MARKS]
+    most = 400
+    return starts[new][:most], ends[last][:most]
 
 
 def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> Axes:

@@ -115,9 +115,6 @@ def where(result: Diagnosis, ax: Axes) -> Axes:
     return ax
 
 
-SHOWN = 2  # runs
-
-
 def maps(result: Diagnosis) -> list[Panel]:
     """Return the maps of the residual before and, where effects were added, after."""
     before = partial(_map, runs=result.before, title="Residual of the model alone", scale=not result.after)
@@ -129,7 +126,7 @@ def maps(result: Diagnosis) -> list[Panel]:
 def overlays(result: Diagnosis) -> list[Panel]:
     """Return measured and modelled curves and residuals of the runs of the largest and the smallest amplitude."""
     after = {run.run: run for run in result.after}
-    runs = spread(sorted(result.before, key=lambda run: -float(np.ptp(run.angle))), SHOWN)
+    runs = spread(sorted(result.before, key=lambda run: -float(np.ptp(run.angle))), 2)
     return [
         partial(draw, before=run, after=after.get(run.run)) for run in runs for draw in (_loop, _residual)
     ]

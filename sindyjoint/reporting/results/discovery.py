@@ -84,8 +84,6 @@ HEADLINES = {
     "undecided": "These data do not decide whether the paper’s five terms describe this joint.",
 }
 NO_MODEL = "No set of terms passed: these data give no model of this joint."
-# Steps of a path shown on either side of the chosen one.
-NEIGHBOURS = 3
 
 
 def _tables(result: Discovery | ReportData) -> tuple[TextTable, ...]:
@@ -204,7 +202,7 @@ def _details(result: Discovery) -> Iterator[str]:
     yield from state_lines(result.states, result.model.joint.motion)
     path, chosen = result.selection.path, result.selection.chosen
     yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
-    near = range(len(path)) if chosen is None else range(chosen - NEIGHBOURS, chosen + NEIGHBOURS + 1)
+    near = range(len(path)) if chosen is None else range(chosen - 3, chosen + 4)
     columns: dict[str, Callable[[int], str]] = {
         "": lambda i: "chosen" if i == chosen else "",
         "terms": lambda i: str(path[i].size),
