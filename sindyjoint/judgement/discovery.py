@@ -18,7 +18,7 @@ from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.equation.model_parts import versions
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
-from sindyjoint.judgement.headline import Excitations, is_of_the_paper, of_discovery
+from sindyjoint.judgement.headline import Excitations, is_of_the_paper, next_steps
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
 from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
@@ -150,7 +150,7 @@ class Discovery(Shown):
             seen: dict[str, bool | None] = {run.name: run.use == "identify" for run in self.campaign.runs}
             lights = self._assessed(seen)
         lights = lights if self.data is None else (self.data, *lights[1:])
-        return of_discovery(lights, Excitations.of(self.campaign), self.found)
+        return Trust(tuple(lights), next_steps(lights, Excitations.of(self.campaign), self.found))
 
     def _assessed(self, seen: dict[str, bool | None]) -> tuple[Light, ...]:
         """Return the lights of model and campaign; channels that were moved in time as a verification moves them."""

@@ -8,7 +8,7 @@ from sindyjoint.limits import JUDGEMENT
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.paper import JOINTS
 from sindyjoint.record import Campaign
-from sindyjoint.trust import Light, Trust
+from sindyjoint.trust import Light
 
 # Commands that several headlines advise, and what they are for.
 SEE_FAULTS = ("sindyjoint check CAMPAIGN --out soundness", "see the faults of the data in every channel")
@@ -62,12 +62,7 @@ def is_of_the_paper(joint: str) -> bool:
     return joint.strip().lower() in JOINTS
 
 
-def of_discovery(lights: Sequence[Light], tested: Excitations, found: bool) -> Trust:
-    """Return the answers that stand above a discovery, from the lights of its model and campaign."""
-    return Trust(tuple(lights), _next_steps(lights, tested, found))
-
-
-def _next_steps(lights: Sequence[Light], tested: Excitations, found: bool) -> tuple[tuple[str, str], ...]:
+def next_steps(lights: Sequence[Light], tested: Excitations, found: bool) -> tuple[tuple[str, str], ...]:
     """Return what to do, for each light that is not good in the order in which one depends on the other."""
     weak = {light.name for light in lights if light.colour != "good"}
     steps = []

@@ -124,16 +124,19 @@ def compare(
         read_model(model)  # what cannot be read is refused before anything is worked on
     # Each method has the same seed, whichever is done first.
     rng = seed_of(rng)
-    clock = _Clock(progress or (lambda stage: None))
+    seconds: dict[str, float] = {}
+    run = _timed(progress or (lambda stage: None), seconds)
     with spread(jobs, workers, cluster):
-        found = clock.run(
+        found = run(
             "discovering", discover, campaign, library, rng=rng, method=names[0],
             progress=progress, **options,
         )  # fmt: skip
         if found.stopped is not None:
             require_sound(found.stopped)
         question = Question.of(found, names, rng)
-        compared = _compared(question, libraries, replicates, margin, options.get("forbidden", ()), clock)
+        compared = _compared(
+            question, libraries, replicates, margin, options.get("forbidden", ()), run, seconds
+        )
     if model is None:
         return compared
     measured = found.measured or found.campaign
@@ -141,7 +144,7 @@ def compare(
     return replace(
         compared,
         warnings=(*compared.warnings, *beyond),
-        given=clock.run("simulating the given model", given_model, model, measured, accept),
+        given=run("simulating the given model", given_model, model, measured, accept),
     )
 
 
@@ -160,24 +163,25 @@ def _compared(
     replicates: int,
     margin: float,
     forbidden: Sequence[str],
-    clock: "_Clock",
+    run: Callable[..., Any],
+    seconds: dict[str, float],
 ) -> Comparison:
     found, evidence = question.found, question.evidence
-    methods = clock.run("methods", by_method, question)
+    methods = run("methods", by_method, question)
     parts = parts_of(found)
-    frequencies = clock.run(f"one {parts} at a time", by_group, question)
-    levels = clock.run("one level at a time", by_level, question)
-    fitted = clock.run("libraries", by_library, question, libraries, forbidden)
-    friction = clock.run("laws of friction", by_friction_law, question)
-    left_out = clock.run("holding out frequencies and levels", hold_out_groups, question)
-    methods = clock.run("simulating held-out runs", add_responses, found, evidence, methods)
-    probability, sets = clock.run(
+    frequencies = run(f"one {parts} at a time", by_group, question)
+    levels = run("one level at a time", by_level, question)
+    fitted = run("libraries", by_library, question, libraries, forbidden)
+    friction = run("laws of friction", by_friction_law, question)
+    left_out = run("holding out frequencies and levels", hold_out_groups, question)
+    methods = run("simulating held-out runs", add_responses, found, evidence, methods)
+    probability, sets = run(
         "resampling blocks and runs", inclusion, evidence, replicates, random_state=question.random_state,
         **question.rule,
     )  # fmt: skip
     model = _model(found)
     against = partial(against_paper, found)
-    tests = clock.run("frequency dependence", frequency_tests, found, margin)
+    tests = run("frequency dependence", frequency_tests, found, margin)
     compared = Comparison(
         joint=found.campaign.joint.name,
         motion=found.campaign.joint.motion,
@@ -197,7 +201,7 @@ def _compared(
         undetermined=undetermined(found),
         warnings=found.warnings
         + tuple(f"weak form: {c.reason}" for c in methods if c.name == WEAK and not c.terms),
-        seconds=clock.seconds,
+        seconds=seconds,
         discovery=found,
         soundness=found.soundness,
         noise_floor=moment_floor(found.states, found.model.joint.inertia).relative,
@@ -207,19 +211,17 @@ def _compared(
     return replace(compared, trust=judge_comparison(compared))
 
 
-class _Clock:
-    """Names the stages as they begin and keeps the time that each takes."""
+def _timed(say: Callable[[str], None], seconds: dict[str, float]) -> Callable[..., Any]:
+    """Return what does the work of a stage, says its name, and keeps how long it took."""
 
-    def __init__(self, say: Callable[[str], None]):
-        self.say = say
-        self.seconds: dict[str, float] = {}
-
-    def run(self, stage: str, work: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-        self.say(stage)
+    def run(stage: str, work: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        say(stage)
         started = time.perf_counter()
         result = work(*arguments, **options)
-        self.seconds[stage] = time.perf_counter() - started
+        seconds[stage] = time.perf_counter() - started
         return result
+
+    return run
 
 
 def _model(found: Discovery) -> Choice:

@@ -1,7 +1,7 @@
 """Curves that a designer works with: of a joint over amplitude, of a structure over frequency and amplitude."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -116,8 +116,10 @@ def curves(
         placed = _in_rig(subject, models)
     if at is None and placed.at == BASE:
         raise InputError(f"the base of {placed.name!r} is shaken; give at, the point where a force acts")
-    maker = _CurveMaker(placed, at or placed.at, point or at or placed.point, harmonics, say)
-    return maker.curves(levels, band, modes)
+    placed = replace(
+        placed, at=at or placed.at, point=point or at or placed.point, harmonics=harmonics, say=say
+    )
+    return placed.curves(levels, band, modes)
 
 
 def _names_model(subject: str | Path) -> bool:
@@ -137,11 +139,110 @@ class _Placed:
     models: tuple[JointModel | None, ...]
     at: str
     point: str
+    harmonics: int | None = None
+    say: Say = lambda stage: None
 
     @property
     def tested(self) -> Array:
         """Tested angle of each joint, rad (m); infinite without a model."""
         return np.array([np.inf if m is None else m.fitted.angle for m in self.models])
+
+    def curves(
+        self, levels: Sequence[float], band: tuple[float, float] | None, modes: int
+    ) -> StructureCurves:
+        """Return the curves; see :func:`curves`."""
+        none = modes < 1 or (self.harmonics is not None and self.harmonics < 1)
+        wrong = not all(0 < level < np.inf for level in levels)
+        refuse(
+            [
+                (none, f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each"),
+                (wrong, f"levels are {list(levels)}; expected positive forces"),
+            ]
+        )
+        structure = self.structure
+        sliding, locked = structure.frequencies(modes), structure.frequencies(modes, locked=True)
+        if band is None:
+            # Around the first frequencies with sliding and with locked joints.
+            band = (0.8 * float(sliding[0]), 1.15 * float(locked[0]))
+        if not 0 < band[0] < band[1] < np.inf:
+            raise InputError(f"band is {band}; expected two positive frequencies, the lower one first")
+        laws, warnings = [hinge.law for hinge in structure.hinges], list[str]()
+        varied = Varied.of(laws, self.models)
+        limits = self._limits(laws)
+        followed = []
+        for number in range(1, modes + 1):
+            self.say(f"mode {number} over amplitude")
+            followed.append(self._mode(structure, number, limits, varied))
+        balance = Balance.of(structure, self.at, self.point, harmonics=self.harmonics or FOLLOWED)
+        responses = []
+        for level in levels or self._levels(structure, followed[0]):
+            self.say(f"frequency response at {level:g} N")
+            ends = np.array([_softens(law) for law in laws])
+            found = frequency_response(
+                balance,
+                level,
+                band,
+                refine=self.harmonics is None,
+                varied=varied,
+                tested=self.tested,
+                limits=ends,
+            )
+            warnings += [line for line in self._warnings(found, ends) if line not in warnings]
+            responses.append(found)
+        return StructureCurves(
+            self.name, self.at, self.point, tuple(h.name for h in structure.hinges), self.tested,
+            sliding, locked, tuple(followed), tuple(responses),
+            max(each.harmonics for each in followed + responses), True, tuple(warnings),
+            self.motion,
+        )  # fmt: skip
+
+    def _limits(self, laws: Sequence[Law]) -> Array:
+        """Return the angle of each joint at which modes end, rad (m)."""
+        softens = [TO_SOFTENING * _softens(law) for law in laws]
+        limits = np.minimum(softens, BEYOND * self.tested)
+        return np.where(np.isfinite(limits), limits, WIDEST)
+
+    def _mode(self, structure: Structure, number: int, limits: Array, varied: Varied | None) -> ModeCurve:
+        """Follow a mode by the driven point, or by the one that it moves most where that is near a node."""
+        point = point_of_mode(structure, number, self.at)
+        balance = Balance.of(structure, point, harmonics=self.harmonics or FOLLOWED, mode=number)
+        return mode_over_amplitude(
+            balance,
+            number,
+            point,
+            limits,
+            refine=self.harmonics is None,
+            varied=varied,
+            tested=self.tested,
+        )
+
+    def _levels(self, structure: Structure, mode: ModeCurve) -> list[float]:
+        """Return forces that hold the first mode where joints begin to slip, on the way, and near its end."""
+        last = mode.amplitude[-1]
+        first = mode.amplitude[0]
+        slips = mode.slips[np.isfinite(mode.slips)]
+        if slips.size and slips.min() > 0:
+            first = 1.5 * float(slips.min())
+        wanted = (first, float(np.sqrt(first * last)), 0.85 * last)
+        forces = np.interp(wanted, mode.amplitude, mode.force)
+        return [float(f"{force:.1e}") for force in forces]
+
+    def _warnings(self, found: ForcedResponse, ends: Array) -> list[str]:
+        warnings = []
+        names = [hinge.name for hinge in self.structure.hinges]
+        unit = "rad" if self.motion == "rotation" else "m"
+        peaks = found.angle.max(axis=1)
+        for name, peak, end, tested in zip(names, peaks, ends, self.tested, strict=True):
+            if peak > end:
+                warnings.append(
+                    f"at {found.force:g} N {name} passes its softening limit at {found.frequency[-1]:.4g} Hz, where "
+                    "the curve ends; lower the force"
+                )
+            elif peak > tested:
+                warnings.append(
+                    f"at {found.force:g} N {name} moves up to {peak:.3g} {unit} where {tested:.3g} {unit} was tested"
+                )
+        return warnings
 
 
 def _in_rig(rig: Rig | str | Path, models: Sequence[JointModel]) -> _Placed:
@@ -197,111 +298,3 @@ def _of_joint(
 def _softens(law: Law) -> float:
     low, high = law.softening_limit
     return min(-low, high)
-
-
-@dataclass(frozen=True, eq=False)
-class _CurveMaker:
-    """Makes a structure's curves."""
-
-    placed: _Placed
-    at: str
-    point: str
-    harmonics: int | None
-    say: Say
-
-    def curves(
-        self, levels: Sequence[float], band: tuple[float, float] | None, modes: int
-    ) -> StructureCurves:
-        """Return the curves; see :func:`curves`."""
-        none = modes < 1 or (self.harmonics is not None and self.harmonics < 1)
-        wrong = not all(0 < level < np.inf for level in levels)
-        refuse(
-            [
-                (none, f"modes = {modes}, harmonics = {self.harmonics}; expected at least one of each"),
-                (wrong, f"levels are {list(levels)}; expected positive forces"),
-            ]
-        )
-        structure = self.placed.structure
-        sliding, locked = structure.frequencies(modes), structure.frequencies(modes, locked=True)
-        if band is None:
-            # Around the first frequencies with sliding and with locked joints.
-            band = (0.8 * float(sliding[0]), 1.15 * float(locked[0]))
-        if not 0 < band[0] < band[1] < np.inf:
-            raise InputError(f"band is {band}; expected two positive frequencies, the lower one first")
-        laws, warnings = [hinge.law for hinge in structure.hinges], list[str]()
-        varied = Varied.of(laws, self.placed.models)
-        limits = self._limits(laws)
-        followed = []
-        for number in range(1, modes + 1):
-            self.say(f"mode {number} over amplitude")
-            followed.append(self._mode(structure, number, limits, varied))
-        balance = Balance.of(structure, self.at, self.point, harmonics=self.harmonics or FOLLOWED)
-        responses = []
-        for level in levels or self._levels(structure, followed[0]):
-            self.say(f"frequency response at {level:g} N")
-            ends = np.array([_softens(law) for law in laws])
-            found = frequency_response(
-                balance,
-                level,
-                band,
-                refine=self.harmonics is None,
-                varied=varied,
-                tested=self.placed.tested,
-                limits=ends,
-            )
-            warnings += [line for line in self._warnings(found, ends) if line not in warnings]
-            responses.append(found)
-        return StructureCurves(
-            self.placed.name, self.at, self.point, tuple(h.name for h in structure.hinges), self.placed.tested,
-            sliding, locked, tuple(followed), tuple(responses),
-            max(each.harmonics for each in followed + responses), True, tuple(warnings),
-            self.placed.motion,
-        )  # fmt: skip
-
-    def _limits(self, laws: Sequence[Law]) -> Array:
-        """Return the angle of each joint at which modes end, rad (m)."""
-        softens = [TO_SOFTENING * _softens(law) for law in laws]
-        limits = np.minimum(softens, BEYOND * self.placed.tested)
-        return np.where(np.isfinite(limits), limits, WIDEST)
-
-    def _mode(self, structure: Structure, number: int, limits: Array, varied: Varied | None) -> ModeCurve:
-        """Follow a mode by the driven point, or by the one that it moves most where that is near a node."""
-        point = point_of_mode(structure, number, self.at)
-        balance = Balance.of(structure, point, harmonics=self.harmonics or FOLLOWED, mode=number)
-        return mode_over_amplitude(
-            balance,
-            number,
-            point,
-            limits,
-            refine=self.harmonics is None,
-            varied=varied,
-            tested=self.placed.tested,
-        )
-
-    def _levels(self, structure: Structure, mode: ModeCurve) -> list[float]:
-        """Return forces that hold the first mode where joints begin to slip, on the way, and near its end."""
-        last = mode.amplitude[-1]
-        first = mode.amplitude[0]
-        slips = mode.slips[np.isfinite(mode.slips)]
-        if slips.size and slips.min() > 0:
-            first = 1.5 * float(slips.min())
-        wanted = (first, float(np.sqrt(first * last)), 0.85 * last)
-        forces = np.interp(wanted, mode.amplitude, mode.force)
-        return [float(f"{force:.1e}") for force in forces]
-
-    def _warnings(self, found: ForcedResponse, ends: Array) -> list[str]:
-        warnings = []
-        names = [hinge.name for hinge in self.placed.structure.hinges]
-        unit = "rad" if self.placed.motion == "rotation" else "m"
-        peaks = found.angle.max(axis=1)
-        for name, peak, end, tested in zip(names, peaks, ends, self.placed.tested, strict=True):
-            if peak > end:
-                warnings.append(
-                    f"at {found.force:g} N {name} passes its softening limit at {found.frequency[-1]:.4g} Hz, where "
-                    "the curve ends; lower the force"
-                )
-            elif peak > tested:
-                warnings.append(
-                    f"at {found.force:g} N {name} moves up to {peak:.3g} {unit} where {tested:.3g} {unit} was tested"
-                )
-        return warnings
