@@ -207,10 +207,9 @@ def power(given) -> None:
 
 def timing(given) -> None:
     """Everything that is asked of 12 runs of 10 s at 1 kHz, from factors and from rows."""
-    from sindyjoint.discovery.crossvalidation import cross_validate
     from sindyjoint.discovery.methods import METHODS, column_path
     from sindyjoint.discovery.selection import choose_by_evidence, path_of
-    from sindyjoint.discovery.uncertainty import inclusion
+    from sindyjoint.discovery.uncertainty import cross_validate, inclusion
     from sindyjoint.mechanics.virtual import virtual_campaign
     from sindyjoint.states import campaign_states, regression_rows
     from sindyjoint.workflows.compare import compare

@@ -181,11 +181,10 @@ def disk(n: int, folder: str) -> dict[str, Any]:
 
 def statistics(n: int, folder: str) -> dict[str, Any]:
     """Cost of leave-one-frequency-out and of the selection in 500 resampled campaigns on top of the single pass."""
-    from sindyjoint.discovery.crossvalidation import cross_validate
     from sindyjoint.discovery.evidence import Evidence, RunEvidence
     from sindyjoint.discovery.factors import merge
     from sindyjoint.discovery.long_tables import RowTask, run_rows
-    from sindyjoint.discovery.uncertainty import inclusion
+    from sindyjoint.discovery.uncertainty import cross_validate, inclusion
 
     path = Path(folder) / f"rows-{n}.npy"
     function = terms()

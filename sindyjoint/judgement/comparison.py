@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from sindyjoint.described import Maybe, Shown, same
-from sindyjoint.discovery.crossvalidation import CrossValidation
 from sindyjoint.discovery.frequency import FrequencyTest
+from sindyjoint.discovery.uncertainty import CrossValidation
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.paper import TERMS as PAPER_TERMS

@@ -9,7 +9,10 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 
-from sindyjoint.discovery.crossvalidation import (
+from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
+from sindyjoint.discovery.methods import NOT_GIVEN
+from sindyjoint.discovery.selection import Selection
+from sindyjoint.discovery.uncertainty import (
     CrossValidation,
     Found,
     cross_validate,
@@ -17,9 +20,6 @@ from sindyjoint.discovery.crossvalidation import (
     moment_error,
     pooled_error,
 )
-from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
-from sindyjoint.discovery.methods import NOT_GIVEN
-from sindyjoint.discovery.selection import Selection
 from sindyjoint.equation.candidates import rate_free
 from sindyjoint.equation.catalogue import as_catalogue, load_catalogue
 from sindyjoint.equation.model import JointModel, model_terms

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from sklearn.model_selection import GroupKFold, LeavePGroupsOut
 
-from sindyjoint.discovery.crossvalidation import cross_validate, find
 from sindyjoint.discovery.rows import state_columns
+from sindyjoint.discovery.uncertainty import cross_validate, find
 from sindyjoint.errors import InputError
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sindyjoint import Campaign, JointRegressor, TermLibrary
-from sindyjoint.discovery.crossvalidation import cross_validate
 from sindyjoint.discovery.input_lag import find_lags
+from sindyjoint.discovery.uncertainty import cross_validate
 from sindyjoint.equation import JointModel, load_catalogue, with_dependences
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, lagged, levels, run_levels
