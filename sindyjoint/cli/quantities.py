@@ -1,7 +1,6 @@
 """Commands whose options are quantities with units: ``plan`` and ``curves``."""
 
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,9 +16,7 @@ from sindyjoint.trust import PLACES
 PLAN = "workflows.plan:plan"
 SHARE: float = default_of(PLAN, "share")
 TIME: float = default_of(PLAN, "time")
-# Of a joint that turns, and of one that slides.
-CHANNELS = {"moment": ("N*m", "N"), "angle": ("rad", "m"), "rate": ("rad/s", "m/s")}
-READ = {name: CHANNELS[name] for name in ("moment", "angle")}
+READ = ("moment", "angle")
 
 
 @with_blocks
@@ -117,7 +114,7 @@ def plan(
         campaign=campaign,
         ranges=_ranges(ranges or []),
         drive=drive,
-        limits=_quantities(limits or [], CHANNELS, "--limit"),
+        limits=_quantities(limits or [], (*READ, "rate"), "--limit"),
         goal=None if goal is None else _goal(goal),
         resolution=_quantities(resolution or [], READ, "--resolution"),
         effects=tuple(name.strip() for name in effects.split(",")) if effects else (),
@@ -183,7 +180,7 @@ def span(text: str, unit: str, where: str) -> tuple[float, float]:
         raise InputError(f"{where} is {text!r}; expected a number before the two dots") from None
 
 
-def _parted(text: str, known: Mapping[str, object] | None, where: str) -> tuple[str, str]:
+def _parted(text: str, known: Sequence[str] | None, where: str) -> tuple[str, str]:
     name, sign, value = text.partition("=")
     if not sign or (known is not None and name.strip() not in known):
         names = "NAME" if known is None else " or ".join(known)
@@ -191,19 +188,12 @@ def _parted(text: str, known: Mapping[str, object] | None, where: str) -> tuple[
     return name.strip(), value.strip()
 
 
-def _quantities(texts: list[str], known: Mapping[str, tuple[str, str]], where: str) -> dict[str, float]:
+def _quantities(texts: list[str], known: Sequence[str], where: str) -> dict[str, float]:
+    """Return the values of channels, SI, in a unit of a joint that turns or of one that slides."""
+    from sindyjoint.planning.plan_file import parse_channel
 
-    found = {}
-    for name, value in (_parted(text, known, where) for text in texts):
-        turns, slides = known[name]
-        try:
-            found[name] = parse_quantity(value, turns, f"{where} {name}")
-        except UnitError:
-            with suppress(UnitError):
-                found[name] = parse_quantity(value, slides, f"{where} {name}")
-            if name not in found:
-                raise
-    return found
+    pairs = [_parted(text, known, where) for text in texts]
+    return {name: parse_channel(value, name, f"{where} {name}")[0] for name, value in pairs}
 
 
 def _noise(texts: list[str]) -> dict[str, Any]:

@@ -25,7 +25,9 @@ from sindyjoint.tables import entries_of
 
 PLAN_NAME = "plan.toml"
 # Of a joint that turns, and of one that slides.
-UNITS = {"moment": ("N*m", "N"), "angle": ("rad", "m")}
+UNITS = {"moment": ("N*m", "N"), "angle": ("rad", "m"), "rate": ("rad/s", "m/s")}
+# What the sensors read.
+READ = ("moment", "angle")
 
 
 @dataclass(frozen=True)
@@ -63,8 +65,8 @@ def plan_text(runs: Sequence[PlannedRun], sensors: Sensors) -> str:
         f"noise = {sensors.noise!r}  # RMS of a sample, of each channel's RMS, where the unit's is not given",
     ]
     slides = runs[0].unit in ("N", "m")
-    for name, units in UNITS.items():
-        noise = getattr(sensors, name)
+    for name in READ:
+        units, noise = UNITS[name], getattr(sensors, name)
         lines += [f'{name}_noise = "{noise!r} {units[slides]}"'] * (noise is not None)
         step = getattr(sensors, f"{name}_resolution")
         lines += [f'{name}_resolution = "{step!r} {units[slides]}"'] * (step is not None)
@@ -96,7 +98,7 @@ def read_plan(path: str | Path) -> tuple[tuple[PlannedRun, ...], Sensors]:
     for number, one in enumerate(entry.run, 1):
         where = f"{place}: run {number}"
         frequency = parse_quantity(one.frequency, "Hz", f"{where}: frequency")
-        level, unit = _parse(one.level, one.drive, f"{where}: level")
+        level, unit = parse_channel(one.level, one.drive, f"{where}: level")
         duration = parse_quantity(one.duration, "s", f"{where}: duration")
         if min(frequency, level, duration) <= 0:
             raise InputError(
@@ -105,16 +107,16 @@ def read_plan(path: str | Path) -> tuple[tuple[PlannedRun, ...], Sensors]:
             )
         runs.append(PlannedRun(one.drive, one.waveform, frequency, level, unit, duration))
     given: dict[str, Any] = {}
-    for name in UNITS:
+    for name in READ:
         for key, of in ((f"{name}_noise", name), (f"{name}_resolution", f"{name}_resolution")):
             text = getattr(entry.sensors, key)
             if text is not None:
-                given[of], _ = _parse(text, name, f"{place}: {key}")
+                given[of], _ = parse_channel(text, name, f"{place}: {key}")
     rate = parse_quantity(entry.sensors.rate, "Hz", f"{place}: rate")
     return tuple(runs), Sensors(rate, entry.sensors.noise, **given)
 
 
-def _parse(text: str, channel: str, where: str) -> tuple[float, str]:
+def parse_channel(text: str, channel: str, where: str) -> tuple[float, str]:
     """Return a moment or an angle in SI, and its unit, which says whether the joint turns or slides."""
     turns, slides = UNITS[channel]
     try:

@@ -20,6 +20,7 @@ from sindyjoint.planning.information import (
     stacked,
 )
 from sindyjoint.planning.plan import DRAWS, Now, Plan, Prediction, Step, counted_runs, predictions
+from sindyjoint.planning.plan_file import UNITS
 from sindyjoint.planning.prior import Prior
 from sindyjoint.planning.runs import PlannedRun, candidates, motion
 from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
@@ -241,7 +242,8 @@ def _beyond_tested(known: Prior, runs: Sequence[PlannedRun]) -> tuple[str, ...]:
                 name: max(far, float(np.abs(getattr(moved, name)).max())) for name, far in reached.items()
             }
     driven = [run.frequency * at for run in runs for at in driven_at(run.waveform)]
-    units = ("N*m", "rad", "rad/s") if known.joint.model.joint.motion == "rotation" else ("N", "m", "m/s")
+    slides = known.joint.model.joint.motion != "rotation"
+    units = [UNITS[name][slides] for name in reached]
     found = tested.beyond(reached, driven, units)
     lines = [f"the planned runs leave the tested range: {found}"] if found else []
     if tested.band and tested.band[0] >= tested.band[1] * (1 - 1e-3):
