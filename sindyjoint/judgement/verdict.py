@@ -231,14 +231,12 @@ def _is_needed(regressor: TermRegression, extra: Sequence[str]) -> bool:
 
 def leaves_noise(model: JointModel) -> bool:
     """Return whether the residual of a model is that of the noise, within the uncertainty of this."""
-    floor, residual = model.fitted.noise_floor, model.fitted.residual_rms
-    return bool(model.terms and residual**2 < (1 + JUDGEMENT.unknown**2) * floor**2)
+    return bool(model.terms) and _alike(model.fitted.residual_rms, model.fitted.noise_floor)
 
 
-def noise_alike(residual: float, model: JointModel) -> bool:
-    """Return whether a residual is that of the noise, or of a model, within the uncertainty of the noise."""
-    least = max(float(np.nan_to_num(model.fitted.noise_floor)), model.fitted.residual_rms)
-    return bool(residual**2 < (1 + JUDGEMENT.unknown**2) * least**2)
+def _alike(residual: float, noise: float) -> bool:
+    """Return whether a residual is that of the noise, within the uncertainty of this."""
+    return bool(residual**2 < (1 + JUDGEMENT.unknown**2) * noise**2)
 
 
 def _spell_terms(terms: Sequence[str]) -> str:
@@ -273,7 +271,8 @@ def unresolved_delay(
     extra = [term for term in model.ids if term not in (*PAPER_TERMS, INERTIA)]
     if not extra and not any(state.completed for state in states):
         return delay if delay.significant else None
-    if extra and delay.significant and not delay.at_limit and noise_alike(delay.residual_rms, model):
+    least = max(float(np.nan_to_num(model.fitted.noise_floor)), model.fitted.residual_rms)
+    if extra and delay.significant and not delay.at_limit and _alike(delay.residual_rms, least):
         return delay
     chosen = [term for term in regressor.terms_ if term.id in model]
     try:
