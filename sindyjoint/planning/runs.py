@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.limits import PLANNING
+from sindyjoint.limits import PLANNING, PlanningPolicy
 from sindyjoint.mechanics.excitation import SINE, Actuator, Drive, driven_at, tones
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import Motion, prescribed_motion, simulate
@@ -152,6 +152,7 @@ def candidates(
     actuator: Actuator,
     duration: float,
     unit: str,
+    policy: PlanningPolicy = PLANNING,
     waveforms: Sequence[str] = (SINE,),
     say: Callable[[str], None] = lambda stage: None,
 ) -> tuple[tuple[PlannedRun, ...], tuple[PlannedRun, ...]]:
@@ -168,6 +169,7 @@ def candidates(
         Of each run, s.
     unit : str
         Of what is prescribed.
+    policy : PlanningPolicy
     waveforms : sequence of str
         Among which is chosen; the grid is of sines.
     say : callable
@@ -181,7 +183,7 @@ def candidates(
     plain = _rounded(np.linspace(low, high, 3 if high > low else 1))
     found, grid = [], []
     for waveform in dict.fromkeys((*waveforms, SINE)):
-        within = set(_within_band(waveform, actuator, duration)) if waveform in waveforms else set()
+        within = set(_within_band(waveform, actuator, duration, policy)) if waveform in waveforms else set()
         for frequency in sorted({*within, *(plain if waveform == SINE else ())}):
             say(f"highest level at {frequency:g} Hz")
             top = highest_level(laws, actuator, frequency, waveform)
@@ -193,13 +195,13 @@ def candidates(
                 return PlannedRun(actuator.drive, waveform, frequency, level_of(share), unit, duration)
 
             if waveform in waveforms:
-                found += [planned(share) for share in PLANNING.levels]
+                found += [planned(share) for share in policy.levels]
             if waveform == SINE and frequency in plain:
-                grid += [planned(share) for share in PLANNING.levels[::2]]
+                grid += [planned(share) for share in policy.levels[::2]]
     return tuple(found), tuple(grid)
 
 
-def _within_band(waveform: str, actuator: Actuator, duration: float) -> list[float]:
+def _within_band(waveform: str, actuator: Actuator, duration: float, policy: PlanningPolicy) -> list[float]:
     """Return frequencies of a waveform, Hz, that drives within the band alone and repeats often enough in a run."""
     lowest, highest = driven_at(waveform)
     # A duration for the lowest sine is long enough for every other; the rest is for the rounding.
@@ -212,7 +214,7 @@ def _within_band(waveform: str, actuator: Actuator, duration: float) -> list[flo
             f"{REPLICATES + 1} times in a run of {duration:.3g} s: no room for it from {low:g} to {high:g} "
             "Hz; expected a wider band, or longer runs"
         )
-    count = PLANNING.frequencies if most > least * (1 + 1e-9) else 1
+    count = policy.frequencies if most > least * (1 + 1e-9) else 1
     # The plain grid's are among them.
     return _rounded(np.linspace(least, max(most, least), count))
 
