@@ -116,7 +116,7 @@ class HarmonicBasis:
         return -(self.cosine @ (a * square)) - self.sine @ (b * square)
 
 
-#: The latest bases with their instants, of at most so many cosines each: 40 MB in all.
+#: The latest bases with their instants, of at most 1.25 million cosines each: 40 MB in all.
 LATEST: deque[tuple[Array, HarmonicBasis]] = deque(maxlen=2)
 
 

@@ -14,7 +14,7 @@ from rich.markup import escape
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion, Run
-from sindyjoint.reporting.figure import Axes, Kind, by_name, time_label
+from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
@@ -33,7 +33,6 @@ from sindyjoint.soundness.finding import Soundness, words_of
 from sindyjoint.soundness.record import Record
 from sindyjoint.text import quantities, spelled
 
-RUNS_PER_FIGURE = 6
 # The figure of all runs, or of so many.
 TOGETHER, RUNS_TOGETHER = "runs", 24
 ROW, GAP = 1.0, 0.25
@@ -191,8 +190,8 @@ def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
 
 def kinds_of_check(data: CheckData) -> dict[str, Kind]:
     """Return the figures of a check: as many as its runs take."""
-    starts = range(0, max(len(data.runs), 1), RUNS_PER_FIGURE)
-    figures = [_kind_of(data, start, RUNS_PER_FIGURE) for start in starts]
+    starts = range(0, max(len(data.runs), 1), MOST_PANELS)
+    figures = [_kind_of(data, start, MOST_PANELS) for start in starts]
     # A page shows them by and by; one picture of all is what a person wants of a folder.
     together = replace(_kind_of(data, 0, RUNS_TOGETHER), name=TOGETHER, part=True, columns=2)
     return by_name(*figures, together)
@@ -252,7 +251,7 @@ def _page(result: Any, data: CheckData, show: Blocks, folder: Path | None) -> Pa
         why += f" So there is no {type(result).__name__.lower()}."
     named, names = [f.run for f in found if f.run is not None], [run.run for run in data.runs]
     worst = names.index(named[0]) if named and named[0] in names else 0
-    figure, panel = divmod(worst, RUNS_PER_FIGURE)
+    figure, panel = divmod(worst, MOST_PANELS)
     return Page(
         f"{check.name}: are its data sound?",
         f"Are the data of this {'structure' if check.words.structure else 'joint'} sound?",

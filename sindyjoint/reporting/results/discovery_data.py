@@ -20,8 +20,6 @@ from sindyjoint.states import ForceStates
 from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, force_state_map, map_of_states
 from sindyjoint.trust import Trust
 
-SHEET_NODES = 17
-LOOP_SAMPLES = 480
 PHASE_BINS, TIME_BINS = 60, 40
 
 
@@ -212,9 +210,9 @@ def model_sheets(model: JointModel, surface: ForceStateMap) -> tuple[Array, Arra
         First axis: angles over the map's range. Second axis of ``upper``: rates from just above zero to the top;
         of ``lower``: from the bottom to just below zero.
     """
-    angles = np.linspace(surface.angle_edges[0], surface.angle_edges[-1], SHEET_NODES)
+    angles = np.linspace(surface.angle_edges[0], surface.angle_edges[-1], 17)
     top = float(surface.rate_edges[-1])
-    rates = np.linspace(0.0, top, SHEET_NODES // 2 + 1)
+    rates = np.linspace(0.0, top, 9)
     rates[0] = 1e-9 * top
     grid = np.meshgrid(angles, rates, indexing="ij")
     return model.moment(*grid), model.moment(grid[0], -grid[1])[:, ::-1]
@@ -254,11 +252,11 @@ def _shown(state: ForceStates) -> NDArray[np.intp]:
         period = state.sample_rate / state.frequency
         length = round(period) + 1
     else:
-        # As many cycles as leave 40 drawn samples to each.
-        length = round(min(n, period * LOOP_SAMPLES / 40)) if turns >= 2 else n
+        # Twelve cycles, which leave 40 drawn samples to each.
+        length = round(min(n, 12 * period)) if turns >= 2 else n
     start = max(0, (n - length) // 2)
     stop = min(n, start + max(length, 2))
-    step = max(1, -(-(stop - start) // LOOP_SAMPLES))
+    step = max(1, -(-(stop - start) // 480))
     return np.arange(start, stop, step)
 
 

@@ -34,9 +34,6 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.text import quantities
 
-MOST_LOOPS = 6
-
-
 # ---- loops: once as a picture, once to be zoomed
 
 
@@ -64,7 +61,7 @@ def loops(data: ReportData, ax: Axes, group: str) -> Axes:
     """Draw measured moment–angle loops of a frequency (colours) and the model over them (black dots)."""
     dots: Any = {"color": INK, "ls": "none", "marker": "."}
     curves: list[Curve] = []
-    for place, loop in enumerate(spread(loop_groups(data)[group], MOST_LOOPS)):
+    for place, loop in enumerate(spread(loop_groups(data)[group])):
         label = loop.run if loop.level is None else f"level {loop.level}"
         curves.append((loop.angle, loop.moment, cycled(place, label=shortened(label))))
         if data.model.terms:
@@ -291,7 +288,7 @@ def residual_phase(data: ReportData, ax: Axes) -> Axes:
             lines[group],
             cycled(place, label=group),
         )
-        for place, group in enumerate(spread(list(lines), MOST_LOOPS))
+        for place, group in enumerate(spread(list(lines)))
     ]
     up = scaled("Mean residual", max(top, np.nan_to_num(data.model.fitted.noise_floor)), q.moment_unit)
     return plot(
@@ -311,7 +308,7 @@ def residual_phase(data: ReportData, ax: Axes) -> Axes:
 def residual_time(data: ReportData, ax: Axes) -> Axes:
     """Draw the RMS residual in intervals of time, with the noise floor."""
     labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
-    chosen, fitted = spread(data.loops, MOST_LOOPS), data.model.fitted
+    chosen, fitted = spread(data.loops), data.model.fitted
     motion, floor = data.model.joint.motion, fitted.noise_floor
     curves: list[Curve] = [
         (loop.time, loop.residual_over_time, cycled(place, label=shortened(labels[loop.run], 18)))

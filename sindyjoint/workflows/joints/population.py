@@ -24,8 +24,6 @@ from sindyjoint.errors import InputError
 from sindyjoint.numeric import MEDIAN_SQUARE, Array
 from sindyjoint.policy import SHARED as POLICY
 
-HUBER = 1.345
-
 
 @dataclass(frozen=True)
 class Trend:
@@ -313,12 +311,12 @@ def robust_line(x: Array, y: Array, s: Array) -> tuple[float, float, float, floa
     """
     design = np.column_stack([np.ones(x.size), x - np.mean(x)])
     residual = y - np.median(y)
-    weight, estimate = np.ones(x.size), np.zeros(2)
+    weight, estimate, huber = np.ones(x.size), np.zeros(2), 1.345
     for _ in range(50):
         scale = np.hypot(median_spread(residual - np.median(residual), s), s)
         scale = np.maximum(scale, 1e-12 * np.max(np.abs(y)) + np.finfo(float).tiny)
         z = np.abs(residual) / scale
-        weight = np.minimum(1.0, HUBER / np.maximum(z, HUBER)) / scale**2
+        weight = np.minimum(1.0, huber / np.maximum(z, huber)) / scale**2
         last = estimate
         bread = np.linalg.inv(design.T @ (weight[:, None] * design))
         estimate = bread @ (design.T @ (weight * y))
@@ -327,7 +325,7 @@ def robust_line(x: Array, y: Array, s: Array) -> tuple[float, float, float, floa
             break
     leverage = np.einsum("ij,jk,ik,i->i", design, bread, design, weight)
     # The slope of Huber's function gives how the estimate moves: one within its bend, none beyond.
-    within = np.where(np.abs(residual) <= HUBER * scale, 1 / scale**2, 0.0)
+    within = np.where(np.abs(residual) <= huber * scale, 1 / scale**2, 0.0)
     bread = np.linalg.pinv(design.T @ (within[:, None] * design))
     pull = design * (weight * residual / np.maximum(1 - leverage, 1e-3))[:, None]
     covariance = bread @ (pull.T @ pull) @ bread
