@@ -251,14 +251,8 @@ class Evidence:
 
     def _densities(self, product: Array, right: Array, square: Array, sizes: Sizes) -> list[Score]:
         """Return the scores of sets from X'WX (s, g, sets, k, k), X'Wy (s, g, sets, k) and y'Wy (s, g)."""
-        others = product.sum(axis=1, keepdims=True) - product + RIDGE * np.eye(product.shape[-1])
-        left_out = right.sum(axis=1, keepdims=True) - right
-        coefficients = np.linalg.solve(others, left_out[..., None])[..., 0]
-        error = right - np.einsum("sgjkl,sgjl->sgjk", product, coefficients)
-        plain = square[:, :, None] - np.einsum("sgjk,sgjk->sgj", coefficients, right + error)
-        together = others + product
-        chi = plain - np.einsum("sgjk,sgjk->sgj", error, np.linalg.solve(together, error[..., None])[..., 0])
-        volume = np.linalg.slogdet(together)[1] - np.linalg.slogdet(others)[1]
+        fall, volume = _left_out(product, right)
+        chi = square[:, :, None] - fall
         log_density = -0.5 * (chi + volume + self._volume[sizes][:, :, None])
         best, rows = np.argmax(log_density.sum(axis=1), axis=0), self.target.size  # per set
         return [
@@ -293,22 +287,11 @@ class Evidence:
             product[g, :, k, k] = np.sum(Z[part] ** 2, axis=0)
             right[:, g, :, :k] = (X[part].T @ noise[part]).T[:, None]
             right[:, g, :, k] = (Z[part].T @ noise[part]).T
-        wide = self._rises(product, right)
-        narrow = self._rises(product[:, :1, :k, :k], right[:, :, :1, :k])
-        rise = wide - narrow
+        wide, narrow = _left_out(product, right), _left_out(product[:, :1, :k, :k], right[:, :, :1, :k])
+        # Densities less those of the noise itself.
+        rise = 0.5 * ((wide[0] - wide[1]) - (narrow[0] - narrow[1]))
         best = np.argmax(rise.sum(axis=1), axis=1)
         return rise[np.arange(count), :, best]
-
-    def _rises(self, product: Array, right: Array) -> Array:
-        """Return log densities less those of the noise itself, (count, g, sets)."""
-        others = product.sum(axis=0) - product + RIDGE * np.eye(product.shape[-1])
-        inverse, wide = np.linalg.inv(others), np.linalg.inv(others + product)
-        coefficients = np.einsum("gjkl,cgjl->cgjk", inverse, right.sum(axis=1, keepdims=True) - right)
-        error = right - np.einsum("gjkl,cgjl->cgjk", product, coefficients)
-        chi = -np.einsum("cgjk,cgjk->cgj", coefficients, right + error)
-        chi -= np.einsum("cgjk,gjkl,cgjl->cgj", error, wide, error)
-        volume = np.linalg.slogdet(others + product)[1] - np.linalg.slogdet(others)[1]
-        return -0.5 * (chi + volume)
 
     def fit(self, chosen: Sequence[int], size: float) -> Array:
         """Return the coefficients of columns, from all rows weighted by a size of the discrepancy."""
@@ -316,6 +299,24 @@ class Evidence:
         rows = self.columns[:, list(chosen)] * weight[:, None]
         solved = np.linalg.lstsq(rows, self.target * weight, rcond=None)[0]
         return np.asarray(solved / np.array(self.norms)[list(chosen)])
+
+
+def _left_out(product: Array, right: Array) -> tuple[Array, Array]:
+    """Return by what χ² of each group falls under the fit to the others, and the logarithm of that prediction's volume.
+
+    Parameters
+    ----------
+    product, right : ndarray, shapes (…, g, sets, k, k) and (…, g, sets, k)
+        X'X and X'y of the rows of each group, whitened.
+    """
+    others = product.sum(axis=-4, keepdims=True) - product + RIDGE * np.eye(product.shape[-1])
+    together = others + product
+    inverse, wide = np.linalg.inv(others), np.linalg.inv(together)
+    coefficients = np.einsum("...kl,...l->...k", inverse, right.sum(axis=-3, keepdims=True) - right)
+    error = right - np.einsum("...kl,...l->...k", product, coefficients)
+    fall = np.einsum("...k,...k->...", coefficients, right + error)
+    fall = fall + np.einsum("...k,...kl,...l->...", error, wide, error)
+    return fall, np.linalg.slogdet(together)[1] - np.linalg.slogdet(others)[1]
 
 
 class Candidate(Protocol):
