@@ -33,7 +33,7 @@ from sindyjoint.reporting.figure import (
 from sindyjoint.reporting.results.verification import CYCLES_SHOWN, KEPT_SAMPLES
 from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
 from sindyjoint.response.oscillations import hilbert_envelope
-from sindyjoint.states.surface import MAP_CELLS
+from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, force_state_map
 from sindyjoint.text import percent, quantities, spelled
 
 MOST_RIVALS = 4
@@ -134,36 +134,26 @@ def overlays(result: Diagnosis) -> list[Panel]:
 
 def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> Axes:
     """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before."""
-    motion = result.model.joint.motion
-    edges = [_edges(result.before, name) for name in ("angle", "rate")]
-    limit = float(np.nanmax(np.abs(_cells(result.before, edges)))) or 1.0
-    z = moment_scale(motion, limit)
-    axes = list(zip(edges, (angle_scale(motion, edges[0]), rate_scale(result.model, edges[1])), strict=True))
+    motion, shown = result.model.joint.motion, _mean_residual(runs)
+    limit = float(np.nanmax(np.abs(_mean_residual(result.before).moment))) or 1.0
+    x, y, z = (
+        angle_scale(motion, shown.angle_edges),
+        rate_scale(result.model, shown.rate_edges),
+        moment_scale(motion, limit),
+    )
+    axes = ((shown.angle_edges, x), (shown.rate_edges, y))
     label = f"mean of measured less model ({z.unit})" if scale else ""
-    shown = _cells(runs, edges) * z.factor
-    coloured_cells(ax, axes, shown, DIVERGING, (-limit * z.factor, limit * z.factor), label)
+    coloured_cells(ax, axes, shown.moment * z.factor, DIVERGING, (-limit * z.factor, limit * z.factor), label)
     ax.set_title(title)
     return ax
 
 
-def _edges(runs: Sequence[RunGap], name: str) -> Array:
-    values = np.concatenate([getattr(run, name) for run in runs])
-    low, high = float(values.min()), float(values.max())
-    if name == "rate":
-        # Zero rate is an edge, so that no cell averages over the friction step.
-        low, high = -max(-low, high), max(-low, high)
-    return np.linspace(low, high if high > low else low + 1.0, MAP_CELLS + 1)
-
-
-def _cells(runs: Sequence[RunGap], edges: Sequence[Array]) -> Array:
-    """Return the mean residual of every cell, NaN where there is nothing, shape (n, n)."""
+def _mean_residual(runs: Sequence[RunGap]) -> ForceStateMap:
+    """Return the mean residual of every cell."""
     angle, rate, residual = (
         np.concatenate([getattr(run, name) for run in runs]) for name in ("angle", "rate", "residual")
     )
-    bins = [edges[0], edges[1]]
-    count, *_ = np.histogram2d(angle, rate, bins)
-    total, *_ = np.histogram2d(angle, rate, bins, weights=residual)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return force_state_map(angle, rate, residual, MAP_CELLS)
 
 
 MEASURED: Any = {"color": PALETTE[0], "label": "measured"}
