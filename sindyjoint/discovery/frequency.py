@@ -198,7 +198,11 @@ def frequency_test(
         slope, slope_error = weighted_slope(f, x, s)
         left, twice, spread = float(nu.sum()), 1.96, tau / abs(mean) if mean else np.inf
         bound = _largest_change(x, s, nu)
-    p_trend = _two_sided(slope / slope_error, left) if slope_error > 0 else float(slope == 0)
+    p_trend = (
+        2 * float(scipy.special.stdtr(left, -abs(slope) / slope_error))
+        if slope_error > 0
+        else float(slope == 0)
+    )
     change = slope * band / mean if mean else nan
     test = FrequencyTest(
         name, tuple(f), tuple(x), tuple(s), mean, mean_error, q, x.size - 1, p_homogeneity, i_squared, tau, slope,
@@ -261,10 +265,6 @@ def _largest_change(x: Array, s: Array, nu: Array) -> float:
             ratio - 1 + float(scipy.special.stdtrit(degrees, 1 - DISCOVERY.strict_level)) * np.sqrt(variance)
         )
     return float(max(bounds))
-
-
-def _two_sided(t: float, degrees: float) -> float:
-    return 2 * float(scipy.special.stdtr(degrees, -abs(t)))
 
 
 def _answer(test: FrequencyTest, axis: Axis, uncertainty: float, spread: float) -> tuple[str, str]:

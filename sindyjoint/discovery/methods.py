@@ -169,11 +169,6 @@ def check_method(method: Any) -> None:
     )
 
 
-def label_of(method: Any) -> str:
-    """Return the name under which a method is reported."""
-    return method if isinstance(method, str) else f"{PREFIX}{type(method).__name__}"
-
-
 def optimisers() -> dict[str, Any]:
     """Return the optimisers that the installed pysindy has and that can do without further arguments."""
     import inspect
@@ -212,7 +207,9 @@ def _history_path(asked: Asked, optimiser: Any) -> Path:
     try:
         _quiet(lambda: optimiser.fit(columns, target))
     except Exception as error:  # a foreign optimizer may raise anything
-        raise InputError(f"{label_of(optimiser)} cannot fit these candidates: {error}") from error
+        raise InputError(
+            f"{PREFIX}{type(optimiser).__name__} cannot fit these candidates: {error}"
+        ) from error
     history = [np.atleast_2d(np.asarray(c)) for c in getattr(optimiser, "history_", [])]
     kept = [c for c in [*history, np.atleast_2d(optimiser.coef_)] if c.shape == (1, columns.shape[1])]
     return [_nonzero(c, asked) for c in kept]

@@ -51,7 +51,10 @@ class Reference:
         inputs: Iterable[tuple[str, float]] = (),
     ) -> Reference:
         """Take the scales from signals, each array_like of any shape; ``inputs`` are reference values by name."""
-        largest = [None if signal is None else _find_largest(signal) for signal in (angle, rate, moment)]
+        largest = [
+            None if each is None else float(max(np.max(each), -np.min(each)))
+            for each in (angle, rate, moment)
+        ]
         return cls(*largest, inputs=tuple(inputs))
 
 
@@ -336,12 +339,6 @@ def term_columns(
 def input_units(inputs: Sequence[TermInput]) -> dict[str, str]:
     """Return the units of inputs and of their reference values by name."""
     return {name: each.unit for each in inputs for name in (each.name, each.reference) if name}
-
-
-def _find_largest(signal: ArrayLike) -> float:
-    """Return the largest absolute value, without an array of absolute values."""
-    values = np.asarray(signal)
-    return float(max(values.max(), -values.min()))
 
 
 @lru_cache(maxsize=1024)

@@ -133,11 +133,6 @@ def drive_signal(run: PlannedRun, sample_rate: float) -> tuple[NDArray[np.float6
     return time, tones(run.waveform, run.level, run.frequency)(time)
 
 
-def _in_steps(signal: NDArray[np.float64], step: float | None) -> NDArray[np.float64]:
-    """Return a reading in steps of the resolution."""
-    return signal if step is None else np.asarray(np.round(signal / step) * step)
-
-
 def run_name(number: int, run: PlannedRun) -> str:
     """Return the name of a planned run."""
     return f"{number:02d}-{run.frequency:g}Hz"
@@ -182,9 +177,9 @@ def play(law: Law, runs: Sequence[PlannedRun], sensors: Sensors, rng: RNG = 0) -
         shares = [
             sigma / float(np.sqrt(np.mean(x**2))) for sigma, x in zip(noise, (moment, angle), strict=True)
         ]
+        read = [Channel(share).read(x, generator) for share, x in zip(shares, (moment, angle), strict=True)]
         moment, angle = (
-            _in_steps(Channel(share).read(x, generator), step)
-            for share, x, step in zip(shares, (moment, angle), steps, strict=True)
+            x if step is None else np.round(x / step) * step for x, step in zip(read, steps, strict=True)
         )
         made.append(
             Run(

@@ -6,7 +6,7 @@ import io
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass, replace
 from html import escape
@@ -220,44 +220,15 @@ def write_results(
     }
     if view.record_file:
         texts[view.record_file] = json_text(view.record(result).to_dict(full=True))
-    write_folder(target, pictures, texts, name, force)
-    link_pages(Path(folder))
-    return target
-
-
-def write_folder(
-    folder: str | os.PathLike[str],
-    pictures: Mapping[str, bytes],
-    texts: Mapping[str, str],
-    kind: str = "",
-    force: bool = False,
-) -> Path:
-    """Write pictures into ``figures`` and texts by their names, all of them or none.
-
-    Parameters
-    ----------
-    folder : path
-        Made if it does not exist. After an error everything is as before.
-    pictures : mapping of str to bytes
-        SVG by kind of figure.
-    texts : mapping of str to str
-        Text by name of file.
-    kind, force
-        See :func:`sindyjoint.files.atomic.output_folder`.
-
-    Raises
-    ------
-    OutputError
-        If the folder cannot be written.
-    """
-    with output_folder(folder, kind, force=force) as stage:
+    with output_folder(target, name, force=force) as stage:
         (stage / "figures").mkdir()
         for kind, svg in pictures.items():
             (stage / "figures" / f"{kind}.svg").write_bytes(svg)
-        for name, text in texts.items():
+        for file, text in texts.items():
             # Of a path that is no UTF-8 the page shows the bytes, as JSON writes them.
-            (stage / name).write_bytes(text.encode("utf-8", errors="backslashreplace"))
-    return Path(folder)
+            (stage / file).write_bytes(text.encode("utf-8", errors="backslashreplace"))
+    link_pages(Path(folder))
+    return target
 
 
 @dataclass(frozen=True)

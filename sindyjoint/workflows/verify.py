@@ -321,15 +321,11 @@ class RefinedModel(CheckedVerification):
         """The numbers of the model."""
         if self.before is None:
             return ()
-        rows = zip(number_labels(self.model), self.before.numbers, self.before.number_errors,
+        labels = [(term.id, term.unit) for term in self.model.terms]
+        labels += [(f"{n.name} of {each.id}", n.unit) for each in self.model.elements for n in each.numbers]
+        rows = zip(labels, self.before.numbers, self.before.number_errors,
                    self.model.numbers, self.model.number_errors, strict=True)  # fmt: skip
         return tuple(RefinedNumber(name, (a, b), (c, d), unit) for (name, unit), a, b, c, d in rows)
-
-
-def number_labels(model: JointModel) -> list[tuple[str, str]]:
-    """Return name and unit of each of a model's numbers, in their order."""
-    terms = [(term.id, term.unit) for term in model.terms]
-    return terms + [(f"{n.name} of {each.id}", n.unit) for each in model.elements for n in each.numbers]
 
 
 @checks_options()
