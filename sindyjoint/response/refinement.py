@@ -1,7 +1,7 @@
 """Output-error refinement: numbers of a model that make the simulated response, not the moment, fit best."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -20,7 +20,7 @@ from sindyjoint.response.output_error_runs import NUISANCE, Nuisance, Parameter,
 from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
 
-MOST_EVALUATIONS = 40
+MOST_EVALUATIONS, FEW_EVALUATIONS = 40, 8
 # Of a free motion, to which it is fitted first.
 FIRST_CYCLES = 2
 # Two ends whose numbers differ by less than this share of their scales are one.
@@ -45,8 +45,8 @@ class Refinement:
         Value and standard error of delay (s), gain and offset, as asked for.
     undetermined : tuple of str
         Directions that the runs do not determine, in words.
-    misfit : float
-        Sum of squares of the residual, in units of noise; NaN if the refinement did not succeed.
+    residual : ndarray
+        Of the responses of all runs, in units of noise; empty if the refinement did not succeed.
     """
 
     model: JointModel
@@ -56,7 +56,12 @@ class Refinement:
     after: dict[str, float]
     nuisance: dict[str, tuple[float, float]]
     undetermined: tuple[str, ...]
-    misfit: float = float("nan")
+    residual: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def misfit(self) -> float:
+        """Sum of squares of the residual."""
+        return float(self.residual @ self.residual)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -161,6 +166,12 @@ def refine(
     return replace(refined, model=_update_residual(_without_stale(model, refined.model), states, test))
 
 
+def misfit_nearby(model: JointModel, runs: Sequence[Run], states: Sequence[ForceStates]) -> float:
+    """Return the sum of squares that a few steps of a fit leave of the responses, in units of noise."""
+    problem = OutputError.of(model, runs, states, (), None)
+    return 2 * _fit(problem, problem.table[0], FEW_EVALUATIONS)[1]
+
+
 def _grown(
     problem: OutputError,
     pairs: Sequence[tuple[Run, ForceStates]],
@@ -184,7 +195,7 @@ def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Ar
     best, least = _fit(problem, start, MOST_EVALUATIONS)
     for other in others:
         # After a few evaluations another start is followed or left.
-        trial, cost = _fit(problem, other, 8)
+        trial, cost = _fit(problem, other, FEW_EVALUATIONS)
         apart = np.abs((trial - best) / problem.table[1])[: problem.n_shared].max()
         if cost > (1 + RESPONSE.large_part) * least or apart < SAME_END:
             continue
@@ -271,7 +282,7 @@ def _summarise_refinement(
         after=after,
         nuisance=values,
         undetermined=undetermined_directions(lasting, covariance),
-        misfit=float(np.sum(problem.residual(found) ** 2)),
+        residual=problem.residual(found),
     )
 
 

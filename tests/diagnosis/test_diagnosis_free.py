@@ -157,6 +157,26 @@ def test_nothing_is_missing_where_friction_ends_the_swing(seed):
     assert set(result.model.ids) == {"linear_stiffness", "linear_damping", "coulomb_friction"}
 
 
+def test_friction_that_grows_with_the_angle_is_no_damping():
+    """Both fade in proportion to the amplitude, and any law goes on as noise at the end of a decay.
+
+    By that end alone nothing was missing, with a damping twice the true one. A law fitted to the simulated motion
+    leaves noise, and its numbers lie within a hundredth.
+    """
+    rng, runs = np.random.default_rng(5), []
+    for start in (1.0, 0.7):
+        _, angle, _ = decay(
+            lambda a, r, way: STIFFNESS * a + 0.2 * r + (0.2 + 2.0 * abs(a)) * way, 6.0, start
+        )
+        angle = angle + 2e-3 * rng.standard_normal(angle.size)
+        runs.append(Run(f"{start:g}", np.zeros(angle.size), angle, RATE))
+    result = diagnose(Campaign(Joint("released", inertia=INERTIA), tuple(runs)), advise=False)
+    assert result.verdict == "named"
+    assert [s.effect for s in result.steps] == ["position_dependent_friction"]
+    assert result.steps[0].parameters["mu_a"] == pytest.approx(2.0, rel=0.05)
+    assert result.model["coulomb_friction"].coefficient == pytest.approx(0.2, rel=0.05)
+
+
 def test_a_release_that_is_over_after_some_swings_shows_its_law():
     """The kernel takes more than a swing off an end that is not continued; from rest the mirror image is the motion.
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.campaign.free import continuation_gap
 from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
-from sindyjoint.diagnosis.campaign.numbers import continuation_gap, number_columns
+from sindyjoint.diagnosis.campaign.numbers import number_columns
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.repair import (
     about_zero,
@@ -47,14 +48,22 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     of it end, which it was fitted to.
     """
     adding = [e for e in effects if not e.shifts]
+    free = work.campaign.moves_freely
     if work.campaign.validation_runs:
         moment, response = pooled_errors(kept_runs(work, model, effects))
         # A law that no simulation can follow has a moment along the measured motion.
-        return Gap(_kept_moment(work, model, effects) if np.isnan(moment) else moment, response)
+        moment = _kept_moment(work, model, effects) if np.isnan(moment) else moment
+    else:
+        moment = moment_gap(work, model, adding)
+        response = (continuation_gap if free else response_gap)(work, model, effects)
+    # The moment of a free motion is that of its inertia, and decides nothing.
+    return Gap(np.nan if free else moment, response)
+
+
+def moment_gap(work: Work, model: JointModel, adding: Sequence[FittedEffect]) -> float:
+    """Return the moment gap of a model with effects on groups of runs, each left out in turn."""
     size = moment_size(work.states, work.campaign.joint.inertia)
-    moment = held_out_gap(work.rows, model, adding, work.noise, work.policy, size=size)
-    of_response = continuation_gap if work.campaign.moves_freely else response_gap
-    return Gap(moment, of_response(work, model, effects))
+    return held_out_gap(work.rows, model, adding, work.noise, work.policy, size=size)
 
 
 def gap_without(work: Work, found: Sequence[FittedEffect], names: Collection[str]) -> Gap:

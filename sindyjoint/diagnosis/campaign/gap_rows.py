@@ -25,8 +25,9 @@ from sindyjoint.diagnosis.effects.motion import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
+from sindyjoint.mechanics.stickslip import APPROACH
 from sindyjoint.numeric import Array
-from sindyjoint.response.run import rest_of, settling
+from sindyjoint.response.run import released, rest_of, settling
 from sindyjoint.states import ForceStates, rate_limit, smoothing_kernels, without_noise_travel
 
 PHASES = 240
@@ -201,7 +202,15 @@ def _strided_motion(
 
 
 def _lead(states: ForceStates, step: float) -> tuple[Array, Array] | None:
-    """Return the motion before the first sample, every ``step`` seconds."""
+    """Return the motion before the first sample, every ``step`` seconds: of what is released how it was brought there.
+
+    And that it was held there for as long, in which what relaxes within a few cycles has relaxed.
+    """
+    if released(states):
+        phase, way = np.linspace(0.0, np.pi, APPROACH), states.angle[0] - rest_of(states)
+        held, speed = np.full(APPROACH, states.angle[0]), 0.5 * way * np.pi / (APPROACH * step)
+        angle = np.concatenate([held - 0.5 * way * (1 + np.cos(phase)), held])
+        return angle, np.concatenate([speed * np.sin(phase), np.zeros(APPROACH)])
     if states.lead is None:
         return None
     time = np.arange(-states.lead[0].size, 1) / states.sample_rate
@@ -249,6 +258,8 @@ def _free_decay(states: ForceStates, model: JointModel, group: str, policy: Diag
         s[::every][first:size] for s in (states.angle, states.rate, states.acceleration, states.moment)
     )
     step = every / states.sample_rate
+    lead = _lead(states, step) or (np.empty(0), np.empty(0))
+    lead = np.append(lead[0], states.angle[::every][:first]), np.append(lead[1], states.rate[::every][:first])
     low = smoothing_kernels(states.bandwidth, states.sample_rate)[0]
     # Rounding is noise, too.
     noise = (
@@ -259,7 +270,7 @@ def _free_decay(states: ForceStates, model: JointModel, group: str, policy: Diag
     if half_cycles is None:
         return None
     rows = np.arange(size - first)
-    motion = _motion(states, model, (angle, rate, acceleration), step, rows, False)
+    motion = replace(_motion(states, model, (angle, rate, acceleration), step, rows, False), lead=lead)
     target = moment - (model.joint.inertia or 0.0) * acceleration
     sigma = np.full(rows.size, model.inertia * states.noise.acceleration)
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]

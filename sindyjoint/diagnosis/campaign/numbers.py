@@ -1,7 +1,4 @@
-"""What a diagnosis adds, sorted: terms and elements of the joint's law, nuisances of the test; and free motion.
-
-Of free motion no moment is measured, and what counts is how it goes on.
-"""
+"""What a diagnosis adds, sorted: terms and elements of the joint's law, nuisances of the test."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,30 +7,22 @@ from typing import cast
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
 from sindyjoint.diagnosis.campaign.regression import stack
 from sindyjoint.diagnosis.campaign.repair import (
     Repaired,
     all_columns,
     coefficients_of,
-    refit,
-    refit_nonlinear,
     scaled_covariance,
-    simulated,
     unique_shares,
 )
 from sindyjoint.diagnosis.campaign.rows import GapRun
-from sindyjoint.diagnosis.campaign.start import ChannelDrift, Work
+from sindyjoint.diagnosis.campaign.start import ChannelDrift
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import Drift, Enters, Nuisance, TestNuisances
-from sindyjoint.errors import SindyJointError
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
-from sindyjoint.record import Campaign
 from sindyjoint.response.laws import with_coefficients
-from sindyjoint.response.refinement import refine
-from sindyjoint.states import ForceStates
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,43 +243,3 @@ def nuisances_of(
 
 def _indices(places: slice) -> range:
     return range(places.start, places.stop)
-
-
-def continuation_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return how far the rest of each run is from what a fit to its first part says of it, RMS relative to the whole.
-
-    Coefficients and nonlinear parameters come from the first part; the simulation starts from the measured state where
-    that part ends. NaN where no run can be simulated.
-    """
-    share, policy = work.policy.training_share, work.policy
-    parts = [(s.part(0.0, share), s.part(share, 1.0)) for s in work.states]
-    if min(s.n_samples for pair in parts for s in pair) < 50:
-        return float("nan")
-    training = [first for first, _ in parts]
-    rows = gap_runs(training, model, work.groups, policy, free=True)
-    fitted = refit(rows, model, refit_nonlinear(rows, model, effects, policy))
-    fitted = refined(work.campaign, training, rows, fitted)
-    gap = own = 0.0
-    for run, states, (_, rest) in zip(work.runs, work.states, parts, strict=True):
-        result = simulated(run, rest, fitted.model, fitted.effects)
-        if result is None or result.simulated_angle is None:
-            continue
-        gap += float(np.mean((result.angle - result.simulated_angle) ** 2))
-        own += float(np.var(states.angle))
-    return float(np.sqrt(gap / own)) if own > 0 else float("nan")
-
-
-def refined(
-    campaign: Campaign, states: Sequence[ForceStates], rows: Sequence[GapRun], repaired: Repaired
-) -> Repaired:
-    """Return model and effects with their numbers refined on the simulated response, where all belong to the law.
-
-    Half-cycles are linear in the coefficients, and a simulation over many of them is not.
-    """
-    if not all(e.is_term or is_element(e) for e in repaired.effects):
-        return repaired
-    try:
-        result = refine(whole_model(repaired, rows), campaign, states=states)
-    except SindyJointError:
-        return repaired
-    return from_whole(repaired, rows, result.model) if result.refined else repaired

@@ -2,24 +2,32 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
+from sindyjoint.diagnosis.campaign.free import (
+    begun_with,
+    mean_square,
+    on_response,
+    ranked_on_response,
+    simplest,
+)
 from sindyjoint.diagnosis.campaign.gap import (
     gap_of,
     gap_rows,
     gap_without,
     kept_misfit,
     locate_gap,
+    moment_gap,
     noise_floor,
     response_error,
     run_gaps,
 )
-from sindyjoint.diagnosis.campaign.numbers import from_whole, is_element, nuisances_of, refined, whole_model
+from sindyjoint.diagnosis.campaign.numbers import from_whole, is_element, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import ZERO, other_starts, zero_start
 from sindyjoint.diagnosis.campaign.processing import processing_error
 from sindyjoint.diagnosis.campaign.regression import GapRegression
@@ -40,7 +48,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect, input_effects
 from sindyjoint.diagnosis.evidence.score import Ranking
 from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Problem, Say, Start
+from sindyjoint.diagnosis.problem import Problem, Say, Start, add_effects
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step
 from sindyjoint.diagnosis.verdict import Residual, share_beyond_noise
 from sindyjoint.equation.model import JointModel
@@ -157,6 +165,13 @@ class CampaignProblem(Problem):
         found = self.finished().repaired
         return gap_of(self.work, found.model, found.effects)
 
+    @cached_property
+    def moment_gap(self) -> float:
+        """The gap of the moment; of a free motion that of its inertia, which decides nothing."""
+        if not np.isnan(self.gap.moment):
+            return self.gap.moment
+        return moment_gap(self.work, self.repaired.model, self.found)
+
     @property
     def noise_floor(self) -> Gap:
         """Noise of the runs of which the gap is reported; NaN where it is not known."""
@@ -177,34 +192,54 @@ class CampaignProblem(Problem):
     corrected = without_drift_found
 
     def searched(self, begun: Any, most: int, say: Say, search: Portion) -> Any:
-        """Return the progress with the set of effects that predicts best, as far as the portion goes.
+        """Return the progress with the set of effects that predicts best, as far as the portion goes."""
+        if not self.moves_freely:
+            return search.do(lambda: with_found(begun, most, say), begun, "the search")
+        fewer = self.without_needless()
+        begun = replace(begun, problem=fewer, gap=fewer.gap)
+        one_by_one = add_effects(begun, most, say, search)
+        if one_by_one.problem.is_noise and len(one_by_one.steps) < 2:
+            return one_by_one
+        # Two may explain together what another explains in part; and what the test does is not simulated.
+        together = search.do(lambda: with_found(begun, most, say), begun, "sets of effects")
+        return min((one_by_one, together), key=lambda each: each.problem.cost())
 
-        A free motion that goes on as simulated lacks nothing: its rows hold the corners that smoothing rounded off.
-        """
-        fewer = self.without_needless() if self.moves_freely else self
-        if self.moves_freely and fewer._goes_on_as_simulated:
-            return replace(begun, problem=fewer)
-        found = search.do(lambda: with_found(begun, most, say), begun, "the search")
-        if not self.moves_freely or not found.problem._goes_on_as_simulated:
-            return found
-        for count in range(1, len(found.steps)):
-            smaller = search.do(partial(with_found, begun, count, say), found, "smaller sets")
-            if smaller.problem._goes_on_as_simulated:
-                return smaller
-        return found
+    @property
+    def is_noise(self) -> bool:
+        """Whether a free motion goes on as it is simulated: noise is known within a few per cent."""
+        return mean_square(self.finished().repaired) <= (1 + self.policy.minor_share) ** 2
+
+    def propose(self, refused: Collection[str], say: Say) -> Ranking[FittedEffect] | None:
+        """Return what a free motion may lack, in order of probability."""
+        say("trying effects on the simulated motion")
+        return ranked_on_response(self.work, self.finished().repaired, self.candidates, refused)
+
+    def add(self, best: FittedEffect) -> Self | None:
+        """Return the problem of a free motion with an effect more; None where the motion is hardly nearer by it."""
+        now = self.finished().repaired
+        more = simplest(self.work, begun_with(self.work, now, [best]))
+        left, before = mean_square(more), mean_square(now)
+        if (
+            left > max((1 - self.policy.minor_share) ** 2 * before, self.policy.clearly**2)
+            or not left < before
+        ):
+            return None
+        return replace(self, repaired=more)
 
     @property
     def moves_freely(self) -> bool:
         """Whether no run has a measured moment."""
         return self.work.campaign.moves_freely
 
-    @property
-    def _goes_on_as_simulated(self) -> bool:
-        """Whether a free motion does: by no more than noise, and the errors of numbers, beyond the floor."""
-        return bool(self.gap.response <= (1 + self.policy.minor_share) * self.noise_floor.response)
-
     def cost(self) -> float:
         """Return the negative score of the set found, and what its members must win at least, nats."""
+        if self.moves_freely:
+            found, rows = self.finished().repaired, sum(s.n_samples for s in self.work.states)
+            left = mean_square(found)
+            if np.isinf(left):
+                left = (self.gap.response / self.noise_floor.response) ** 2
+            numbers = len(found.model.terms) + sum(e.variant.degrees for e in found.effects)
+            return float(0.5 * (rows * np.log(left) + numbers * np.log(rows)))
         return np.inf if self.search is None else self.search.cost
 
     def gap_without(self, names: Collection[str]) -> Gap:
@@ -219,15 +254,16 @@ class CampaignProblem(Problem):
         """Return the problem without needless terms of the default library, where no effect was added to it."""
         if self.found or not self.may_start_anew:
             return self
+        if self.moves_freely:
+            return replace(self, repaired=simplest(self.work, self.repaired))
         repaired = refit(self.work.rows, self.repaired.model, (), drops=True)
         return replace(self, repaired=repaired) if repaired.dropped else self
 
     def finished(self) -> Self:
-        """Return the problem; the coefficients of free motion are refined on the simulated response."""
-        work = self.work
-        if not work.campaign.moves_freely:
+        """Return the problem; the numbers of free motion are those of its simulation."""
+        if not self.moves_freely or self.repaired.residual is not None:
             return self
-        return replace(self, repaired=refined(work.campaign, work.states, work.rows, self.repaired))
+        return replace(self, repaired=on_response(self.work, self.repaired))
 
     @property
     def rounded(self) -> bool:
@@ -272,13 +308,10 @@ class CampaignProblem(Problem):
         """Return what the effects leave of the gap that channels put right had."""
         if self.moves_freely:
             # What cannot be simulated misses by any amount; a floor is known within a factor.
-            first, last = (
-                float(np.nan_to_num(gap.response / self.noise_floor.response, nan=1e9))
-                for gap in (straight.gap, self.gap)
-            )
-            before, after = (ratio**2 - self.policy.clearly**2 for ratio in (first, last))
+            first, last = (min(mean_square(each.finished().repaired), 1e9) for each in (straight, self))
+            before, after = (square - self.policy.clearly**2 for square in (first, last))
             share = min(after / before, 1.0) if after > 0 else 0.0
-            return Residual(share, self.policy.unexplained, misfit=last)
+            return Residual(share, self.policy.unexplained, misfit=float(np.sqrt(last)))
         if self.search is None:
             return Residual(1.0, self.policy.unexplained)
         before, after, rows = self.search.before, self.search.after, self.search.rows
@@ -292,13 +325,13 @@ class CampaignProblem(Problem):
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""
         moments = GapRegression.build(self.work.moment_rows(), self.work.model, (), self.policy)
-        total = first.gap.moment**2
+        total = first.moment_gap**2
         return make_budget(
             moments,
             total,
             float(np.nan_to_num(first.noise_floor.moment)) ** 2,
             processing_error(first.work.runs, first.work.rows, first.work.model, first.work.policy),
-            total - self.gap.moment**2,
+            total - self.moment_gap**2,
             measured=first.work.campaign.quasi_static,
         )
 

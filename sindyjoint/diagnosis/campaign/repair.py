@@ -45,12 +45,15 @@ class Repaired:
         Ids of terms that became needless.
     covariance : ndarray, optional
         Of the coefficients of terms and effects, in that order.
+    residual : ndarray, optional
+        Of a free motion fitted to its simulation: what that leaves, in units of noise.
     """
 
     model: JointModel
     effects: tuple[FittedEffect, ...]
     dropped: tuple[str, ...] = ()
     covariance: Array | None = None
+    residual: Array | None = None
 
 
 def refit(
