@@ -94,7 +94,7 @@ class Tested:
         lights = assess(result.whole, put_right, result.soundness, seen, result.test, as_measured=measured)
         trust = Trust(lights)
         floor = trust.explained.floor if trust.explained else None
-        if floor is not None and not self.campaign.validation_runs:
+        if floor is not None and not (self.campaign.validation_runs or self.campaign.moves_freely):
             # Of one campaign one floor: completed states lack none of the motion that their processing cuts off.
             result = replace(result, noise_floor=replace(result.noise_floor, moment=floor))
         denied = next((each for each in lights if each.name in DENYING and each.colour == "poor"), None)
@@ -108,8 +108,6 @@ class Tested:
                 result.steps, verdict, Gaps(result.initial, result.final, result.noise_floor), CAMPAIGN
             )
             result = replace(result, verdict=verdict, reason=reason, steps=steps)
-        if self.campaign.moves_freely:
-            result = _of_response(result)
         result = replace(result, trust=trust)
         return replace(result, trust=judge_diagnosis(result, self.campaign.simulated))
 
@@ -161,18 +159,3 @@ def stopped(checked: Check[Campaign], model: JointModel | None) -> Diagnosis:
         stopped=checked,
         trust=Trust((judge_soundness(checked.soundness, checked.measured.simulated, model.joint.motion),)),
     )
-
-
-def _of_response(result: Diagnosis) -> Diagnosis:
-    """Return a diagnosis without gaps of the moment along smoothed states: of a free motion the response decides."""
-
-    def bare(gap: Gap) -> Gap:
-        return replace(gap, moment=float("nan"))
-
-    steps = (
-        replace(step, gap_before=bare(step.gap_before), gap_after=bare(step.gap_after))
-        for step in result.steps
-    )
-    names = ("initial", "final", "noise_floor", "uncertainty")
-    gaps: dict[str, Any] = {name: bare(getattr(result, name)) for name in names}
-    return replace(result, steps=tuple(steps), **gaps)
