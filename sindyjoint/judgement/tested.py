@@ -93,8 +93,10 @@ class Tested:
         measured = None if put_right is self.checked.usable else self.checked.usable
         lights = assess(result.whole, put_right, result.soundness, seen, result.test, as_measured=measured)
         trust = Trust(lights)
-        floor = trust.explained.floor if trust.explained else None
-        if floor is not None and not (self.campaign.validation_runs or self.campaign.moves_freely):
+        floor = trust.explained.floor if trust.explained and not self.campaign.validation_runs else None
+        if self.campaign.moves_freely:
+            floor = float("nan")  # of a moment that has no gap
+        if floor is not None:
             # Of one campaign one floor: completed states lack none of the motion that their processing cuts off.
             result = replace(result, noise_floor=replace(result.noise_floor, moment=floor))
         denied = next((each for each in lights if each.name in DENYING and each.colour == "poor"), None)

@@ -117,8 +117,7 @@ def noise_floor(work: Work) -> Gap:
     states, inertia = work.kept_states or work.states, work.model.inertia
     known = all(s.noise.motion_measured for s in states)
     response = _response_floor(states, inertia) if known else float("nan")
-    free, moment = work.campaign.moves_freely, moment_floor(states, work.campaign.joint.inertia).relative
-    return Gap(np.nan if free else moment, response)
+    return Gap(moment_floor(states, work.campaign.joint.inertia).relative, response)
 
 
 def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:
