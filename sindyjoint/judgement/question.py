@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
+from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.methods import NOT_GIVEN
 from sindyjoint.discovery.selection import Selection
 from sindyjoint.discovery.uncertainty import (
@@ -276,9 +277,11 @@ def by_friction_law(question: Question) -> tuple[Choice, ...]:
     load's square. Empty where no input is a force, a moment or a pressure.
     """
     found, evidence = question.found, question.evidence
-    families = {term.id: term.term.family for term in found.regressor.terms_}
+    families = {term.id: term.term.family for term in found.regressor.terms_ if term.id in evidence.ids}
     drag = ("coulomb_friction", "linear_damping")
-    rest = [each for each in found.model.ids if families[each] != "friction" and each not in drag]
+    rest = [
+        each for each in found.model.ids if families.get(each, "friction") != "friction" and each not in drag
+    ]
     laws = {"Coulomb": drag[:1], "viscous": drag, "viscous, Stribeck": (*drag, "stribeck_friction")}
     for each in found.campaign.inputs:
         load = f"coulomb_friction_proportional_to_{each.name}"
@@ -298,7 +301,11 @@ def _fitted(evidence: Evidence, name: str, terms: Sequence[str]) -> Choice:
     columns = [evidence.ids.index(term) for term in terms]
     errors = []
     for group in evidence.groups:
-        others = fit_columns(evidence.only([each for each in evidence.groups if each != group]), columns)
+        rest = evidence.only([each for each in evidence.groups if each != group])
+        if dependent_columns(rest.pooled.take(columns)):
+            errors.append(float("nan"))
+            continue
+        others = fit_columns(rest, columns)
         runs = {run.name for run in evidence.runs if run.group == group}
         errors.append(moment_error(evidence, runs, dict(zip(terms, others.coefficients, strict=True))))
     fit = fit_columns(evidence, columns)
@@ -349,7 +356,10 @@ def response_error(found: Discovery, evidence: Evidence, ids: tuple[str, ...]) -
     states = {state.run: state for state in found.states}
     errors = []
     for group in evidence.groups:
-        fit = fit_columns(evidence.only([other for other in evidence.groups if other != group]), columns)
+        rest = evidence.only([other for other in evidence.groups if other != group])
+        if dependent_columns(rest.pooled.take(columns)):
+            return float("nan"), f"without {group} the runs do not tell its terms apart"
+        fit = fit_columns(rest, columns)
         try:
             fitted = _fitted_model(found, ids, fit)
             laws = {

@@ -160,10 +160,13 @@ def test_command_line(campaign, tmp_path):
     assert json.loads(outcome.stdout)["methods"][0]["name"] == "stlsq"
 
 
-def loaded(noise, seed):
+FRICTION = ("coulomb_friction", "coulomb_friction_proportional_to_load")
+SETTINGS = [(3, 20), (3, 80), (4, 50), (4, 120), (5, 20), (5, 120), (6, 80), (6, 50)]
+
+
+def loaded(noise, seed, settings=SETTINGS):
     """Return steady sines of M = 600·θ + 1.5·θ̇ + (0.5 + 0.02·N)·sign θ̇ under the load N, made here in closed form."""
     rng, time = np.random.default_rng(seed), np.arange(0, 2, 1e-3)
-    settings = [(3, 20), (3, 80), (4, 50), (4, 120), (5, 20), (5, 120), (6, 80), (6, 50)]
     angles, moments = [], []
     for number, (frequency, load) in enumerate(settings):
         phase, amplitude = 2 * np.pi * frequency * time, 0.006 + 0.001 * number
@@ -197,6 +200,16 @@ def test_laws_of_friction_under_a_load_are_tabulated_with_their_errors(tmp_path)
     assert right.held_out < 0.006
     assert right.held_out_error < 0.001
     assert "Laws of friction under the load" in (result.report(tmp_path / "out") / "report.html").read_text()
+
+
+def test_a_law_that_other_frequencies_do_not_determine_has_no_error():
+    # Each frequency has a load of its own: without one of two the load's part is Coulomb's.
+    campaign = loaded(0.005, 1, settings=[(3, 20), (3, 20), (5, 80), (5, 80)])
+    result = compare(campaign, methods=["stlsq"], libraries=["paper"], replicates=10, forced=list(FRICTION))
+    by_name = {choice.name: choice for choice in result.friction}
+    assert np.isnan(by_name["viscous, load"].held_out)
+    assert by_name["viscous"].held_out > 0
+    assert "do not tell its terms apart" in result.methods[0].not_simulated
 
 
 def test_without_a_load_no_laws_of_friction_are_compared(result):
