@@ -64,6 +64,10 @@ def to_plain(value: Any, full: bool = False, digits: int = 0) -> Any:
 
     To so many ``digits``, as pictures need them, a record without a file of its own is written field by field.
     """
+    if isinstance(value, float):  # first: a picture's data are some 100 000 of them
+        if not math.isfinite(value):
+            return None
+        return float(f"{value:.{digits}g}") if digits else float(value)
     if is_dataclass(value) and not isinstance(value, type):
         if digits and not hasattr(value, "KIND"):
             return {each.name: to_plain(getattr(value, each.name), digits=digits) for each in fields(value)}
@@ -75,9 +79,6 @@ def to_plain(value: Any, full: bool = False, digits: int = 0) -> Any:
         return {str(key): to_plain(item, full, digits) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [to_plain(item, full, digits) for item in value]
-    if isinstance(value, float):
-        short = float(f"{value:.{digits}g}") if digits else value
-        return short if math.isfinite(value) else None
     return str(value) if isinstance(value, Path) else value
 
 
