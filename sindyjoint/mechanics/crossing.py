@@ -15,7 +15,7 @@ from sindyjoint.numeric import Array
 
 
 class Stepper:
-    """The matrices of a reduced structure and what follows from them for each set of stuck joints."""
+    """The matrices of a reduced structure and the laws of its joints, for steps in compiled code."""
 
     def __init__(self, structure: Structure, load: Array, step: float):
         self.structure, self.load, self.step = structure, load, step
@@ -31,31 +31,16 @@ class Stepper:
         self.n_states = max(1, int(counts.max(initial=0)))
         self.unbounded = np.tile([-np.inf, np.inf], (joints, 1))
         self.room = np.zeros(kernel.room_for(len(self.mass), joints, self.n_states))
-        # Per set of moving joints: for whole steps, and for one of any length, whose first matrix is made anew.
-        self._made: dict[tuple[bytes, bool], Array] = {}
-
-    def matrices(self, direction: Array, h: float | None = None) -> Array:
-        """Inverses for a step of h (the whole step without it) and of the mass, mass, damping and stiffness.
-
-        Those for a step of h are overwritten by the next.
-        """
-        key, fresh = ((direction != 0).tobytes(), h is None), False
-        if key not in self._made:
-            inverse = _invert_moving(self.mass, direction)
-            self._made[key] = np.stack([inverse, inverse, self.mass, self.damping, self.stiffness])
-            fresh = True
-        if fresh or h is not None:
-            h = h or self.step
-            whole = self.mass + h / 2 * self.damping + h * h / 4 * self.stiffness
-            self._made[key][0] = _invert_moving(whole, direction)
-        return self._made[key]
+        # With room for the inverses of a step.
+        spare = np.zeros_like(self.mass)
+        self.matrices = np.stack([spare, spare, self.mass, self.damping, self.stiffness])
 
     def march(self, first: int, last: int, direction: Array, limits: Array, forces: tuple[Array, Array],
               rows: tuple[Array, Array, Array, Array, NDArray[np.bool_]], work: Array,
               h: float | None = None) -> tuple[int, int, int]:  # fmt: skip
         """Take whole steps; see :func:`transient_kernel.march`. `rows` are q, v, z, moments and stuck."""
         return kernel.march(
-            first, last, h or self.step, self.matrices(direction, h), self.load, self.laws, direction, limits, forces,
+            first, last, h or self.step, self.matrices, self.load, self.laws, direction, limits, forces,
             rows[:3], rows[3], rows[4], work, self.room,
         )  # fmt: skip
 
@@ -66,14 +51,6 @@ class Stepper:
         rows = q[None], v[None], z[None], answer, stuck
         self.march(0, 0, direction, self.unbounded, (forces, forces), rows, np.empty((2, joints, 2)))
         return answer[0]
-
-
-def _invert_moving(matrix: Array, direction: Array) -> Array:
-    """Return the inverse over what moves, zero elsewhere; the joints' coordinates are the first ones."""
-    moving = np.ix_(*2 * [np.append(np.flatnonzero(direction), np.arange(direction.size, len(matrix)))])
-    result = np.zeros_like(matrix)
-    result[moving] = np.linalg.inv(matrix[moving])
-    return result
 
 
 def side_of(moment: Array) -> float:
@@ -115,7 +92,8 @@ class Crossing:
     def trial(self, x: float) -> tuple[Array, Array, Array, Array, Array]:
         """State a time x ahead, room of the joints there, and the work done; the next trial overwrites the state."""
         mean = self.excitation.mean(self.time, self.time + x)
-        forces = np.full(2, mean), np.full(2, self.excitation(self.time + x * (1 - 1e-9)))
+        now = self.excitation(self.time + x * (1 - 1e-9))
+        forces = np.array([mean, mean]), np.array([now, now])
         q, v, z, moments, _ = self.rows
         q[0], v[0], z[0] = self.q, self.v, self.z
         work, s = np.zeros((2, self.direction.size, 2)), self.stepper

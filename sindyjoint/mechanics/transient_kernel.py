@@ -124,6 +124,31 @@ def _solve_small(matrix, right, n):
 
 
 @_inner
+def _invert_moving(matrix, n, joints, direction):
+    """Replace a positive definite matrix by its inverse over what moves, zero elsewhere; the joints come first.
+
+    By Gauss and Jordan, without exchange of rows.
+    """
+    for k in range(joints):
+        if direction[k] == 0.0:
+            for i in range(n):
+                matrix[i * n + k] = matrix[k * n + i] = 0.0
+    for k in range(n):
+        pivot = matrix[k * n + k]
+        if k < joints and direction[k] == 0.0:
+            continue
+        matrix[k * n + k] = 1.0
+        for i in range(n):
+            matrix[k * n + i] /= pivot
+        for i in range(n):
+            factor = matrix[i * n + k]
+            if i != k and factor != 0.0:
+                matrix[i * n + k] = 0.0
+                for c in range(n):
+                    matrix[i * n + c] -= factor * matrix[k * n + c]
+
+
+@_inner
 def _law_of(j, laws):
     """Address, parameters and number of states of joint j."""
     addresses, parameters, width, counts = laws
@@ -275,7 +300,7 @@ def march(
     Parameters
     ----------
     matrices : ndarray, shape (5, n, n)
-        Inverse of M + h/2·C + h²/4·K and of M over the coordinates that move, zero elsewhere; M, C, K.
+        Space for the inverses of M + h/2·C + h²/4·K and of M over the coordinates that move; M, C, K.
     load : ndarray, shape (n,)
         How the force acts on the coordinates.
     laws : (addresses, parameters, counts)
@@ -307,6 +332,12 @@ def march(
     mean_force, force = pointer(forces[0]), pointer(forces[1])
     side, bound, total, space = pointer(direction), pointer(limits), pointer(work), pointer(room)
     done, step = shifted(total, 2 * joints), joints * most
+    _, inverse_mass, mass, damping, stiffness, _ = system
+    for i in range(square):
+        base[i] = mass[i] + 0.5 * h * damping[i] + 0.25 * h * h * stiffness[i]
+        inverse_mass[i] = mass[i]
+    _invert_moving(base, n, joints, side)
+    _invert_moving(inverse_mass, n, joints, side)
     now = shifted(pointer(moments), 3 * joints * first)
     at = first
     while True:
