@@ -10,7 +10,7 @@ method. No regularisation: where a joint sticks its rate is zero up to the harmo
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -208,10 +208,17 @@ class Balance:
         return out, jacobian
 
 
-def over_a_period(harmonics: int) -> tuple[Array, Array, Array]:
-    """Return what makes samples of coefficients, coefficients of samples, and samples of d/dτ of coefficients."""
+@lru_cache(maxsize=16)
+def over_a_period(harmonics: int) -> tuple[Array, Array, Array, Array]:
+    """Return what makes samples of coefficients, coefficients of samples, and samples of d/dτ of coefficients.
+
+    And coefficients of means from each sample to the next: either step lowers harmonic h by cos(πh/n).
+    """
     samples = SAMPLES_PER_HARMONIC * (harmonics + 1)
-    return synthesis(harmonics, samples), analysis(harmonics, samples), rates(harmonics, samples)
+    to_coefficients = analysis(harmonics, samples)
+    lowered = np.cos(np.pi * ((np.arange(2 * harmonics + 1) + 1) // 2) / samples) ** 2
+    of_means = (to_coefficients + np.roll(to_coefficients, -1, axis=1)) / (2 * lowered[:, None])
+    return synthesis(harmonics, samples), to_coefficients, rates(harmonics, samples), of_means
 
 
 def add_joint_moments(
@@ -246,11 +253,7 @@ def add_joint_moments(
         For negative friction.
     """
     width = angles.shape[1]
-    to_time, to_coefficients, to_rate = over_a_period(width // 2)
-    samples = len(to_time)
-    # Means from sample to sample, brought back onto the samples: either step lowers harmonic h by cos(πh/n).
-    lowered = np.cos(np.pi * ((np.arange(width) + 1) // 2) / samples) ** 2
-    onto = (to_coefficients + np.roll(to_coefficients, -1, axis=1)) / (2 * lowered[:, None])
+    to_time, to_coefficients, to_rate, onto = over_a_period(width // 2)
     by = (to_time, omega * to_rate) if slopes else None
     for j, (law, angle) in enumerate(zip(laws, angles, strict=True)):
         own = slice(j * width, (j + 1) * width)

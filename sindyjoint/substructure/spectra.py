@@ -91,12 +91,13 @@ def by_harmonic(factors: NDArray[np.complex128], spare: int = 0) -> Array:
     ndarray, shape (n·(2H + 1) + spare, n·(2H + 1) + spare)
     """
     count, width = factors.shape[1], 2 * len(factors) - 1
-    rows: NDArray[np.intp] = np.arange(count) * width
+    blocks = np.zeros((count, width, count, width))
+    blocks[:, 0, :, 0] = factors[0].real
+    cos, sin, rest = np.arange(1, width, 2), np.arange(2, width, 2), factors[1:]
+    blocks[:, cos, :, cos] = blocks[:, sin, :, sin] = rest.real
+    blocks[:, cos, :, sin], blocks[:, sin, :, cos] = rest.imag, -rest.imag
     matrix = np.zeros((count * width + spare,) * 2)
-    matrix[np.ix_(rows, rows)] = factors[0].real
-    for order in range(1, len(factors)):
-        pairs: NDArray[np.intp] = np.ravel(rows[:, None] + np.array([2 * order - 1, 2 * order]))
-        matrix[np.ix_(pairs, pairs)] = real_blocks(factors[order])
+    matrix[: count * width, : count * width] = blocks.reshape(count * width, -1)
     return matrix
 
 
