@@ -32,17 +32,16 @@ def changed(made, change):
 @pytest.mark.parametrize(("joint", "law"), [("inter-panel", INTER_PANEL), ("panel-root", PANEL_ROOT)])
 @pytest.mark.parametrize("noise", [0.001, 0.01, 0.05])
 def test_five_terms_come_back(joint, law, noise):
-    # Fifty seeds of each are in benchmarks/bench_recovery_paper.py: 300 of 300. Here seeds 100 and 101.
+    # Fifty seeds of each are in benchmarks/bench_recovery_paper.py: 300 of 300. Here seed 100.
     truth = np.array([law.k1, law.k2, law.k3, law.c1, law.M_F])
     # At 1 % noise 1 % of the averages of the paper's tables (5 % of k2); noise of 5 % multiplies that by five.
     limit = np.array([0.01, 0.05, 0.01, 0.01, 0.01]) * max(1.0, noise / 0.01)
-    for seed in (100, 101):
-        found = discover(simulate(joint, noise=noise, random_state=seed))
-        assert set(found.model.ids) == set(PAPER_TERMS)
-        assert len(found.regressor.terms_) >= 20
-        assert found.verdict.verdict == "confirmed" and not found.verdict.missing and not found.verdict.extra
-        error = np.array([found.model[term].coefficient for term in PAPER_TERMS]) / truth - 1
-        assert np.all(np.abs(error) < limit)
+    found = discover(simulate(joint, noise=noise, random_state=100))
+    assert set(found.model.ids) == set(PAPER_TERMS)
+    assert len(found.regressor.terms_) >= 20
+    assert found.verdict.verdict == "confirmed" and not found.verdict.missing and not found.verdict.extra
+    error = np.array([found.model[term].coefficient for term in PAPER_TERMS]) / truth - 1
+    assert np.all(np.abs(error) < limit)
 
 
 def test_the_built_in_test_says_that_it_is_simulated():
@@ -92,8 +91,9 @@ def test_shuffled_moment_gives_no_model(seed):
 
 
 def test_zero_moment_gives_no_model():
+    short = campaign(frequencies=[3, 5], levels=[0.9, 0.5], duration=3.0)
     found = discover(
-        changed(campaign(), lambda run: replace(run, moment=np.zeros(run.n_samples))), library="paper"
+        changed(short, lambda run: replace(run, moment=np.zeros(run.n_samples))), library="paper"
     )
     # A joint with inertia and no moment at all: nothing but −I·θ̈ is left, and no law of (θ, θ̇) makes it.
     assert found.verdict.verdict != "confirmed"
