@@ -136,7 +136,8 @@ class Ends(NamedTuple):
 def expected_jumps(sensors: Sequence[Sensor], amplitudes: Complex, angular: Array, modes: Array) -> Array:
     """Return by how much deflections, m, and then velocities, m/s, of modes may jump, shape (2·modes,).
 
-    From what the sensors show, shape (sensors, h), from half of a mode's angular frequency up.
+    From what the sensors show, shape (sensors, h). At ω below its own angular frequency ω₀ a mode follows its load as
+    if it were static, and inertia loads it as ω²: of that motion (ω/ω₀)² is its own.
     """
     moved = np.array(
         [
@@ -144,9 +145,9 @@ def expected_jumps(sensors: Sequence[Sensor], amplitudes: Complex, angular: Arra
             for sensor, series in zip(sensors, amplitudes, strict=True)
         ]
     )
-    above = angular >= np.minimum(modes[:, None] / 2, angular[-1] / 2)
+    share = np.minimum(1.0, angular / np.maximum(modes[:, None], angular[0])) ** 4
     return LARGEST * np.concatenate(
-        [np.sqrt(np.max(above @ (moved * angular**order).T ** 2, axis=1)) for order in (0, 1)]
+        [np.sqrt(np.max(share @ (moved * angular**order).T ** 2, axis=1)) for order in (0, 1)]
     )
 
 
