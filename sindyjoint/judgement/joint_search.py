@@ -12,7 +12,7 @@ from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.states import ForceStates, regression_rows
-from sindyjoint.substructure.law_errors import LawErrors, Recovered, law_errors
+from sindyjoint.substructure.law_errors import LawErrors, Recovered, law_errors, law_excess
 from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, with_slow
 
 COLUMNS = ("angle", "rate", "moment")
@@ -113,9 +113,8 @@ def _left(
     """Return what a law leaves of the rows, of what noise makes of it, its slow angles near those that were found."""
     assert found.rows is not None
     moved = moving_as(states, [each.states for each in recovered])
-    return law_errors(
-        find_slow(moved, slow, law, found.rows.weights, found.rows.unknowns), recovered, slow
-    ).excess
+    rows = find_slow(moved, slow, law, found.rows.weights, found.rows.unknowns)
+    return law_excess(rows, recovered)
 
 
 def exchanged(

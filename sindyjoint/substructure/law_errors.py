@@ -134,6 +134,29 @@ def _covariance(sources: Sequence[Recovered], slopes: Sequence[Complex]) -> Arra
     return total
 
 
+def law_excess(rows: LawRows, sources: Sequence[Recovered]) -> float:
+    """Return the mean square of what is left of the rows of a law, of what noise makes of it."""
+    inverse, left, expected = _inverse(rows), 0.0, 0.0
+    starts = np.cumsum([0, *(kept.size for kept in rows.kept)])
+    for index, (own, weight) in enumerate(zip(_row_errors(rows, sources), rows.weights, strict=True)):
+        # Of what errors of the ends do to the rows, coefficients and slow angles follow the most.
+        ends = np.sqrt(weight) * own.of_ends
+        shared = rows.columns[starts[index] : starts[index + 1]].T @ ends
+        expected += weight * own.expected + float(np.sum(ends**2) - np.sum(shared * (inverse @ shared)))
+        left += weight * float(np.sum(rows.residual[index] ** 2))
+    return left / expected
+
+
+def _inverse(rows: LawRows) -> Array:
+    """Return (AᵀA)⁻¹ of the rows of a law, with what the sensors say of the slow angles."""
+    counts = np.concatenate([np.zeros(rows.coefficients.size), rows.said])
+    scale = np.sqrt(np.sum(rows.columns**2, axis=0) + counts**2)
+    scale[scale == 0] = 1.0
+    scaled = rows.columns / scale
+    inverse = np.linalg.pinv(scaled.T @ scaled + np.diag((counts / scale) ** 2), rcond=1e-14, hermitian=True)
+    return np.asarray(inverse / scale[:, None] / scale)
+
+
 def law_errors(
     rows: LawRows,
     sources: Sequence[Recovered],
@@ -160,22 +183,17 @@ def law_errors(
     others = [np.zeros((kept.size, 0)) for kept in rows.kept] if others is None else others
     beyond = np.vstack([np.sqrt(w) * columns for w, columns in zip(rows.weights, others, strict=True)])
     counts = np.concatenate([np.zeros(k), rows.said])
-    scale = np.sqrt(np.sum(rows.columns**2, axis=0) + counts**2)
-    scale[scale == 0] = 1.0
-    scaled = rows.columns / scale
-    inverse = np.linalg.pinv(scaled.T @ scaled + np.diag((counts / scale) ** 2), rcond=1e-14, hermitian=True)
-    inverse = inverse / scale[:, None] / scale
+    inverse = _inverse(rows)
     # A further term beside the law (Frisch and Waugh 1933): what of its column the law does not follow.
     followed = inverse @ (rows.columns.T @ beyond)
     apart = beyond - rows.columns @ followed
     unique = np.maximum(np.sum(apart * beyond, axis=0), np.finfo(float).tiny)
     starts = np.cumsum([0, *(kept.size for kept in rows.kept)])
     unknowns = k + np.cumsum([0, *(values.size for values in rows.unknowns)])
-    slopes, of_others, expected, left = [], [], 0.0, 0.0
-    for index, (source, weight) in enumerate(zip(sources, rows.weights, strict=True)):
+    slopes, of_others = [], []
+    for index, (errors, weight) in enumerate(zip(_row_errors(rows, sources), rows.weights, strict=True)):
         own = slice(starts[index], starts[index + 1])
         of_rows = np.vstack([inverse @ rows.columns[own].T, (apart[own] / unique).T]) * np.sqrt(weight)
-        errors = _RowErrors(source, rows.kept[index], rows.slopes[index])
         slope = errors.through(of_rows)
         orders = slow[index].orders - 1
         # First stand cosines and sines of the slow harmonics, as the sensors show them.
@@ -184,12 +202,6 @@ def law_errors(
         slope[:, orders, 0] += said[:, place] + 1j * said[:, place + orders.size]
         slopes.append(slope[: len(inverse)])
         of_others.append(slope[len(inverse) :])
-        expected += weight * errors.expected
-        # Of what errors of the ends do to the rows, coefficients and slow angles follow the most.
-        ends = np.sqrt(weight) * errors.of_ends
-        shared = rows.columns[own].T @ ends
-        expected += float(np.sum(ends**2) - np.sum(shared * (inverse @ shared)))
-        left += weight * float(np.sum(rows.residual[index] ** 2))
     covariance = _covariance(sources, slopes)
     angle = []
     for index, (source, part) in enumerate(zip(sources, slow, strict=True)):
@@ -201,13 +213,14 @@ def law_errors(
         angle.append(np.sqrt(of_slow + np.sum(source.recovery.standard_error[source.joint, seen] ** 2)))
     weighted = np.concatenate([np.sqrt(w) * r for w, r in zip(rows.weights, rows.residual, strict=True)])
     would_be = beyond.T @ weighted / unique
-    would_leave = (left - would_be**2 * unique) / expected
+    excess = law_excess(rows, sources)
+    would_leave = excess * (1 - would_be**2 * unique / (weighted @ weighted))
     spread = np.sqrt(np.diag(_covariance(sources, of_others)) * np.maximum(would_leave, 1.0))
     ratios = np.divide(would_be, spread, out=np.zeros_like(spread), where=spread > 0)
-    law = np.linalg.qr(scaled[:, :k])[0]
+    law = np.linalg.qr(rows.columns[:, :k])[0]
     alone = np.linalg.norm(beyond - law @ (law.T @ beyond), axis=0)
     return LawErrors(
-        k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, left / expected, ratios, would_leave,
+        k, tuple(sources), tuple(slopes), np.array(angle), rows.weights, excess, ratios, would_leave,
         spread * alone / _size(rows, sources), followed[:k] * would_be,
         np.zeros(ratios.size, dtype=np.bool_) if likely is None else likely,
     )  # fmt: skip
@@ -217,6 +230,10 @@ def _size(rows: LawRows, sources: Sequence[Recovered]) -> float:
     """Return the norm of the weighted moment of the rows."""
     moments = (source.states.moment[kept] for source, kept in zip(sources, rows.kept, strict=True))
     return float(np.sqrt(sum(w * np.sum(m**2) for w, m in zip(rows.weights, moments, strict=True))))
+
+
+def _row_errors(rows: LawRows, sources: Sequence[Recovered]) -> "list[_RowErrors]":
+    return [_RowErrors(*each) for each in zip(sources, rows.kept, rows.slopes, strict=True)]
 
 
 def _rows(recovery: Recovery, joint: int) -> list[int]:
