@@ -16,7 +16,6 @@ from sindyjoint.substructure.law_errors import LawErrors, Recovered, law_errors,
 from sindyjoint.substructure.unseen import LawRows, Slow, find_slow, with_slow
 
 COLUMNS = ("angle", "rate", "moment")
-ALIKE = 0.8  # of the furthest: so far must another one stand out to be tried, too
 
 
 class Search(NamedTuple):
@@ -95,8 +94,10 @@ def beyond(
     )
     if size.max(initial=0.0) < SUBSTRUCTURE.stands_out:
         return errors, ""
-    # The slow angles follow each of them otherwise: those that are about alike are fitted, and the paper's.
-    rivals = np.flatnonzero((size > ALIKE * size.max()) | (free & of_paper))
+    # The slow angles follow each of them otherwise: those that may stand out as far are fitted, and the paper's. Two
+    # numbers in their standard errors differ by one of √2.
+    alike = size > size.max() - SUBSTRUCTURE.significant * np.sqrt(2)
+    rivals = np.flatnonzero(free & (alike | of_paper))
     left = np.array([_left(found, [*law, rest[place]], states, recovered, slow) for place in rivals])
     # Of terms that these rows do not tell apart the paper's is the simplest.
     simplest = of_paper[rivals] & ((left - left.min()) * kept < SUBSTRUCTURE.stands_out**2)

@@ -96,6 +96,8 @@ class RigRun:
     level: str | None = None
     use: RigUse = "identify"
     source: Source | None = None
+    # What was made of the run, by what it was made with: the check of the data and a discovery share it.
+    _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         n = self.drive.size

@@ -84,21 +84,27 @@ class LawErrors:
         they leave in the rows is too quick to pass for any term; an error of the structure is not, and shows in terms
         beside the law.
         """
-        noise = _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
-        return noise * max(1.0, min(self.excess, self.lack))
+        return self._of_sensors * max(1.0, min(self.excess, self.lack))
+
+    @cached_property
+    def _of_sensors(self) -> Array:
+        return _covariance(self.sources, [slope[: self.size] for slope in self.slopes])
 
     @property
     def covariance(self) -> Array:
-        """The same with what leaving out each likely term does, as far as its size is not that of its own error."""
+        """The same as far as terms see it, however little of the rows that is, with what leaving out likely terms does.
+
+        The last as far as the size of each is not that of its own error.
+        """
         beyond_error = 1 - 1 / np.maximum(self.others**2, 1.0)
         shifts = self.shifts * self.likely * np.sqrt(beyond_error)
-        return np.asarray(self.of_noise + shifts @ shifts.T)
+        return np.asarray(self._of_sensors * max(1.0, self.lack) + shifts @ shifts.T)
 
     @property
     def lack(self) -> float:
-        """Mean square of the coefficients that other terms would have, in their noise; infinite without any."""
+        """Mean square of the coefficients that other terms would have, in their noise; without any that of the rows."""
         if not self.others.size:
-            return float("inf")
+            return self.excess
         return float(np.mean(self.others**2 * np.maximum(self.excess_with, 1.0)))
 
     @property

@@ -134,6 +134,15 @@ def recover(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recov
     InputError
         With fewer sensors than joints.
     """
+    if spectra is not None:
+        return _recovered(test, run, spectra)
+    by = test.structure, test.at, test.sensors, test.drive_noise
+    if by not in run._kept:
+        run._kept[by] = _recovered(test, run)
+    return run._kept[by]
+
+
+def _recovered(test: RigTest, run: RigRun, spectra: Spectra | None = None) -> Recovery:
     joints = test.structure.n_joints
     if len(test.sensors) < joints:
         raise InputError(
