@@ -10,7 +10,7 @@ import numpy as np
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.mechanics.laws import Law, PaperLaw
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rig_file import (
     DriveTable,
     MatricesTable,
@@ -31,6 +31,8 @@ from sindyjoint.mechanics.rig_test import (
     uncertain_numbers,
 )
 from sindyjoint.mechanics.rigs import (
+    PLACEHOLDERS,
+    UNKNOWN,
     build_chain,
     build_excitation,
     naming_file,
@@ -44,9 +46,7 @@ from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.mechanics.virtual_rig import Drive, Recorder
 from sindyjoint.numeric import SAME, Array
 
-#: In the place of a law that is sought; its numbers are never used.
-UNKNOWN = PaperLaw(k1=1.0, name="unknown")
-LAWS: dict[str, Law] = {**JOINTS, "unknown": UNKNOWN, "model": UNKNOWN}
+LAWS: dict[str, Law] = {**JOINTS, **PLACEHOLDERS}
 MOST_FREEDOMS = 2000
 #: To which the force of a pulse is known where nothing is stated: as the lines of its samples are.
 PULSE_KNOWN_TO = 1e-3

@@ -19,7 +19,7 @@ from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import Source
 from sindyjoint.mechanics.beam import Beam, rectangular_section
 from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.rig_file import (
     ColumnTable,
     DriveTable,
@@ -40,6 +40,9 @@ from sindyjoint.numeric import Array
 from sindyjoint.record import MINIMUM_SAMPLES
 from sindyjoint.tables import first_complaint
 
+#: In the place of a law that is sought, or that a model is given for; its numbers are never used.
+UNKNOWN = PaperLaw(k1=1.0, name="unknown")
+PLACEHOLDERS: dict[str, Law] = {"model": UNKNOWN, "unknown": UNKNOWN}
 # Of a chain, and of a simulation, so that they take minutes.
 MOST_ELEMENTS_OF_ALL, MOST_STEPS = 600, 10_000_000
 # Beyond these, SI, nothing is a part of a structure, and matrices are no longer solved.

@@ -13,7 +13,7 @@ from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import sampled
 from sindyjoint.mechanics.laws import FunctionLaw, Law, PaperLaw
 from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, RigUse, Sensor, load_row
-from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
+from sindyjoint.mechanics.rigs import UNKNOWN, MeasuredResponse, Rig
 from sindyjoint.mechanics.sensors import Channel
 from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.mechanics.transient import Response, respond
@@ -280,13 +280,10 @@ class PulseTest(MeasuredResponse):
         Whether it comes from a virtual test.
     truth : str
         What a virtual test holds beyond the rig as written; empty for nothing.
-    response : Response or None
-        The whole response of a virtual test, free of errors.
     """
 
     simulated: bool = False
     truth: str = ""
-    response: Response | None = None
 
     @property
     def time(self) -> Array:
@@ -412,7 +409,19 @@ def virtual_pulse_test(
     if loss_factor is not None:
         rig = with_loss_factor(rig, loss_factor)
         truth.append(f"beam loss factor {loss_factor:g}")
-    response = rig.respond()
-    point = rig.points[0]
-    shown = Channel(noise=noise).read(response.displacement[point], np.random.default_rng(rng))
-    return PulseTest(point, shown, rig.sample_rate, True, " and ".join(truth), response)
+    record = virtual_records(rig, noise, np.random.default_rng(rng))[0]
+    return PulseTest(record.point, record.displacement, rig.sample_rate, True, " and ".join(truth))
+
+
+def virtual_records(rig: Rig, noise: float, generator: np.random.Generator) -> tuple[MeasuredResponse, ...]:
+    """Return what sensors at a rig's output points record after its pulse, with noise as a fraction of their RMS."""
+    if any(hinge.law is UNKNOWN for hinge in hinges(rig)):
+        raise InputError(
+            f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
+            "true law; add a [measured] table, or name a shipped joint as the law"
+        )
+    channel, displacement = Channel(noise=noise), rig.respond().displacement
+    return tuple(
+        MeasuredResponse(point, channel.read(displacement[point], generator), rig.sample_rate)
+        for point in rig.points
+    )

@@ -9,10 +9,9 @@ import numpy as np
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.laws import Law, PaperLaw
+from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.mechanics.rig_test_file import UNKNOWN
-from sindyjoint.mechanics.rigs import Rig
+from sindyjoint.mechanics.rigs import UNKNOWN, Rig
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.mechanics.virtual_rig import PulseTest, hinges, virtual_pulse_test, with_laws
 from sindyjoint.numeric import Array, main_frequency, noise_by_differences, rms
@@ -24,10 +23,6 @@ from sindyjoint.response.oscillations import (
 )
 from sindyjoint.response.run import attempted
 from sindyjoint.response.verification import Band, RunVerification, Settings, Verification, band_of, judged
-
-# Placeholder in a rig for the joints whose law is "model", or sought, until a model replaces it.
-MODEL_PLACEHOLDER = PaperLaw(k1=1.0, name="model")
-PLACEHOLDERS = {"model": MODEL_PLACEHOLDER, "unknown": MODEL_PLACEHOLDER}
 
 
 def verify_rig(
@@ -86,7 +81,7 @@ def place_by_name(rig: Rig, models: Sequence[JointModel]) -> tuple[Rig, tuple[Jo
         As :func:`place_by_kind`.
     """
     standing = _standing(models, rig.name, "rotation", lambda model: find_model_joints(rig, model))
-    left = [h.name for h in hinges(rig) if h.law is MODEL_PLACEHOLDER and h.name not in standing]
+    left = [h.name for h in hinges(rig) if h.law is UNKNOWN and h.name not in standing]
     if left:
         raise InputError(
             f"the rig {rig.name!r} has a joint whose law is 'model', and no model was given; give --model "
@@ -123,7 +118,7 @@ def find_model_joints(rig: Rig, model: JointModel) -> set[str]:
     joints = hinges(rig)
     if not joints:
         raise InputError(f"the rig {rig.name!r} has no joint for the model to stand for")
-    marked = {hinge.name for hinge in joints if hinge.law is MODEL_PLACEHOLDER}
+    marked = {hinge.name for hinge in joints if hinge.law is UNKNOWN}
     alike = {hinge.name for hinge in joints if getattr(hinge.law, "name", None) == model.joint.name}
     if marked or alike:
         return marked or alike
@@ -143,11 +138,6 @@ def _provide_pulse_test(rig: Rig, truth: dict[str, float], generator: np.random.
                 f"{', '.join(truth)}: belong(s) to a virtual pulse test; the rig {rig.name!r} names a measured response"
             )
         return PulseTest(measured.point, measured.displacement, measured.sample_rate)
-    if any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(rig)):
-        raise InputError(
-            f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
-            "true law; add a [measured] table, or name a shipped joint as the law"
-        )
     return virtual_pulse_test(rig, rng=generator, **truth)
 
 

@@ -14,12 +14,12 @@ from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rig_file import rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import BASE, RigTest
 from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure
-from sindyjoint.mechanics.rigs import Rig, load_rig
+from sindyjoint.mechanics.rigs import PLACEHOLDERS, Rig, load_rig
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
 from sindyjoint.record import Motion
 from sindyjoint.response.laws import model_law
-from sindyjoint.response.verify_rig import PLACEHOLDERS, place_by_kind, place_by_name
+from sindyjoint.response.verify_rig import place_by_kind, place_by_name
 from sindyjoint.substructure.continuation import FOLLOWED
 from sindyjoint.substructure.forced import ForcedResponse, StructureCurves, frequency_response
 from sindyjoint.substructure.harmonic_balance import Balance

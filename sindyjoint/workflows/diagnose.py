@@ -253,11 +253,11 @@ LAW_OF_PULSE = (
 def _law_in_pulse(rig: str | Path, rng: RNG, say: Callable[[str], None]) -> JointModel | None:
     """Return the law that a rig's pulse shows of its joints where the file gives none and a response was measured."""
     from sindyjoint.diagnosis.structure.start import open_rig
+    from sindyjoint.mechanics.rigs import UNKNOWN
     from sindyjoint.mechanics.virtual_rig import hinges
-    from sindyjoint.response.verify_rig import MODEL_PLACEHOLDER
 
     opened = open_rig(rig)
-    sought = any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(opened))
+    sought = any(hinge.law is UNKNOWN for hinge in hinges(opened))
     if opened.measured is None or not sought:
         return None
     laws = discover_rig(rig, refine=False, rng=rng, progress=say).laws

@@ -19,7 +19,7 @@ from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files import write_campaign
 from sindyjoint.inputs import constant
 from sindyjoint.mechanics.laws import Law
-from sindyjoint.mechanics.rigs import Rig, load_rig
+from sindyjoint.mechanics.rigs import PLACEHOLDERS, Rig, load_rig
 from sindyjoint.mechanics.sensors import SENSOR_RIG
 from sindyjoint.mechanics.transient import Response
 from sindyjoint.mechanics.virtual import campaign_joint, named_joint, plan_options, run_tests, virtual_test
@@ -28,7 +28,7 @@ from sindyjoint.numeric import RNG, Array
 from sindyjoint.planning.plan_file import play, read_plan
 from sindyjoint.record import Campaign
 from sindyjoint.response.laws import model_law
-from sindyjoint.response.verify_rig import PLACEHOLDERS, joint_range_warnings, place_by_name
+from sindyjoint.response.verify_rig import joint_range_warnings, place_by_name
 
 
 @dataclass(frozen=True)

@@ -257,8 +257,7 @@ def _open_input(against: Rig | RigTest | Campaign | str | Path) -> Rig | RigTest
             f"of the shipped rigs ({', '.join(shipped_rigs())})"
         )
     if ships or is_rig_test(path):
-        from sindyjoint.mechanics.rigs import load_rig
-        from sindyjoint.response.verify_rig import PLACEHOLDERS
+        from sindyjoint.mechanics.rigs import PLACEHOLDERS, load_rig
 
         return load_rig(str(against)) if ships else load_rig(rig_path(path), PLACEHOLDERS)
     return load_campaign(path)

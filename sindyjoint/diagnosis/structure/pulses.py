@@ -29,7 +29,7 @@ from sindyjoint.diagnosis.structure.output_error import (
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.virtual_rig import with_laws
-from sindyjoint.numeric import Array, main_frequency, noise_by_differences
+from sindyjoint.numeric import Array, delayed, main_frequency, noise_by_differences
 from sindyjoint.response.output_error import STEP
 
 # Modes are added to the search only as far as records can show them.
@@ -118,7 +118,7 @@ class PulseProblem(OutputError):
             count = self.count(record, duration)
             time = np.arange(motion.size) / record.sample_rate
             if setup.delay:
-                motion = _later(motion, setup.delay, record.sample_rate)
+                motion = delayed(motion, setup.delay * record.sample_rate)
             shown.append(setup.gain * motion[:count] + setup.zero + setup.drift * time[:count])
         return tuple(shown)
 
@@ -192,14 +192,6 @@ class PulseProblem(OutputError):
         if whole is None or half is None:
             return replace(self, step_error=())
         return replace(self, step_error=tuple(4 / 3 * (b - a) for a, b in zip(whole, half, strict=True)))
-
-
-def _later(motion: Array, delay: float, sample_rate: float) -> Array:
-    """Return a motion that was at rest before it began, later by a delay, s."""
-    time = np.arange(motion.size) / sample_rate
-    asked = time - delay
-    shown = scipy.interpolate.CubicSpline(time, motion)(np.clip(asked, 0.0, time[-1]))
-    return np.where(asked < 0, 0.0, shown)
 
 
 def separating_pulses(

@@ -19,18 +19,21 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.rig_file import shipped_rigs
-from sindyjoint.mechanics.rigs import MeasuredResponse, Rig, load_rig
-from sindyjoint.mechanics.sensors import Channel
+from sindyjoint.mechanics.rigs import PLACEHOLDERS, UNKNOWN, MeasuredResponse, Rig, load_rig
 from sindyjoint.mechanics.structure import LumpedMass
-from sindyjoint.mechanics.virtual_rig import hinges, presliding_law, with_laws, with_loss_factor
+from sindyjoint.mechanics.virtual_rig import (
+    hinges,
+    presliding_law,
+    virtual_records,
+    with_laws,
+    with_loss_factor,
+)
 from sindyjoint.numeric import main_frequency
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
 from sindyjoint.record import Joint
 from sindyjoint.response.laws import draw_models, model_law
 from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.response.verify_rig import (
-    MODEL_PLACEHOLDER,
-    PLACEHOLDERS,
     find_model_joints,
     joint_range_warnings,
 )
@@ -75,11 +78,6 @@ def hidden_pulse_test(
     The true joint is ``drawn`` from the covariance of the model, which stands for the joints at ``places``, or is the
     rig's own.
     """
-    if any(hinge.law is MODEL_PLACEHOLDER for hinge in hinges(rig)):
-        raise InputError(
-            f"the rig {rig.name!r} has a joint whose law is 'model' and no measured response: a virtual test needs the "
-            "true law; add a [measured] table, or name a shipped joint as the law"
-        )
     truth = rig
     if drawn:
         law = model_law(draw_models(model, 1, generator)[0])
@@ -88,12 +86,8 @@ def hidden_pulse_test(
     if name == "dahl_friction" and not all(isinstance(h.law, PaperLaw) for h in hinges(truth)):
         name = "beam_loss"
     truth = hide(truth, name, float(generator.uniform(0.5, 1.5)))
-    response = truth.respond()
-    records = tuple(
-        MeasuredResponse(point, Channel(noise=NOISE).read(response.displacement[point], generator), rig.sample_rate)
-        for point in rig.points
-    )  # fmt: skip
-    return replace(rig, measured=records[0], also_measured=records[1:]), name
+    first, *others = virtual_records(truth, NOISE, generator)
+    return replace(rig, measured=first, also_measured=tuple(others)), name
 
 
 def hide(rig: Rig, name: str, size: float = 1.0) -> Rig:
@@ -151,7 +145,7 @@ def model_in_place(
             raise InputError("the model has no terms: there is nothing to simulate; run discover first")
         return model, frozenset(find_model_joints(rig, model)), False
     laws = {hinge.law for hinge in hinges(rig)}
-    if not laws or MODEL_PLACEHOLDER in laws or not all(isinstance(law, PaperLaw) for law in laws):
+    if not laws or UNKNOWN in laws or not all(isinstance(law, PaperLaw) for law in laws):
         raise InputError(
             f"the rig {rig.name!r} gives no law for its joint; give the model that stands there (--model)"
         )
