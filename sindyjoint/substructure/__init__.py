@@ -15,7 +15,7 @@ __getattr__ = fetched(
         "simulated.segments": "SegmentedRun",
         "simulated.steady": "coefficients complex_amplitudes steady",
         "states": "joint_states joints_seen worth_of_sensors",
-        "transfer": "open_joints static_moments",
+        "transfer": "expected_jumps open_joints static_moments",
         "unseen": "find_slow",
     },
 )

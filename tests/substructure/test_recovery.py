@@ -19,6 +19,7 @@ from sindyjoint.mechanics import (
     uncertain_numbers,
 )
 from sindyjoint.substructure import (
+    expected_jumps,
     held_spectra,
     held_warnings,
     joint_states,
@@ -70,6 +71,13 @@ def test_a_run_that_neither_repeats_nor_rests_is_recovered_over_its_whole_record
     assert np.std((states.moment - force[:n])[inner]) < 0.001 * np.std(force)
     without = joint_states(replace(recovery, ends=None), 0, "run")
     assert np.std((without.moment - force[:n])[inner]) > 0.005 * np.std(force)
+
+
+def test_a_stiff_mode_may_jump_by_its_static_answer():
+    """Inertia loads a mode of ω₀ as ω²: of a slower motion (ω/ω₀)² is its own, and below ω all of it may be."""
+    sensors, angular, modes = [Sensor("w", "tip", "displacement")], np.array([10.0]), np.array([0.0, 5.0, 100.0])
+    jumps = expected_jumps(sensors, np.array([[2e-3j]]), angular, modes)
+    assert jumps / jumps[0] == pytest.approx([1, 1, 0.01, 10, 10, 0.1])
 
 
 def test_the_order_of_the_sensors_does_not_matter():
