@@ -75,7 +75,11 @@ def test_a_run_that_neither_repeats_nor_rests_is_recovered_over_its_whole_record
 
 def test_a_stiff_mode_may_jump_by_its_static_answer():
     """Inertia loads a mode of ω₀ as ω²: of a slower motion (ω/ω₀)² is its own, and below ω all of it may be."""
-    sensors, angular, modes = [Sensor("w", "tip", "displacement")], np.array([10.0]), np.array([0.0, 5.0, 100.0])
+    sensors, angular, modes = (
+        [Sensor("w", "tip", "displacement")],
+        np.array([10.0]),
+        np.array([0.0, 5.0, 100.0]),
+    )
     jumps = expected_jumps(sensors, np.array([[2e-3j]]), angular, modes)
     assert jumps / jumps[0] == pytest.approx([1, 1, 0.01, 10, 10, 0.1])
 
