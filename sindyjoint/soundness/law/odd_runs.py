@@ -12,6 +12,7 @@ from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array, rms
 from sindyjoint.soundness.detectors.course import drift_of
 from sindyjoint.soundness.finding import Finding, Words
+from sindyjoint.soundness.law.filters import INVERSES
 from sindyjoint.soundness.law.motions import (
     Motions,
     Rows,
@@ -191,7 +192,8 @@ class Held:
     def ways(self, index: int) -> tuple[float, dict[str, tuple[float, float]]]:
         """Return the RMS by which a run departs, and how far one number each restores it, and what that leaves.
 
-        A factor on the moment or on the angle, a delay of the moment, s, and its zero.
+        A factor on the moment or on the angle, a delay of the moment, s, and its zero; and the time of a first-order
+        low-pass, s, on the moment or, below zero, on the angle.
         """
         run = self.runs.take([index])
         rows = self.rows(run)
@@ -201,12 +203,20 @@ class Held:
         zero = float(one @ (target - expected) / (one @ one))
         grid = np.unique([-1.0, *np.geomspace(0.5, 2.0, 25), *swing * np.geomspace(0.2, 5.0, 25)])
         longest = SOUNDNESS.minor_share * 2 * np.pi * float(np.std(run.angle) / np.std(run.rate))
-        return rms(target - expected), {
+
+        def left_by_lag(time: float) -> float:
+            channel = "moment" if time > 0 else "angle"
+            return self.left_of(run.filtered(channel, INVERSES["low_pass"](run.lines, abs(time))))
+
+        ways = {
             "moment": (gain, rms(target - gain * expected)),
             "angle": least(lambda g: self.left_of(run.scaled("angle", 1 / g)), grid),
             "delay": least(lambda t: self.left_of(run.advanced(t)), longest * np.linspace(-1, 1, 21)),
             "zero": (zero, rms(target - expected - zero * one)),
         }
+        if run.frequency is not None:
+            ways["lag"] = least(left_by_lag, longest * np.linspace(-1, 1, 21))
+        return rms(target - expected), ways
 
     def departs(self, run: int) -> bool:
         """Return whether a run departs where the others can say what is expected, and its kin does not depart alike.
@@ -245,8 +255,12 @@ class Held:
 def _describe(index: int, held: Held, words: Words) -> Finding | None:
     """Return what restores the law, or comes closest to it, or that nothing does; None where it may be the joint's."""
     departure, ways = held.ways(index)
-    name = min(ways, key=lambda each: ways[each][1])
-    (number, left), run = ways[name], held.runs.names[index]
+    name, run = min(ways, key=lambda each: ways[each][1]), held.runs.names[index]
+    # A low-pass lags as a delay does, by less at the higher harmonics: where these do not tell, both are said.
+    lag, lag_left = ways.get("lag", (0.0, np.inf))
+    told = min(ways["delay"][1], lag_left) ** 2 <= SOUNDNESS.explains * max(ways["delay"][1], lag_left) ** 2
+    name = "delay" if name == "lag" and not told else name
+    number, left = ways[name]
     # Of the RMS: a single number is to account for a single run. Beside as much again its size would be unknown.
     closest = left <= min(SOUNDNESS.explains * departure, SOUNDNESS.unknown)
     if not (closest or held.departs(index)):
@@ -255,23 +269,31 @@ def _describe(index: int, held: Held, words: Words) -> Finding | None:
     little = max(SOUNDNESS.minor_share * departure, SOUNDNESS.fewest * held.common)
     explained = closest and left <= little
     said = f"(it departs by {100 * departure:.3g} %, they do by {100 * held.common:.2g} %)"
-    if name in ("delay", "zero") or not explained:
+    if name in ("delay", "lag", "zero") or not explained:
+        low_pass = (
+            f"without a low-pass with a corner of {1 / max(2 * np.pi * abs(lag), 1e-300):.3g} Hz on its "
+            f"{words.of('moment' if lag > 0 else 'angle')}"
+        )
         changed = {
-            "delay": f"where it comes {1e3 * abs(number):.3g} ms {'earlier' if number > 0 else 'later'}",
+            "delay": f"where it comes {1e3 * abs(number):.3g} ms {'earlier' if number > 0 else 'later'}"
+            f"{'' if told else f' or, as its harmonics leave open, {low_pass}'}",
+            "lag": low_pass,
             "zero": f"with {-number:.3g} {words.unit('moment')} added to it",
         }.get(name, f"where its {words.of(name)} is divided by {number:.3g}")
-        late = name == "delay" and explained
+        late = explained and {"delay": "channel_delay", "lag": "low_pass"}.get(name)
         agree = "they agree" if explained else "they come closest"
-        nearest = f"; {agree} {changed}, which leaves {100 * left:.2g} %"
+        nearest = f"; {agree} {changed}; that leaves {100 * left:.2g} %"
         return Finding(
-            "channel_delay" if late else "run_differs",
+            late or "run_differs",
             run,
-            "moment" if late else None,
+            ("angle" if name == "lag" and lag < 0 else "moment") if late else None,
             "biases",
             f"its {words.of('moment')} is not what the law of the other runs gives {said}"
             f"{nearest if closest else ''}",
             "the coefficients (k1, k3, c1, M_F) are a mean of two joints or two set-ups",
-            "look at what was changed before that run; leave it out, or diagnose it apart",
+            "compare trigger and filters of that run with the others', and repeat it or leave it out"
+            if late
+            else "look at what was changed before that run; leave it out, or diagnose it apart",
         )
     if number < 0:
         extent = f"its {words.of(name)} is that of the other runs times {number:.3g}"
