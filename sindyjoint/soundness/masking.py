@@ -66,6 +66,9 @@ def leave_out_standstill(
             "excite it more, record longer, or measure the motion with less noise; where samples were not taken at a "
             "known rate, declare time = 'none'"
         )
+        if not any(np.ptp(run.moment) for run in campaign.runs):
+            # A release from standstill then shows, and smoothing takes nothing of the first swing.
+            remedy = "record free decays with 84 samples in a period or more, and from larger angles"
         said = {name: reason.split(": ", 1)[-1].split("; ")[0] for name, reason in reasons.items()}
         found = (words.finding("no_signal", run, "angle", "stops", why, remedy) for run, why in said.items())
         return campaign, (), tuple(found)

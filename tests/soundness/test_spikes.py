@@ -47,3 +47,10 @@ def test_a_blow_that_stops_the_motion_is_no_spike(stops, ids):
     moment = np.sin(TIME) + 0.01 * noise[0]
     moment[2000] += 4
     assert spikes_of(Run("run", moment, angle + 1e-5 * noise[1], RATE)) == ids
+
+
+def test_the_crests_of_a_motion_that_soon_dies_out_are_no_spikes():
+    angle = np.exp(-40 * TIME) * np.cos(2 * np.pi * 50 * TIME)
+    noise = 1e-3 * np.random.default_rng(1).standard_normal(TIME.size)
+    assert spikes_of(Run("run", 0 * TIME, angle + noise, RATE)) == []
+    assert spikes_of(Run("run", 0 * TIME, angle + noise + (TIME == 1.5), RATE)) == [("spikes", "angle")]

@@ -263,8 +263,12 @@ USUAL, SELDOM = 0.99, 0.95
 
 def departures(values: Array) -> Array:
     """Return by how much every sample of a channel differs from the median of its neighbourhood."""
-    windows = np.lib.stride_tricks.sliding_window_view(np.pad(values, REACH, mode="edge"), 2 * REACH + 1)
-    return np.asarray(np.abs(values - np.partition(windows, REACH, axis=1)[:, REACH]))
+    return np.asarray(np.abs(values - np.partition(_neighbourhoods(values), REACH, axis=1)[:, REACH]))
+
+
+def _neighbourhoods(values: Array) -> Array:
+    """Return a view of every sample with its neighbours, shape (n, 2·REACH + 1)."""
+    return np.lib.stride_tricks.sliding_window_view(np.pad(values, REACH, mode="edge"), 2 * REACH + 1)
 
 
 def spike_samples(channel: Channel) -> Mask:
@@ -276,6 +280,10 @@ def spike_samples(channel: Channel) -> Mask:
     away = departures(channel.values)
     usual = SOUNDNESS.outstanding * max(float(np.quantile(away, USUAL)), channel.step)
     marked: Mask = away > max(usual, (2.0 if channel.jumps else SOUNDNESS.unknown) * channel.amplitude)
+    # The crest of a motion that soon dies out departs as its neighbours do.
+    near = _neighbourhoods(channel.values)[marked]
+    spread = np.median(np.abs(near - np.median(near, axis=1, keepdims=True)), axis=1)
+    marked[marked] = away[marked] > SOUNDNESS.clearly * spread
     # What happens all the time (impacts, stick-slip) belongs to the joint.
     return marked if np.mean(marked) <= SOUNDNESS.small_share else np.zeros_like(marked)
 
