@@ -47,6 +47,7 @@ def test_a_unit_that_no_file_states_is_one_for_all_files(sindyjoint, tmp_path):
     told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
     (found,) = [f for f in told["findings"] if f["id"] == "unsettled_guess"]
     assert found["severity"] == "biases" and "angle.unit = deg" in found["extent"]
+    assert found["remedy"].endswith(f"sindyjoint init {tmp_path} --force --set angle.unit=deg")
     text = (tmp_path / "campaign.toml").read_text(encoding="utf-8")
     (tmp_path / "campaign.toml").write_text(text.replace('guessed = ["angle.unit = deg"]\n', ""))
     told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
@@ -385,21 +386,25 @@ def test_a_force_on_a_lever_is_a_moment_with_the_length_of_the_lever(sindyjoint,
     assert manifest(tmp_path)["channels"]["moment"] == {"column": "force_N", "unit": "N", "gain": "0.2 m"}
 
 
-def test_channels_of_two_rates_are_told_with_their_lengths(sindyjoint, tmp_path):
+def test_channels_of_two_rates_are_joined_by_their_times_or_told_with_their_lengths(sindyjoint, tmp_path):
     h5py = pytest.importorskip("h5py")
     moment, angle = swing(2.0)
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["Torque"], file["Angle"] = moment, angle[::4]
         file["Torque"].attrs["unit"], file["Angle"].attrs["unit"] = "Nm", "mrad"
     told = sindyjoint("init", tmp_path, "--yes").stderr
-    said = "('Angle' has 600 samples and the others 2400: bring all to one rate (numpy.interp))"
-    assert f"no column for the angle {said}" in told
-    # The same of two files with the channels of one run.
+    said = "('Torque' has 2400 samples and the others 600: bring all to one rate, or give each its time)"
+    assert f"no column for the moment {said}" in told
+    # The same of two files with the channels of one run, and a time each.
     apart = tmp_path / "apart"
     apart.mkdir()
     table(apart / "a_torque.csv", "time_s,torque_Nm", TIME, moment)
     table(apart / "a_angle.csv", "time_s,angle_mrad", TIME[::4], angle[::4])
-    assert "'angle_mrad' has 600 samples and the others 2400" in sindyjoint("init", apart, "--yes").stderr
+    assert sindyjoint("init", apart).status == 0
+    (run,) = load_campaign(apart).runs
+    assert run.sample_rate == RATE / 4
+    np.testing.assert_allclose(run.angle, 1e-3 * angle[::4], rtol=1e-5)
+    np.testing.assert_allclose(run.moment, moment[::4], rtol=1e-5)
 
 
 def test_of_a_channel_with_blanks_in_every_second_row_the_others_are_used(sindyjoint, tmp_path):

@@ -166,8 +166,10 @@ def init(
         listed = "; ".join(f"{each.key}: {each.text}" for each in open_ones)
         if any(each.key.endswith(".unit") for each in open_ones):
             listed += " (of volts and counts, KEY.gain too)"
-        ways = "answer with --set KEY=VALUE (answers={...})" + (
-            "" if guess else ", or take the guesses with --yes"
+        ways = "answer (answers={...})" + (
+            ""
+            if guess or any(each.guess is None for each in open_ones)
+            else ", or take the guesses with --yes"
         )
         values = given | {each.key: each.guess or "..." for each in open_ones}
         settings = (f"--set {shlex.quote(f'{key}={value}')}" for key, value in values.items())

@@ -162,7 +162,8 @@ def _page(result: Discovery | ReportData, data: ReportData, show: Blocks, folder
 def _about(result: Discovery) -> str:
     """Return the joint and its runs, and the question of the paper's terms where that leads."""
     model, fitted = result.model, result.model.fitted
-    at = f" at {', '.join(f'{f:g}' for f in fitted.frequencies)} Hz" if fitted.frequencies else ""
+    shown = dict.fromkeys(f"{frequency:.4g}" for frequency in fitted.frequencies)
+    at = f" at {', '.join(shown)} Hz" if shown else ""
     title = f"[bold]{escape(model.joint.name + ' (simulated)' * fitted.simulated)}[/]"
     moving = f"{fitted.samples} moving samples, {100 * fitted.moving_fraction:.0f} % of all"
     line = f"{title}: {fitted.runs} run(s){at}, {moving}"

@@ -1,5 +1,6 @@
 """What was declared and the data deny: units, sizes, zeros, coverage, the main line; mains and noise."""
 
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
@@ -13,6 +14,7 @@ from sindyjoint.numeric import Array, line_spectrum
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.finding import Finding, Severity, Words
 from sindyjoint.soundness.record import Channel, Record
+from sindyjoint.trust import PLACES
 
 # Relative difference of two spellings of one unit.
 SAME_UNIT = 1e-3
@@ -78,6 +80,9 @@ def find_unequal_units(campaign: Campaign, words: Words) -> Iterator[Finding]:
 def find_guesses(campaign: Campaign) -> Iterator[Finding]:
     """Yield what was guessed of channels, units and rates, and is not settled."""
     if campaign.guessed:
+        settled = "".join(f" --set {shlex.quote(each.replace(' = ', '=', 1))}" for each in campaign.guessed)
+        places = PLACES.get()
+        folder = shlex.quote(places.subject) if places else "CAMPAIGN"
         yield Finding(
             "unsettled_guess",
             None,
@@ -85,7 +90,8 @@ def find_guesses(campaign: Campaign) -> Iterator[Finding]:
             "biases",
             f"init guessed {', '.join(campaign.guessed)}, which no file tells",
             "in a wrong unit or of a wrong column every coefficient is wrong",
-            "if right, remove it from 'guessed' in campaign.toml, else run sindyjoint init --force --set KEY=VALUE",
+            "if right, delete the line 'guessed' in campaign.toml, else answer with what is: sindyjoint init "
+            f"{folder} --force{settled}",
         )
 
 
