@@ -4,7 +4,7 @@ python benchmarks/bench_folders.py run --out folders.jsonl
 python benchmarks/bench_folders.py run --out folders.jsonl --public FOLDER
 python benchmarks/bench_folders.py page folders.jsonl
 
-``run`` writes one joint's runs into folders as laboratories leave them (tests/files/odd_folders.py and lab_folders.py),
+``run`` writes one joint's runs into folders as laboratories leave them (tests/files/*_folders.py),
 and copies those of ``--public`` without their manifests; then it types what a person would: ``init``, the same again
 with answers where something is asked, and ``discover --out``. ``page`` writes
 docs/folders.txt.
@@ -29,6 +29,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE.parent / "tests" / "files")]
 
 from lab_folders import LAB, free_swings  # noqa: E402
 from odd_folders import ODD, campaign  # noqa: E402
+from own_folders import OWN, decays_below  # noqa: E402
 
 from benchmarks.resumed import append, records_in  # noqa: E402
 
@@ -100,7 +101,7 @@ def run(args: argparse.Namespace) -> None:
     truth = campaign()
     with TemporaryDirectory() as scratch:
         place = Path(scratch)
-        for writer in (*LAB, *ODD, free_swings):
+        for writer in (*LAB, *ODD, *OWN, free_swings, decays_below):
             if args.names and writer.__name__ not in args.names:
                 continue
             (place / writer.__name__).mkdir()

@@ -21,10 +21,20 @@ from sindyjoint.files.channels import (
     declared_gains,
     declared_noise,
 )
-from sindyjoint.files.manifest import Channels, InputTable, JointTable, Manifest, RunTable, read_manifest
+from sindyjoint.files.drafting.survey import role_of
+from sindyjoint.files.manifest import (
+    Channels,
+    Column,
+    InputTable,
+    JointTable,
+    Manifest,
+    RunTable,
+    TimeChannel,
+    read_manifest,
+)
 from sindyjoint.files.readers import Table, open_blocks, read_table
-from sindyjoint.files.timeaxis import check_frequency
-from sindyjoint.files.units import input_unit, parse_quantity, split_quantity
+from sindyjoint.files.timeaxis import check_frequency, on_clock
+from sindyjoint.files.units import input_unit, parse_quantity, split_quantity, unit_ratio
 from sindyjoint.inputs import Input, LongRecord, Source, lagged
 from sindyjoint.measurement.runs import measured_run, travelled_run
 from sindyjoint.numeric import Array
@@ -242,6 +252,7 @@ class _RunLoader:
             if channel is not None and channel.file:
                 other, its_hash = read_table(self.file.parent / channel.file)
                 name = f"{channel.file}: {channel.column}"
+                other = _on_clock_of(opened, channels.time, other, channel.column)
                 opened = opened.with_column(other, channel.column, name)
                 channels = channels.model_copy(update={key: channel.model_copy(update={"column": name})})
                 sha256 = hashlib.sha256(f"{sha256}{its_hash}".encode()).hexdigest()
@@ -269,6 +280,22 @@ class _RunLoader:
         count = max(4 if frequency is None else FEWEST, int(blocks.rows // length))
         edges = tuple(int(edge) for edge in np.linspace(0, blocks.rows, count + 1))
         return LongRecord(str(self.file), index, edges)
+
+
+def _on_clock_of(opened: Table, axis: TimeChannel | str | None, other: Table, column: Column) -> Table:
+    """Return another file of a run with a column at the instants of the first, where both have a time."""
+    for at in range(1, len(other.names) + 1):
+        _, unit, _ = other.stated_unit(at) or ("", "", False)
+        if isinstance(axis, TimeChannel) and role_of(other.names[at - 1], unit) == "time":
+            own, values = other.columns([at, column], gaps=True)
+            if own.size == values.size:
+                time, ratio = (
+                    opened.columns([axis.column])[0],
+                    unit_ratio(unit or axis.unit, axis.unit) or 1.0,
+                )
+                moved = on_clock(time, ratio * own, values, f"{other.path}: {other.names[at - 1]}", other.row)
+                return replace(Table.of(other.path, {str(column): moved}), remarks=other.remarks)
+    return other
 
 
 def value_in(each: Input, given: str | float, where: str) -> float:

@@ -128,6 +128,43 @@ def bridged(values: Array) -> Array:
     return values if present.all() else np.interp(at, at[present], values[present])
 
 
+def on_clock(time: Array, own: Array, values: Array, where: str, row: Callable[[int], str]) -> Array:
+    """Return values that were sampled on a clock of their own at the instants of another one, by cubic splines.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+    own : ndarray, shape (m,)
+        Instants of the values, in the same unit.
+    values : ndarray, shape (m,)
+    where, row
+        As of :func:`check_order`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        NaN where there are no values.
+
+    Raises
+    ------
+    InputError
+        For a clock that runs backwards, and where the two have hardly a time in common.
+    """
+    if own.size == time.size and np.abs(own - time).max() <= IRREGULARITY * np.median(np.diff(time)):
+        return values
+    own = bridged(own)
+    check_order(own, where, row)
+    slack = IRREGULARITY * np.median(np.diff(own))
+    known = np.interp(time, own, np.isfinite(values)) > 1 - IRREGULARITY
+    inside = known & (time > own[0] - slack) & (time < own[-1] + slack)
+    if np.count_nonzero(inside) < MINIMUM_SAMPLES:
+        raise InputError(
+            f"{where}: runs from {own[0]:g} to {own[-1]:g} and that of the other channels from {time[0]:g} to "
+            f"{time[-1]:g}: set both clocks to one zero"
+        )
+    return np.where(inside, scipy.interpolate.CubicSpline(own, bridged(values))(time), np.nan)
+
+
 def step_of(present: NDArray[np.bool_]) -> int:
     """Return by how many rows the samples of a slower channel lie apart, where they do evenly; else one.
 

@@ -100,7 +100,7 @@ SPELLINGS = {"Nm": "N*m", "Nmm": "N*mm", "Ncm": "N*cm", "kNm": "kN*m", "mNm": "m
 _MEANT = {"Grad": "deg", "grad": "deg", "mil": "thou", "mils": "thou"}
 # Beside a length, a pound is a force: lb-in, inlb, oz*in, ft-lbf.
 _PULL, _ARM = r"(?P<pull>lb|oz)[fs]?", "(?P<arm>inch|in|ft)"
-_TORQUES = [re.compile(pair) for pair in (rf"{_PULL}\s*[-*.]?\s*{_ARM}", rf"{_ARM}\s*[-*.]?\s*{_PULL}")]
+_TORQUES = [re.compile(pair) for pair in (rf"{_PULL}\s*[-*.·]?\s*{_ARM}", rf"{_ARM}\s*[-*.·]?\s*{_PULL}")]
 
 
 @lru_cache(maxsize=1)
@@ -122,7 +122,7 @@ def _try_parse(unit: str) -> pint.Unit | None:
     torque = next(filter(None, (pair.fullmatch(unit) for pair in _TORQUES)), None)
     unit = f"{torque['pull']}f*{torque['arm']}" if torque else _MEANT.get(unit, unit)
     # A hyphen or a point between two units multiplies them, as in N-m.
-    unit = re.sub(r"(?<=[^\W\d_])[-.](?=[^\W\d_])", "*", unit)
+    unit = re.sub(r"(?<=[^\W\d_])[-.·⋅](?=[^\W\d_])", "*", unit)
     # pint evaluates numbers while it parses, so a tower of powers would run for ever: only small ones pass.
     bare = re.sub(_EXPONENT, " ", unit)
     chained = re.search(rf"{_EXPONENT}\s*(?:\*\*|\^)", unit)

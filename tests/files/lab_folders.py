@@ -6,6 +6,7 @@ As those of ``odd_folders``, a writer fills a folder and returns what a person m
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import made_files
 import numpy as np
 import pytest
 from odd_folders import files, rows
+from scipy.interpolate import CubicSpline
 
 from sindyjoint.record import Campaign
 
@@ -217,6 +219,80 @@ def free_swings(folder: Path, truth: Campaign) -> dict[str, str]:
     return {"moment": "0 N*m"}
 
 
+def row_labels(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Tables of R: quoted row numbers that no heading names."""
+    for name, run in files(truth):
+        labels = [f'"{number}"' for number in range(1, run.n_samples + 1)]
+        columns = [labels, run.time, run.moment, 1e3 * run.angle]
+        (folder / f"{name}.txt").write_text('"t_s" "torque_Nm" "phi_mrad"\n' + rows(columns, " "))
+    return {}
+
+
+def channel_rows(folder: Path, truth: Campaign) -> dict[str, str]:
+    """A channel in each row: its name and unit at the left, its samples to the right."""
+    for name, run in files(truth):
+        columns = [
+            ["Time", "s", *run.time],
+            ["Torque", "N*m", *run.moment],
+            ["Angle", "deg", *np.degrees(run.angle)],
+        ]
+        (folder / f"{name}.csv").write_text(
+            "\n".join(";".join(map(str, column)) for column in columns) + "\n"
+        )
+    return {}
+
+
+def names_beside(folder: Path, truth: Campaign) -> dict[str, str]:
+    """HDF5 with one matrix that lies; names, units and rate are attributes."""
+    h5py = pytest.importorskip("h5py")
+    for name, run in files(truth):
+        with h5py.File(folder / f"{name}.h5", "w") as file:
+            file.attrs.update({"sampling_rate": run.sample_rate, "operator": "K."})
+            file["raw"] = np.stack([run.moment, 1e3 * run.angle])
+            file["raw"].attrs.update({"channels": np.array(["torque", "angle"], "S9"), "units": "N*m, mrad"})
+    return {}
+
+
+def rate_beside(folder: Path, truth: Campaign) -> dict[str, str]:
+    """The sampling rate of each run in a file beside it."""
+    for name, run in files(truth):
+        (folder / f"{name}.csv").write_text("M_Nm,phi_mrad\n" + rows([run.moment, 1e3 * run.angle], ","))
+        (folder / f"{name}.json").write_text(json.dumps({"rig": "bench 4", "daq": {"fs": run.sample_rate}}))
+    return {}
+
+
+def two_rates(folder: Path, truth: Campaign) -> dict[str, str]:
+    """Moment and angle in two files, the angle at twice the rate, from earlier on, with stamps in ms."""
+    for name, run in files(truth):
+        fast = (np.arange(2 * run.n_samples + 9) - 10) / (2 * run.sample_rate)
+        angle = 1e3 * CubicSpline(run.time, run.angle)(fast)
+        (folder / f"{name}_torque.csv").write_text("t_s,torque_Nm\n" + rows([run.time, run.moment], ","))
+        (folder / f"{name}_angle.csv").write_text("t_ms,angle_mrad\n" + rows([1e3 * fast, angle], ","))
+    return {}
+
+
+def groups_of_rates(folder: Path, truth: Campaign) -> dict[str, str]:
+    """TDMS with a group for each rate: the moment at twice that of the angle, and from earlier on."""
+    nptdms = pytest.importorskip("nptdms")
+    for name, run in files(truth):
+        step = 1 / run.sample_rate
+        fast = CubicSpline(run.time, run.moment)((np.arange(2 * run.n_samples + 9) - 10) * step / 2)
+        noon = np.datetime64("2026-11-20T12:00:00", "us")
+        early, late = ({"wf_start_time": noon + np.timedelta64(us, "us")} for us in (0, round(5e6 * step)))
+        with nptdms.TdmsWriter(folder / f"{name}.tdms") as writer:
+            writer.write_segment(
+                [
+                    nptdms.ChannelObject(
+                        "fast", "Torque [N*m]", fast, properties=early | {"wf_increment": step / 2}
+                    ),
+                    nptdms.ChannelObject(
+                        "slow", "Angle [rad]", run.angle, properties=late | {"wf_increment": step}
+                    ),
+                ]
+            )
+    return {}
+
+
 LAB: list[Callable[[Path, Campaign], dict[str, str]]] = [
     mat_structs,
     mat_v73,
@@ -234,4 +310,10 @@ LAB: list[Callable[[Path, Campaign], dict[str, str]]] = [
     mat_units,
     bench_words,
     encoder,
+    row_labels,
+    channel_rows,
+    names_beside,
+    rate_beside,
+    two_rates,
+    groups_of_rates,
 ]

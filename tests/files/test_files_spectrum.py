@@ -5,6 +5,7 @@ import pytest
 
 from sindyjoint.errors import InputError
 from sindyjoint.files import check_frequency
+from sindyjoint.files.drafting.run import find_frequency
 
 
 def held(angle, moment, rate, frequency) -> bool:
@@ -77,3 +78,11 @@ def test_the_message_names_the_channel_of_the_motion():
     for motion, channel in (("rotation", "angle"), ("translation", "displacement")):
         with pytest.raises(InputError, match=f"the largest line of the {channel} is at 4 Hz"):
             check_frequency(signal, None, 200.0, 7.0, "f", motion)
+
+
+@pytest.mark.parametrize("periods", [3.8, 4, 5])
+def test_a_sine_of_few_periods_has_its_frequency(periods):
+    # The cubic that is taken for drift takes a part of few periods, which is no change from one to the next.
+    angle, moment = hysteresis(2.0, seconds=periods / 2, noise=0.01)
+    assert find_frequency(angle, moment, 1000.0, "") == 2.0
+    assert find_frequency(angle * np.linspace(0.2, 1, angle.size), moment, 1000.0, "") is None

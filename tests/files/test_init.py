@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from lab_folders import LAB, free_swings
 from odd_folders import ODD, campaign
+from own_folders import OWN
 
 import sindyjoint
 from sindyjoint import init
@@ -27,7 +28,7 @@ def made(writer, folder, truth) -> dict[str, str]:
     return writer(folder, truth)
 
 
-@pytest.mark.parametrize("writer", [*ODD, *LAB], ids=lambda writer: writer.__name__)
+@pytest.mark.parametrize("writer", [*ODD, *LAB, *OWN], ids=lambda writer: writer.__name__)
 def test_a_folder_ends_in_its_campaign_with_what_it_lacks_asked(writer, truth, tmp_path):
     answers = made(writer, tmp_path, truth)
     asked = []
@@ -53,7 +54,7 @@ def test_a_folder_ends_in_its_campaign_with_what_it_lacks_asked(writer, truth, t
         np.testing.assert_allclose(run.angle, true.angle, rtol=1e-9, atol=1e-15)
     # By itself it marks what it guesses, and refuses to invent the volts of a sensor.
     if any(key.endswith(".gain") for key in answers):
-        with pytest.raises(InputError, match="what is one (volt|count) of the .*answer with --set KEY=VALUE"):
+        with pytest.raises(InputError, match="what is one (volt|count) of the .*answer .answers={...}.:"):
             init(tmp_path, force=True)
         return
     guessed = init(tmp_path, force=True)

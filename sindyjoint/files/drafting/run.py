@@ -3,13 +3,13 @@
 import re
 import shlex
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from sindyjoint.errors import InputError, nearest
 from sindyjoint.files.drafting.assignment import Dialogue
-from sindyjoint.files.drafting.survey import Bundle, Column
+from sindyjoint.files.drafting.survey import WARM, Bundle, Column
 from sindyjoint.files.timeaxis import (
     LONGEST_GAP,
     PARTS,
@@ -28,7 +28,7 @@ from sindyjoint.text import printable
 
 # The sampling rate, or interval, as instruments write it above their tables.
 _RATE = re.compile(
-    r"(?:sampl\w*[ _-]*(?:rate|freq\w*)?|abtast\w*|\brate|\bfs)\b[^\d\n]{0,20}?(\d+(?:[.,]\d+)?)\s*(k?)Hz",
+    r"(?:sampl\w*[ _-]*(?:rate|freq\w*)?|abtast\w*|\brate|\bfs)\b[^\d\n]{0,20}?(\d+(?:[.,]\d+)?)\s*(k?)(?:Hz|S/s)",
     re.IGNORECASE,
 )
 _STEP = re.compile(
@@ -37,13 +37,15 @@ _STEP = re.compile(
     re.IGNORECASE,
 )
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_NUMBER = re.compile(
+    r"\b([A-Za-z][\w ]{0,40}?)['\"]?\s*(?:[\[(](?:Hz|s)[\])])?\s*[:=;,\t]\s*(\d+(?:\.\d+)?(?:e[+-]?\d+)?)(?![\w.:/-])",
+    re.IGNORECASE,
+)
 # What programs call a single number that is the sampling rate, Hz, or the interval, s.
 RATES = {"fs", "fsamp", "srate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "rate"}
 INTERVALS = {
     "dt", "ts", "deltat", "sampletime", "sampleinterval", "samplinginterval", "samplingtime", "samplingperiod",
 }  # fmt: skip
-# Of temperatures, where they are no coulombs and farads.
-WARM = {"C": "degC", "°C": "degC", "F": "degF", "°F": "degF"}
 # Stamps this far apart, in seconds, are rather milliseconds.
 COARSE = 0.5
 # Share of its power by which a motion may change from one period to the next.
@@ -100,26 +102,33 @@ def draft_time(
 
 
 def _draft_rate(bundle: Bundle, channels: dict[str, str], dialogue: Dialogue) -> float | None:
-    """Write the sampling rate that the file states above or beside its columns, or that was asked for."""
-    remarks, where = "\n".join(bundle.remarks), "stated above the columns"
-    stated, step = _RATE.search(remarks), _STEP.search(remarks)
-    rate = None
-    if stated:
-        rate = float(stated[1].replace(",", ".")) * (1000 if stated[2] else 1)
-    elif step:
-        rate = 1 / (float(step[1].replace(",", ".")) * _SECONDS[step[2].lower()])
-    else:
-        # A single number beside the columns.
-        for title, value in bundle.scalars:
-            word = re.sub(r"[^a-z]", "", re.split(r"[./]", title)[-1].lower().removesuffix("hz"))
-            if value > 0 and word in RATES | INTERVALS and rate is None:
-                rate, where = value if word in RATES else 1 / value, f"the file's {printable(title)}"
-    if rate is None:
+    """Write the sampling rate that is stated above, beside or within the file, or that was asked for."""
+    found = [(f"the file's {printable(title)}", rate) for title, rate in _named_rates(bundle.scalars)]
+    texts = [("above the columns", "\n".join(bundle.remarks))]
+    texts += [(f"in {printable(note)}", text) for note, text in bundle.notes]
+    for place, text in texts:
+        rates = [float(n.replace(",", ".")) * (1000 if kilo else 1) for n, kilo in _RATE.findall(text)]
+        steps = [float(n.replace(",", ".")) * _SECONDS[unit.lower()] for n, unit in _STEP.findall(text)]
+        stated = rates or [1 / max(step, 1e-9) for step in steps]
+        stated = stated or [rate for _, rate in _named_rates(_NUMBER.findall(text))]
+        found += [(f"stated {place}", rate) for rate in stated if rate > 0]
+    where, rate = found[0] if found else ("", None)
+    if rate is None or any(abs(other / rate - 1) > SHARED.tolerated for _, other in found):
         text = f"how fast was {bundle.name} sampled, such as '1 kHz', or 'none' of quasi-static samples?"
-        dialogue.ask("rate", text, None)
+        listed = ", ".join(f"{other:g} Hz is {said}" for said, other in found)
+        dialogue.ask("rate", f"{text} {listed}".strip(), None)
         return None
     channels["rate"] = toml_string(f"{rate:.9g} Hz") + f"  # {where}"
     return rate
+
+
+def _named_rates(numbers: Iterable[tuple[str, float | str]]) -> Iterator[tuple[str, float]]:
+    """Yield what is a sampling rate, or an interval, by its name, as a rate in Hz."""
+    for title, number in numbers:
+        word = re.sub(r"[^a-z]", "", re.split(r"[./]", title)[-1].lower().removesuffix("hz"))
+        value = float(number)
+        if value > 0 and word in RATES | INTERVALS:
+            yield title, value if word in RATES else 1 / value
 
 
 def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float | None:
@@ -130,14 +139,12 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     """
     if angle.size < MINIMUM_SAMPLES:
         return None
-    abscissa = np.linspace(-1, 1, angle.size)
-    # Slow drift is no excitation.
-    signals = [x - np.polyval(np.polyfit(abscissa, x, 3), abscissa) for x in (angle, moment)]
-    signals = [x for x in signals if np.ptp(x) > 0]
+    moving = [x for x in (angle, moment) if np.ptp(x) > 0]
     # A free decay has a frequency of its own, and none that drives it.
-    if not signals or decays(angle):
+    if not moving or decays(angle):
         return None
-    found = main_frequency(signals[0], rate, between_bins=True)
+    steady = _without_drift(moving[0], 3)
+    found = main_frequency(steady, rate, between_bins=True)
     named = _HERTZ.search(name)
     if named:
         stated = float(re.sub("[,p]", ".", named[1]))
@@ -146,16 +153,23 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     periods = found * angle.size / rate
     if periods < SHARED.fewest or not _holds(found, angle, moment, rate):
         return None
-    # The power of what changes from one period to the next, relative to that of the signal.
+    # The power of what changes from one period to the next, relative to that of the signal; a polynomial that is fitted
+    # to the signal itself takes a part of few periods.
     at = np.arange(angle.size)
     later = at + rate / found
     inside = later <= at[-1]
-    changed = np.mean((np.interp(later[inside], at, signals[0]) - signals[0][inside]) ** 2)
-    if changed / (2 * np.var(signals[0])) > REPEATS:
+    changed = _without_drift(np.interp(later[inside], at, moving[0]) - moving[0][inside], 2)
+    if np.mean(changed**2) / (2 * np.var(steady)) > REPEATS:
         return None
     # The fewest digits that lie within its error.
     rounded = [float(f"{found:.{digits}g}") for digits in range(1, 8)]
     return next((value for value in rounded if abs(value - found) <= 0.05 * found / periods), found)
+
+
+def _without_drift(signal: Array, degree: int) -> Array:
+    """Return a signal without a polynomial: slow drift is no excitation."""
+    abscissa = np.linspace(-1, 1, signal.size)
+    return np.asarray(signal - np.polyval(np.polyfit(abscissa, signal, degree), abscissa))
 
 
 def find_course(angle: Array, rate: float | None, frequency: float | None) -> str:

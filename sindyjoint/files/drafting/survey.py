@@ -3,6 +3,7 @@
 import os
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path, PurePosixPath
@@ -10,10 +11,11 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 import scipy
 
+from sindyjoint.documents import read_regular
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError
 from sindyjoint.files.manifest import natural_order
 from sindyjoint.files.readers import READERS, ending_of, open_blocks, read_table
-from sindyjoint.files.timeaxis import LONGEST_GAP, bridged
+from sindyjoint.files.timeaxis import LONGEST_GAP, bridged, on_clock
 from sindyjoint.files.units import KNOWN, LETTERS, unit_in_name, unit_ratio
 from sindyjoint.numeric import Array
 from sindyjoint.policy import SHARED
@@ -22,6 +24,9 @@ from sindyjoint.text import control_character
 
 # Two columns so alike are one signal, wanted and measured.
 TWINS = 0.999
+# Files that speak of runs beside them; of a longer one nobody writes.
+NOTES = (".json", ".yaml", ".yml", ".txt", ".md", ".ini", ".cfg", ".hdr", ".log", ".xml")
+LONGEST_NOTE = 1 << 16
 # Of a larger file only so many rows are looked at.
 LARGE, ROWS = 1 << 26, 1 << 18
 # What a unit can only be the unit of, by SI unit.
@@ -36,6 +41,8 @@ BY_UNIT = {
     "rad/s**2": "acceleration",
     "m/s**2": "acceleration",
 }
+# Of temperatures, where they are no coulombs and farads.
+WARM = {"C": "degC", "°C": "degC", "F": "degF", "°F": "degF"}
 SI_UNITS = {role: unit for unit, role in BY_UNIT.items()}
 # Words in names of columns and files, in the order in which they decide: "angle rate" is a rate.
 WORDS = {
@@ -120,6 +127,8 @@ class Bundle:
         Its first and last row, from 1, where runs stand one below the other.
     refused : tuple of str
         Why columns are none of the run, such as those with blanks, or of another length.
+    notes : tuple of (str, str)
+        Name and text of the files that speak of it: those whose name its own begins with, else those on all.
     """
 
     name: str
@@ -131,6 +140,7 @@ class Bundle:
     run: str = ""
     rows: tuple[int, int] | None = None
     refused: tuple[str, ...] = ()
+    notes: tuple[tuple[str, str], ...] = ()
 
     def find(self, name: str) -> Column | None:
         """Return the column of a name or number."""
@@ -169,7 +179,36 @@ def survey_folder(folder: Path) -> tuple[tuple[Bundle, ...], tuple[tuple[str, st
             files.append(_read(path, name))
         except SindyJointError as error:
             left_out.append((name, str(error).removeprefix(f"{path}: ")))
-    return tuple(files), tuple(left_out)
+    names = {file.name for file in files}
+    notes: list[tuple[str, str, str]] = []
+    for name, path in sorted(found):
+        if path.suffix.lower() in NOTES and name not in names:
+            with suppress(SindyJointError):
+                text = read_regular(path, LONGEST_NOTE).decode("utf-8", "replace")
+                notes.append((*os.path.splitext(name), text))
+    own = {name: max((s for s, *_ in notes if _begins(name, s)), key=len, default=None) for name in names}
+    shared = [each for each in notes if each[0] not in own.values()]
+    told = tuple(
+        replace(
+            file,
+            notes=tuple(
+                (f"its {ending} file", text) for stem, ending, text in notes if stem == own[file.name]
+            )
+            or tuple((stem + ending, text) for stem, ending, text in shared if _is_above(stem, file.name)),
+        )
+        for file in files
+    )
+    return told, tuple(each for each in left_out if os.path.splitext(each[0])[0] not in own.values())
+
+
+def _begins(name: str, stem: str) -> bool:
+    """Return whether a file is called as a note but for what follows, as run1_torque.csv and run1.json are."""
+    return name.startswith(stem) and not name[len(stem) :][:1].isalnum()
+
+
+def _is_above(stem: str, name: str) -> bool:
+    """Return whether a note lies in the folder of a file, or in one above it."""
+    return name.startswith(stem.rpartition("/")[0])
 
 
 def _read(path: Path, name: str) -> Bundle:
@@ -261,7 +300,7 @@ def split_runs(file: Bundle) -> tuple[tuple[Bundle, ...], bool]:
         own.setdefault(mark, set()).add(role_of(column.title, column.unit) or "")
     whole = [mark for mark, roles in own.items() if mark and LOADS & roles and MOTIONS & roles]
     if len(whole) < 2:
-        return (_of_one_length(file),), True
+        return (_on_one_time(file),), True
     runs = []
     for mark in whole:
         rest = {word for other in whole if other != mark for word in other} - set(mark)
@@ -275,22 +314,51 @@ def split_runs(file: Bundle) -> tuple[tuple[Bundle, ...], bool]:
         shared = [c for c, words in zip(file.columns, marks, strict=True) if words not in whole]
         scalars = tuple(each for each in file.scalars if not rest & {*marks_of(each[0])})
         made = replace(file, columns=(*columns, *shared), scalars=scalars, run=called)
-        runs.append(_of_one_length(made, columns[0].values.size))
+        runs.append(_on_one_time(made, columns[0].values.size))
     told = all({word.lower() for word in mark} & _RUN_WORDS or not mark[0].isdigit() for mark in whole)
     return tuple(runs), told
 
 
-def _of_one_length(file: Bundle, length: int | None = None) -> Bundle:
-    """Return a run without the columns of another length than its channels have: by default than the longest."""
-    size = max(column.values.size for column in file.columns) if length is None else length
-    other = tuple(
-        f"{column.title!r} has {column.values.size} samples and the others {size}: bring all to one rate "
-        "(numpy.interp)"
-        for column in file.columns
-        if column.values.size != size
-    )
-    columns = tuple(column for column in file.columns if column.values.size == size)
-    return replace(file, columns=columns, refused=file.refused + other)
+def _on_one_time(file: Bundle, length: int | None = None) -> Bundle:
+    """Return a run with its columns on the time of the slower of load and motion, without those of another length.
+
+    A column with its own time is brought onto that one; the manifest then names its file, be it the same.
+    """
+    roles = [role_of(column.title, column.unit) for column in file.columns]
+    sizes = [column.values.size for column in file.columns]
+    of_kinds = [
+        [n for n, role in zip(sizes, roles, strict=True) if role in kind] for kind in (LOADS, MOTIONS)
+    ]
+    size = min(max(kind or sizes) for kind in of_kinds) if length is None else length
+    places = [(column.file or file.name, n) for column, n in zip(file.columns, sizes, strict=True)]
+    clocks = {
+        place: column
+        for place, column, role in zip(places[::-1], file.columns[::-1], roles[::-1], strict=True)
+        if role == "time"
+    }
+    base = next((place for place in places if place in clocks and place[1] == size), (file.name, size))
+    columns, refused = [], list(file.refused)
+    for column, place in zip(file.columns, places, strict=True):
+        if place != base and {place, base} <= clocks.keys():
+            one, other = clocks[base], clocks[place]
+            ratio = unit_ratio(other.unit or "s", one.unit or "s") or 1.0
+            try:
+                moved = on_clock(
+                    one.values, ratio * other.values, column.values, f"column {other.title!r}", str
+                )
+            except InputError as error:
+                refused.append(str(error))
+                continue
+            column = replace(column, values=bridged(moved))
+        if column.values.size == size:
+            columns.append(replace(column, file=None if place == base else place[0]))
+        else:
+            refused.append(
+                f"{column.title!r} has {place[1]} samples and the others {size}: bring all to one rate, or give each "
+                "its time"
+            )
+    columns.sort(key=lambda column: column.file is not None)
+    return replace(file, name=base[0], columns=tuple(columns), refused=tuple(refused))
 
 
 def marks_of(text: str) -> tuple[str, ...]:
@@ -311,7 +379,7 @@ def bundle_files(files: Sequence[Bundle]) -> tuple[Bundle, ...]:
 
     A column of one name below one header is one sensor of the test: the unit that some files state, and none denies, is
     that of all. Where no file has both a load and a motion, files whose names differ only in the word for their channel
-    belong together, if they are equally long.
+    belong together, if they are equally long or each has its time.
     """
     stated: dict[tuple[tuple[str, ...], str], set[str]] = {}
     for file in files:
@@ -329,7 +397,7 @@ def bundle_files(files: Sequence[Bundle]) -> tuple[Bundle, ...]:
         # By what is left of its name without words for channels.
         groups.setdefault(marks_of(PurePosixPath(file.name).with_suffix("").as_posix()), []).append(file)
     return tuple(
-        _of_one_length(
+        _on_one_time(
             replace(
                 group[0],
                 columns=group[0].columns
@@ -355,8 +423,10 @@ def _told(file: Bundle, known: dict[tuple[tuple[str, ...], str], str]) -> tuple[
         unit = SI_UNITS.get(role or "", unit) if file.simulated else unit
         found.append(replace(column, unit=unit, role=role))
     if len(found) == 1 or (len(found) == 2 and (found[0].role == "time" or is_clock(found[0].values))):
-        role = found[-1].role or role_of_words(PurePosixPath(file.name).stem)
-        found[-1] = replace(found[-1], role=role)
+        # A single column may be named by its file.
+        called = PurePosixPath(file.name).stem
+        unit = found[-1].unit or (unit_in_name(called) or ("",))[0]
+        found[-1] = replace(found[-1], unit=unit, role=found[-1].role or role_of(called, unit))
     return tuple(found)
 
 
@@ -395,6 +465,8 @@ def role_of(title: str, unit: str) -> str | None:
     # The ending of a name is a unit only where the name can be that of a quantity: pulses_N is a number of pulses.
     if not unit or words == "command" or (words == "counter" and unit_in_name(title) == (unit, True)):
         return words
+    if unit in {*WARM, *WARM.values()}:
+        return "temperature"
     return next((role for si, role in BY_UNIT.items() if unit_ratio(unit, si)), words)
 
 

@@ -260,7 +260,7 @@ def begins(path: Path) -> bytes:
 
 
 def vectors(name: str, array: NDArray[Any], subscript: str, first: int) -> dict[str, NDArray[Any]]:
-    """Return a data set as named vectors: itself, or the columns of a matrix.
+    """Return a data set as named vectors: itself, or the columns of a matrix, or the rows of one that lies.
 
     Parameters
     ----------
@@ -272,8 +272,21 @@ def vectors(name: str, array: NDArray[Any], subscript: str, first: int) -> dict[
         How the language of the file counts the first column.
     """
     if array.ndim == 2 and 1 not in array.shape:
-        return {name + subscript.format(first + position): column for position, column in enumerate(array.T)}
+        lies = array.shape[0] < array.shape[1]
+        lines = array if lies else array.T
+        return {name + numbered(subscript, lies, first + at): line for at, line in enumerate(lines)}
     return {name: array.ravel() if array.ndim == 2 else array}
+
+
+def numbered(subscript: str, lies: bool, number: int) -> str:
+    """Return the subscript of a column of a matrix, or of a row of one whose samples lie side by side.
+
+    Examples
+    --------
+    >>> numbered("[:,{}]", False, 2), numbered("(:,{})", True, 1)
+    ('[:,2]', '(1,:)')
+    """
+    return (subscript.replace(":,{}", "{},:") if lies else subscript).format(number)
 
 
 def short_names(names: Sequence[str], separator: str) -> dict[str, int]:
@@ -319,7 +332,7 @@ def check_bytes(path: Path, size: int, what: str = "its content") -> None:
     if size > largest:
         raise InputError(
             f"{path}: {what} would take {size / 1e6:.6g} MB of memory, beyond the limit of {largest / 1e6:.6g} MB; if "
-            f"it is meant, raise the limit with 'sindyjoint --largest SIZE ...'"
+            f"it is meant, raise the limit: sindyjoint --largest {math.ceil(size / 1e6)}MB before the verb"
         )
 
 

@@ -11,10 +11,11 @@ MathWorks, "MAT-File Format", describes both versions.
 
 import io
 import math
+import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -33,6 +34,7 @@ from sindyjoint.files.readers import (
     foreign,
     largest_bytes,
     library,
+    numbered,
     short_names,
     vectors,
 )
@@ -82,6 +84,8 @@ def read_npy(path: Path, data: bytes | None = None) -> Table:
         shape, fortran, dtype, at = _head(path, file, size, "an array", whole=data is not None)
     if len(shape) not in (1, 2):
         raise InputError(f"{path}: an array of {dtype} and shape {shape}; expected a table of numbers")
+    if len(shape) == 2 and shape[0] < shape[1]:  # samples lie along the longer side
+        shape, fortran = shape[::-1], not fortran
     rows, width = shape[0], shape[1] if len(shape) == 2 else 1
     if width > MOST_COLUMNS:
         raise InputError(f"{path}: has {width} columns; expected at most {MOST_COLUMNS}")
@@ -131,8 +135,9 @@ def _head(
 def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Table:
     """Return the data sets of an HDF5 file, called ``group/name``, or ``name`` where that is unique.
 
-    The columns of a matrix are ``name[:,0]`` ..., the fields of a compound ``name/field``. MATLAB's matrices are seen
-    transposed, and cut along their second axis.
+    The columns of a matrix are ``name[:,0]`` ..., or called as a list of as many texts beside it has them, and the
+    fields of a compound ``name/field``. MATLAB's matrices are seen transposed. Single numbers among the attributes are
+    columns of one.
 
     Raises
     ------
@@ -144,47 +149,56 @@ def read_hdf5(path: Path, data: bytes | None = None, matlab: bool = False) -> Ta
     h5py = library(f"{path}: reading", "h5py")
     kind, separator, subscript = ("MATLAB v7.3", ".", "(:,{})") if matlab else ("HDF5", "/", "[:,{}]")
     columns: dict[str, Callable[[int, int], NDArray[Any]]] = {}
-    units: list[str] = []
-    sizes = [0]
+    units: dict[str, str] = {}
+    sizes: dict[str, int] = {}
+    words: dict[str, str] = {}
     with foreign(path, kind):
         # Of bytes in memory HDF5 makes a file of its own: through a file object it would ask for each number.
         file = h5py.File(path if data is None else h5py.h5f.open_file_image(data), "r")
         remark = file.attrs.get("remark")
-        for found, shape, item, get, unit in _vectors(file, h5py, path):
+        for found, shape, item, get, texts in _vectors(file, h5py, path):
             name = found.replace("/", separator)
+            if texts.get("MATLAB_class") == ["char"]:
+                words[name] = "".join(map(chr, np.ravel(get(()))))
+                continue
             check_array(path, shape, item, f"data set {found!r:.60}")
-            # Of a scalar, or a stack of matrices, no rows can be cut: it is refused when it is asked for.
-            along = int(np.argmax(shape)) if 1 in shape else int(matlab and len(shape) == 2)
-            if len(shape) != 2 or 1 in shape:
-                columns[name] = partial(_cut, get, len(shape), along, 0)
-            else:
-                for position in range(shape[1 - along]):
-                    columns[name + subscript.format(position + matlab)] = partial(
-                        _cut, get, 2, along, position
-                    )
-            units += [unit] * (len(columns) - len(units))
-            sizes.append(shape[along] if len(shape) in (1, 2) else 0)
+            # Samples lie along the longer side. Of a scalar, or a stack of matrices, no rows can be cut: it is refused
+            # when it is asked for.
+            along = int(shape[0] < shape[1] + matlab) if len(shape) == 2 else 0
+            width, titles = shape[1 - along] if len(shape) == 2 else 1, [name]
+            if width > 1:
+                titles = [name + numbered(subscript, along != matlab, at + matlab) for at in range(width)]
+                for key, own in texts.items():
+                    if key not in UNIT_KEYS and len(own) == len(set(own)) == width:
+                        titles = [f"{name}{separator}{title}" for title in own]
+            columns |= {title: partial(_cut, get, len(shape), along, at) for at, title in enumerate(titles)}
+            listed = [texts[key] for key in UNIT_KEYS if len(texts.get(key, ())) == width]
+            units |= dict(zip(titles, [*listed, [""] * width][0], strict=True))
+            sizes |= dict.fromkeys(titles, shape[along] if len(shape) in (1, 2) else 0)
     cuts = list(columns.values())
+    beside, names = _told_beside(sizes, words)
+    stated = tuple(own or its for own, its in zip(units.values(), beside, strict=True))
 
     def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
         check_bytes(path, 8 * len(wanted) * max(stop - start, 0))
         return [cuts[position](start, stop) for position in wanted]
 
     return Table(
-        path, tuple(columns), load, short_names(tuple(columns), separator), count=lambda: max(sizes),
-        units=tuple(units), remarks=(remark,) if isinstance(remark, str) else (),
+        path, tuple(names), load, short_names(names, separator), count=lambda: max(sizes.values(), default=0),
+        units=stated, remarks=(remark,) if isinstance(remark, str) else (),
     )  # fmt: skip
 
 
 def _vectors(
     group: Any, h5py: Any, path: Path, prefix: str = "", above: tuple[Any, ...] = ()
-) -> Iterator[tuple[str, tuple[int, ...], int, Callable[[Any], NDArray[Any]], str]]:
-    """Yield name, shape, bytes of a number, access and unit of numeric data sets and fields of compounds.
+) -> Iterator[tuple[str, tuple[int, ...], int, Callable[[Any], NDArray[Any]], dict[str, list[str]]]]:
+    """Yield name, shape, bytes of a number, access and texts beside of numeric data sets and fields of compounds.
 
     Names that begin with # are reserved by MATLAB.
     """
     if group in above:
         raise InputError(f"{path}: group {prefix!r:.60} holds itself")
+    yield from _single_numbers(prefix, group)
     for key in group:
         name, linked = f"{prefix}{key}", isinstance(group.get(key, getlink=True), h5py.ExternalLink)
         item: Any = None if linked else group.get(key)
@@ -206,12 +220,30 @@ def _vectors(
                 raise InputError(f"{path}: data set {name!r:.60} is empty")
             check_array(path, item.chunks or (), item.dtype.itemsize, f"a chunk of {name!r:.60}")
             if not item.dtype.names:
-                unit = next((item.attrs[key] for key in UNIT_KEYS if key in item.attrs), "")
-                access = partial(_get, path, name, item, None)
-                yield name, item.shape, item.dtype.itemsize, access, unit if isinstance(unit, str) else ""
+                stated = (group, item)[item.ndim != 2 :]
+                texts = {key: _texts(value) for each in stated for key, value in each.attrs.items()}
+                yield name, item.shape, item.dtype.itemsize, partial(_get, path, name, item, None), texts
+                yield from _single_numbers(f"{name}/", item)
             for field in item.dtype.names or ():
                 size = item.dtype[field].itemsize
-                yield f"{name}/{field}", item.shape, size, partial(_get, path, name, item, field), ""
+                yield f"{name}/{field}", item.shape, size, partial(_get, path, name, item, field), {}
+
+
+def _single_numbers(
+    prefix: str, item: Any
+) -> Iterator[tuple[str, tuple[int, ...], int, Callable[[Any], NDArray[Any]], dict[str, list[str]]]]:
+    """Yield the attributes that are one number each, such as a sampling rate, as data sets; but not those of MATLAB."""
+    for key, value in item.attrs.items():
+        number = np.ravel(value)
+        if number.size == 1 and number.dtype.kind in "fiu" and not key.startswith(("_", "MATLAB")):
+            yield f"{prefix}{key}", number.shape, number.itemsize, number.__getitem__, {}
+
+
+def _texts(value: Any) -> list[str]:
+    """Return the texts of an attribute, or the parts of one with commas."""
+    found = [each.decode("utf-8", "replace") if isinstance(each, bytes) else each for each in np.ravel(value)]
+    texts = [str(each) for each in found if isinstance(each, str)]
+    return [part.strip() for part in (re.split("[,;]", texts[0]) if len(texts) == 1 else texts)]
 
 
 def _get(path: Path, name: str, dataset: Any, field: str | None, index: Any) -> NDArray[Any]:
@@ -269,25 +301,27 @@ def read_mat(path: Path, data: bytes | None = None) -> Table | None:
             if array.dtype.kind != "U":
                 arrays |= vectors(name, array, "(:,{})", first=1)
     texts = {name: str(array) for name, array in stored if array.dtype.kind == "U"}
-    parents = [name.rpartition(".")[0] for name in arrays]
-    # A struct of one vector, and its unit and its name beside.
-    long = [parent for parent, array in zip(parents, arrays.values(), strict=True) if array.size > 1]
-
-    def beside(parent: str, keys: Sequence[str]) -> str:
-        found = (texts[f"{parent}.{key}"] for key in keys if f"{parent}.{key}" in texts)
-        return next(found, "") if long.count(parent) == 1 else ""
-
-    units = tuple(beside(parent, UNIT_KEYS) for parent in parents)
-    labels = [beside(parent, LABELS) for parent in parents]
-    named = [
-        f"{parent}.{label}" if label and array.size > 1 else name
-        for (name, array), parent, label in zip(arrays.items(), parents, labels, strict=True)
-    ]
-    if len(set(named)) == len(arrays):
-        arrays = dict(zip(named, arrays.values(), strict=True))
+    units, named = _told_beside({name: array.size for name, array in arrays.items()}, texts)
+    arrays = dict(zip(named, arrays.values(), strict=True))
     return Table.of(
         path, arrays, aliases=short_names(tuple(arrays), "."), remarks=tuple(texts.values()), units=units
     )
+
+
+def _told_beside(sizes: Mapping[str, int], texts: Mapping[str, str]) -> tuple[tuple[str, ...], list[str]]:
+    """Return units and names of vectors, as the texts beside state them in a struct that holds one vector."""
+    parents = {name: name.rpartition(".")[0] for name in sizes}
+    long = [parents[name] for name, size in sizes.items() if size > 1]
+
+    def beside(name: str, keys: Sequence[str]) -> str:
+        parent = parents[name]
+        found = (texts[f"{parent}.{key}"] for key in keys if f"{parent}.{key}" in texts)
+        return next(found, "") if long.count(parent) == 1 else ""
+
+    labels = {name: beside(name, LABELS) if size > 1 else "" for name, size in sizes.items()}
+    named = [f"{parents[name]}.{label}" if label else name for name, label in labels.items()]
+    units = tuple(beside(name, UNIT_KEYS) for name in sizes)
+    return units, named if len(set(named)) == len(sizes) else list(sizes)
 
 
 def read_arrays(path: Path, data: bytes) -> Iterator[tuple[str, NDArray[Any]]]:

@@ -105,7 +105,7 @@ def _segment(path: Path, table: list[list[str]], end: int, before: int) -> Segme
 def read_tdms(path: Path, data: bytes | None = None) -> Table:
     """Return the channels of a TDMS file, called ``group/channel``, or ``channel`` where that is unique.
 
-    Where the channels carry LabVIEW's sampling interval, ``time`` is made from it.
+    Where the channels carry LabVIEW's sampling interval, ``time`` is made of it, and ``group/time`` where they differ.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def read_tdms(path: Path, data: bytes | None = None) -> Table:
     def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
         asked = [position for position in wanted if position < len(channels)]
         clocks = {steps[position] for position in asked} or set(steps)
-        if len(asked) < len(wanted) and (len(clocks) != 1 or 0.0 in clocks):
+        if len(channels) in wanted and (len(clocks) != 1 or 0.0 in clocks):
             raise InputError(
                 f"{path}: its channels have no common sampling interval; declare [channels] rate"
             )
@@ -130,6 +130,9 @@ def read_tdms(path: Path, data: bytes | None = None) -> Table:
                 np.asarray(channels[position][1].read_data(start, stop - start))
                 if position < len(channels)
                 else np.arange(start, end) * next(iter(clocks))
+                if position == len(channels)
+                else np.arange(start, min(stop, own[position][2])) * own[position][0]
+                + 1e-6 * (own[position][1] - begin)
                 for position in wanted
             ]
 
@@ -147,9 +150,22 @@ def read_tdms(path: Path, data: bytes | None = None) -> Table:
     names = tuple(name for name, _ in channels)
     aliases, rows = short_names(names, "/"), max((len(channel) for _, channel in channels), default=0)
     clocked = any(steps) and "time" not in names and "time" not in aliases
+    # Of groups with a clock of their own each has its time as well: step, start and length.
+    groups: dict[str, set[tuple[float, float, int]]] = {}
+    for step, (name, channel) in zip(steps, channels, strict=True):
+        groups.setdefault(name.rpartition("/")[0], set()).add((step, _start(channel), len(channel)))
+    times = {
+        f"{group}/time": clock
+        for group, (clock, *others) in groups.items()
+        if len(set(steps)) > 1 and clock[0] and not others and f"{group}/time" not in names
+    }
+    own = dict(enumerate(times.values(), start=len(names) + 1))
+    begin = min((start for _, start, _ in own.values()), default=0.0)
     stated = [[c.properties[key] for key in UNIT_KEYS if key in c.properties] for _, c in channels]
     units = tuple(str(own[0]) if own else "" for own in stated)
-    return Table(path, (*names, "time") if clocked else names, load, aliases, units=units, count=lambda: rows)
+    return Table(
+        path, (*names, "time", *times) if clocked else names, load, aliases, units=units, count=lambda: rows
+    )
 
 
 @contextmanager
@@ -174,6 +190,13 @@ def _increment(path: Path, channel: Any) -> float:
             f"{path}: the sampling interval of channel {channel.name!r:.60} is {given!r:.40}; expected seconds"
         )
     return float(given)
+
+
+def _start(channel: Any) -> float:
+    """Return when the first sample of a channel was taken by the clock of the computer, in whole µs."""
+    since, offset = (channel.properties.get(f"wf_start_{name}") for name in ("time", "offset"))
+    whole = since.astype("M8[us]").astype(float) if isinstance(since, np.datetime64) else 0.0
+    return whole + float(np.round(1e6 * (offset or 0.0)))
 
 
 def read_uff(path: Path, data: bytes) -> Table:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from sindyjoint.documents import without_repetition
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.readers import MOST_COLUMNS, Table, begins, check_array, check_bytes, foreign, library
-from sindyjoint.files.readers.text import is_stamp, seconds_since_first, table_of_text
+from sindyjoint.files.readers.text import LONGEST, is_stamp, seconds_since_first, table_of_text
+from sindyjoint.record import MINIMUM_SAMPLES
 
 # Rows of Parquet decoded at once.
 BATCH = 1 << 16
@@ -140,8 +141,8 @@ MEMORY = 8
 def read_xlsx(path: Path, data: bytes, skip: int | None = None) -> Table:
     """Return the columns of the first sheet with numbers, read by the rules of a text table.
 
-    Where other sheets have the same columns, each is a run: all are called ``sheet/name``, those of the first also by
-    ``name`` alone. Formulas give the values that were saved with them.
+    Where other sheets have the same columns, each is a run, else each holds channels: all are called ``sheet/name``,
+    those of the first also by ``name`` alone. Formulas give the values that were saved with them.
 
     Raises
     ------
@@ -158,6 +159,7 @@ def read_xlsx(path: Path, data: bytes, skip: int | None = None) -> Table:
         sheets = {sheet.title: _read_rows(path, sheet) for sheet in book.worksheets}
         book.close()
     found: dict[str, Table] = {}
+    errors = [InputError(f"{path}: holds no sheet with numbers; expected a header and rows")]
     for title, rows in sheets.items():
         if sum(any(isinstance(cell, int | float) for cell in row) for row in rows[:1000]) > 1:
             width = max(len(row) for row in rows)
@@ -166,31 +168,40 @@ def read_xlsx(path: Path, data: bytes, skip: int | None = None) -> Table:
             ]
             try:
                 found[title] = table_of_text(path, "\n".join([*lines, ""]), skip)
-            except InputError:
-                # What is no table stops nobody who has the first one.
-                if not found:
-                    raise
+            except InputError as error:
+                # What is no table stops nobody who has another one.
+                errors.append(error)
     if not found:
-        raise InputError(f"{path}: holds no sheet with numbers; expected a header and rows")
-    title, first = next(iter(found.items()))
-    first = replace(first, remarks=(*first.remarks, f"sheet {title!r} of {', '.join(sheets)}"))
+        raise errors[-1]
+    # What is shorter than a run says something about it.
+    long = {title: table for title, table in found.items() if table.rows >= MINIMUM_SAMPLES}
+    title, first = next(iter((long or found).items()))
+    said = (
+        "\t".join(map(_cell, row))
+        for title, rows in sheets.items()
+        if title not in long
+        for row in rows[:LONGEST]
+    )
+    first = replace(first, remarks=(*first.remarks, f"sheet {title!r} of {', '.join(sheets)}", *said))
     alike = {title: table for title, table in found.items() if table.names == first.names}
-    return first if len(alike) == 1 else _of_sheets(first, alike)
+    # Sheets with other columns are channels of one run.
+    together = alike if len(alike) > 1 else {title: first} | long
+    return first if len(together) == 1 else _of_sheets(first, together)
 
 
 def _of_sheets(first: Table, sheets: dict[str, Table]) -> Table:
-    """Return the columns of sheets that are runs."""
-    tables, width = list(sheets.values()), len(first.names)
+    """Return the columns of sheets that are runs, or channels."""
+    columns = [(table, at) for table in sheets.values() for at in range(len(table.names))]
 
     def load(wanted: Sequence[int], start: int, stop: int) -> list[NDArray[Any]]:
-        return [tables[at // width].load([at % width], start, stop)[0] for at in wanted]
+        return [table.load([at], start, stop)[0] for table, at in (columns[place] for place in wanted)]
 
     return replace(
         first,
-        names=tuple(f"{title}/{name}" for title in sheets for name in first.names),
+        names=tuple(f"{title}/{name}" for title, table in sheets.items() for name in table.names),
         load=load,
         aliases={name: at for at, name in enumerate(first.names)},
-        units=tuple(unit for table in tables for unit in (*table.units, *[""] * (width - len(table.units)))),
+        units=tuple((*table.units, *[""] * (at + 1))[at] for table, at in columns),
         name_row=lambda index: f"row {index + 1}",
     )
 

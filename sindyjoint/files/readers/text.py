@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import InputError
 from sindyjoint.files.readers import Table, begins
 from sindyjoint.files.units import is_unit
+from sindyjoint.record import MINIMUM_SAMPLES
 
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*")
 # A date may stand before it and a zone behind it: only the time within the day is read. Or minutes and seconds.
@@ -28,6 +29,8 @@ ALIKE = 3
 LONGEST = 400
 # What programs write where there is no number.
 MISSING = {"", "na", "n/a", "#n/a", "null", "none", "-", "--"}
+# What rows without a text for a label begin with.
+COUNTED = (["0", "1", "2"], ["1", "2", "3"])
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*")
 
 
@@ -139,7 +142,11 @@ def preamble_length(lines: Sequence[str]) -> int:
         if len(row) != width or set(row) == {"blank"} or "number" in row:
             break
         headings += 1
-    if headings == 2 and first > 2 and not all(is_unit(field) for field in rows[first - 1] if field):
+    if (
+        headings == 2
+        and (first > 2 or width == 1)
+        and not all(is_unit(field) for field in rows[first - 1] if field)
+    ):
         headings = 1
     if not headings and first and len(rows[first - 1]) > 1 and "number" not in kinds[first - 1]:
         return 0  # a header of another width than its columns: to be reported, not passed over
@@ -204,7 +211,7 @@ def table_of_text(path: Path, text: str, skip: int | None = None) -> Table:
     if not text.endswith("\n"):
         layout.check_end()
     return Table(
-        path, layout.names, lambda wanted, start, stop: layout.parse(wanted),
+        path, layout.names, lambda wanted, start, stop: layout.parse(wanted), count=lambda: len(layout.lines),
         name_row=lambda index: f"line {layout.numbers[index]}", units=layout.units, remarks=layout.remarks,
     )  # fmt: skip
 
@@ -344,6 +351,12 @@ def _layout(path: Path, text: str, skip: int | None) -> _Layout:
     remarks = (*comments, *(line.strip() for line in lines[:skipped]))
     lines, numbers = lines[skipped:], numbers[skipped:]
     delimiter = find_delimiter(lines)
+    rows = [split_fields(line, delimiter) for line in lines] if len(lines) < MINIMUM_SAMPLES else [[""]]
+    if len(rows[0]) >= MINIMUM_SAMPLES and len({len(row) - is_number(row[0]) for row in rows}) == 1:
+        # A channel in each row, with its name at the left.
+        delimiter = "\t"
+        lines = [delimiter.join(fields) for fields in zip(*rows, strict=True)]
+        numbers = list(range(1, len(lines) + 1))
     # numpy.savetxt writes the header as the last comment before the data.
     comment = comments[-1].lstrip("#%/ \t") if comments and not skipped else ""
     names, units, head = _header(lines, delimiter, comment)
@@ -362,6 +375,10 @@ def _header(
         above = split_fields(comment, delimiter) if comment else []
         numbered = tuple(str(position) for position in range(1, len(first) + 1))
         return tuple(above) if len(above) == len(first) else numbered, (), 0
+    labels = [split_fields(line, delimiter)[0] for line in lines[1 : 1 + ALIKE]]
+    if len(second) == len(first) + 1 and (labels in COUNTED or not any(map(is_number, labels))):
+        # Programs that label rows leave the name of that column out.
+        first = ["", *first]
     names = tuple(field or str(position) for position, field in enumerate(first, start=1))
     numbers = any(is_number(field) or is_stamp(field) for field in second)
     if len(lines) > 1 and len(second) == len(names) and any(second) and not numbers:
