@@ -284,18 +284,20 @@ class _RunLoader:
 
 def _on_clock_of(opened: Table, axis: TimeChannel | str | None, other: Table, column: Column) -> Table:
     """Return another file of a run with a column at the instants of the first, where both have a time."""
-    for at in range(1, len(other.names) + 1):
+    if not isinstance(axis, TimeChannel):
+        return other
+    # A time of the same name before others.
+    for at in sorted(range(1, len(other.names) + 1), key=lambda at: other.names[at - 1] != axis.column):
         _, unit, _ = other.stated_unit(at) or ("", "", False)
-        if isinstance(axis, TimeChannel) and role_of(other.names[at - 1], unit) == "time":
+        if role_of(other.names[at - 1], unit) == "time":
             own, values = other.columns([at, column], gaps=True)
             if own.size == values.size:
-                time, ratio = (
-                    opened.columns([axis.column])[0],
-                    unit_ratio(unit or axis.unit, axis.unit) or 1.0,
-                )
-                moved = on_clock(time, ratio * own, values, f"{other.path}: {other.names[at - 1]}", other.row)
-                return replace(Table.of(other.path, {str(column): moved}), remarks=other.remarks)
-    return other
+                break
+    else:
+        return other
+    time, ratio = opened.columns([axis.column])[0], unit_ratio(unit or axis.unit, axis.unit) or 1.0
+    moved = on_clock(time, ratio * own, values, f"{other.path}: {other.names[at - 1]}", other.row)
+    return replace(other, load=lambda wanted, start, stop: [moved] * len(wanted))
 
 
 def value_in(each: Input, given: str | float, where: str) -> float:
