@@ -143,10 +143,6 @@ def others() -> dict[str, Any]:
     line(f"  10 000 joints x 100 runs x 1e6 samples: {SAMPLES:.0e}, reckoned, not run", f"{hours:.0f} core hours",
          f"on {WORKERS} workers {hours / WORKERS:.1f} h; read twice at {DISK / 1e9:g} GB/s "
          f"{2 * SAMPLES * WIDTH / DISK / 3600:.1f} h")  # fmt: skip
-    line("discover as a cold command, 12 CSV runs", f"{flows['discover, cold command']:.3g} s",
-         f"{flows['of it imports']:.3g} s of it are imports")  # fmt: skip
-    for name, spent in flows["processor time beyond imports"].items():
-        line(f"{name}, 12 CSV runs", f"{spent:.3g} s", "of the processor beyond imports")
     print("where the time of a discovery goes, once everything is imported:")
     for text in flows["profile"]:
         print(f"  {text}")

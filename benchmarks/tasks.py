@@ -316,10 +316,9 @@ def repeated(campaign: Any, times: int) -> Any:
 
 
 def workflows() -> dict[str, Any]:
-    """Discovery, diagnosis and report of the built-in virtual test, warm, and the cold command with its profile."""
+    """Discovery, diagnosis and report of the built-in virtual test, warm, with a profile."""
     import cProfile
     import pstats
-    import subprocess
 
     from sindyjoint.files import write_campaign
     from sindyjoint.mechanics.virtual import virtual_campaign
@@ -330,27 +329,6 @@ def workflows() -> dict[str, Any]:
     campaign = virtual_campaign(random_state=0)
     with tempfile.TemporaryDirectory() as folder:
         write_campaign(campaign, Path(folder) / "campaign")
-        command = [sys.executable, "-m", "sindyjoint", "discover", str(Path(folder) / "campaign")]
-
-        def processor(*arguments: str) -> float:
-            """Return the processor time of a command, the median of three."""
-            spent = []
-            for _ in range(3):
-                before = os.times()
-                subprocess.run(arguments, check=True, capture_output=True)
-                after = os.times()
-                spent.append(sum(after[2:4]) - sum(before[2:4]))
-            return median(spent)
-
-        cold = lambda: subprocess.run(command, check=True, capture_output=True)  # noqa: E731
-        cold()  # whatever is compiled is kept from here on
-        _, first = timed(cold, 3)
-        imports = "import sindyjoint.workflows.discover, sindyjoint.discovery.estimator, sympy, pint, numba"
-        _, loading = timed(lambda: subprocess.run([sys.executable, "-c", imports], check=True), 3)
-        beyond = {
-            name: processor(*command, *more) - processor(sys.executable, "-c", imports)
-            for name, more in (("discover", ()), ("discover --out", ("--out", str(Path(folder) / "page"))))
-        }
         found = discover(campaign)
         found, warm = timed(lambda: discover(campaign), 3)
         _, report = timed(lambda: write_results(found, Path(folder) / "out"), 2)
@@ -361,9 +339,6 @@ def workflows() -> dict[str, Any]:
     rows_of = pstats.Stats(profile).get_stats_profile().func_profiles.items()  # type: ignore[attr-defined]
     top = sorted(rows_of, key=lambda item: -item[1].tottime)[:12]
     return {
-        "discover, cold command": first["seconds"],
-        "of it imports": loading["seconds"],
-        "processor time beyond imports": beyond,
         "discover, warm": warm,
         "a further sample": (spent[1] - spent[0]) / (10 * sum(run.n_samples for run in campaign.runs)),
         "diagnose": named,
