@@ -103,6 +103,8 @@ def one(kind: str, seed: int) -> dict:
         found = discover(campaign, "paper")
     except SindyJointError as error:  # too few moving samples beside the noise, as one may draw them
         return dict(record, refused=f"{type(error).__name__}: {error}"[:200])
+    if not found.found:
+        return dict(record, refused=found.reason[:200])
     trust, truth = found.trust, dict(zip(TRUE_IDS, plan.truth, strict=True))
     terms = [term for term in found.model.terms if term.id in truth]
     return dict(

@@ -126,14 +126,15 @@ def travelled_run(
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Samples at even steps of the travelled path.
+    """Mean samples of even steps of the travelled path.
 
     Parameters
     ----------
     step : float
         rad (m).
     angle, moment : ndarray, shape (n,)
-        Angle on straight lines from reversal to reversal, rad (m), and mean moment there, N·m (N).
+        Mean angle of the samples of each step, or its middle where ``valid`` is false, rad (m), and moment there, N·m
+        (N).
     valid : ndarray of bool, shape (n,)
         False where no sample is nearest, and at reversals.
     averaged : float
@@ -254,10 +255,10 @@ def _turning_angle(angle: Array, at: int, noise: float, end: bool) -> float:
 
 
 def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLike] | None = None) -> Path:
-    """Return the samples of a quasi-static run at even steps of the path that it travels.
+    """Return the samples of a quasi-static run, averaged over even steps of the path that it travels.
 
     Each branch, from one reversal to the next, has a whole number of steps; a reversal is the last sample of one and
-    the first of the next, so that a motion of unit speed between them is followed exactly.
+    the first of the next.
 
     Parameters
     ----------
@@ -286,31 +287,34 @@ def along_path(moment: ArrayLike, angle: ArrayLike, inputs: Mapping[str, ArrayLi
         own = np.bincount(members, np.asarray(values, dtype=np.float64)[:count]) / size
         return np.interp(number, found, own)
 
-    known = np.isin(number, found)
-    # The samples of a step do not lie about its middle: the slope of the branch takes their mean there.
-    places = mean(path)
     first, last = (np.searchsorted(branch, branch, side=side) for side in ("left", "right"))
-    # A row near a reversal holds samples of both branches, and a branch of less than three others has no slope.
+    # A row near a reversal holds samples of both branches, and a branch of less than three others has no curvature.
     inner = (number >= first + 2) & (number < last - 2) & (last - first >= 7)
-    means = mean(moment)
-    slope = _slopes(places / (path[-1] / steps), means, np.where(inner, branch, -1 - branch))
+    # The samples of a step lie about another place than its middle, and the law is not straight between them.
+    off, step = mean(path - grid[found[members]]), float(path[-1]) / steps
+    spread = mean((path - grid[found[members]]) ** 2) - off**2
+    means, valid = mean(moment), np.isin(number, found) & inner
+    bent = _curvatures((grid + off) / step, means, np.where(inner, branch, -1 - branch)) / step**2
+    onwards = np.sign(np.diff(angles))[branch]
     return Path(
-        float(path[-1]) / steps,
-        along,
-        means + (grid - places) / (path[-1] / steps) * slope,
-        known & inner,
+        step,
+        along + np.where(valid, onwards * off, 0.0),
+        means - 0.5 * bent * spread,
+        valid,
         float(np.mean(size)),
         {name: mean(np.broadcast_to(values, measured.shape)) for name, values in (inputs or {}).items()},
     )
 
 
-def _slopes(place: Array, values: Array, branch: NDArray[np.intp]) -> Array:
-    """Return the slope at each place of the parabola through the values about it on the same branch."""
+def _curvatures(place: Array, values: Array, branch: NDArray[np.intp]) -> Array:
+    """Return the curvature at each place of the parabola through the values about it on the same branch."""
     near = np.clip(np.arange(place.size)[:, None] + np.arange(-3, 4), 0, place.size - 1)
     away = place[near] - place[:, None]
     same = branch[near] == branch[:, None]
     powers = np.stack([np.ones_like(away), away, away**2], axis=2) * same[:, :, None]
-    return np.asarray(np.einsum("nj,nj->n", np.linalg.pinv(powers, rcond=1e-6)[:, 1], same * values[near]))
+    return 2 * np.asarray(
+        np.einsum("nj,nj->n", np.linalg.pinv(powers, rcond=1e-6)[:, 2], same * values[near])
+    )
 
 
 def _branches(corners: Array, angles: Array, step: float) -> tuple[Array, Array, NDArray[np.intp]]:

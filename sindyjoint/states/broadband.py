@@ -237,20 +237,20 @@ def path_states(run: Run) -> ForceStates:
     Parameters
     ----------
     run : Run
-        Of which ``quasi_static`` is set: at even steps of the path.
+        Of which ``quasi_static`` is set: means of even steps of the path.
     """
-    step = 1 / run.sample_rate
     # A step without motion is the reversal, between the last sample of one branch and the first of the next.
-    change = np.diff(run.angle) / step
+    change = np.diff(run.angle)
     after, before = np.append(change, 0.0), np.append(0.0, change)
-    rate = np.where(after != 0.0, after, before)
+    rate = np.sign(np.where(after != 0.0, after, before))
     moving = rate != 0.0
     if run.valid is not None:
         moving &= run.valid
     scatter = run.noise.moment
     if scatter is None:
         branch = np.cumsum(np.diff(np.sign(rate), prepend=0.0) != 0)[moving]
-        scatter = white_noise(run.moment[moving], np.flatnonzero(moving).astype(float), branch)
+        path = np.cumsum(np.abs(before))
+        scatter = white_noise(run.moment[moving], path[moving] / np.mean(np.abs(change)), branch)
     return ForceStates(
         run=run.name,
         frequency=None,
