@@ -197,7 +197,8 @@ def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Ar
         # After a few evaluations another start is followed or left.
         trial, cost = _fit(problem, other, FEW_EVALUATIONS)
         apart = np.abs((trial - best) / problem.table[1])[: problem.n_shared].max()
-        if cost > (1 + RESPONSE.large_part) * least or apart < SAME_END:
+        lower = cost < (1 - RESPONSE.small_share) * least
+        if cost > (1 + RESPONSE.large_part) * least or (apart < SAME_END and not lower):
             continue
         end, cost = _fit(problem, trial, MOST_EVALUATIONS)
         if cost < (1 - RESPONSE.small_share) * least:

@@ -130,6 +130,8 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
     """Elastic stiffness and dissipation that are negative in every run point to a reversed channel."""
     stiffness, power = [], []
     for state in states:
+        if not state.moving.any():  # what completed it has no certain ends
+            continue
         moment = state.transfer_moment(model.inertia)[state.moving]
         angle, rate = state.angle[state.moving] - np.mean(state.angle), state.rate[state.moving]
         stiffness.append(float(np.mean((moment - moment.mean()) * angle)))
@@ -138,8 +140,8 @@ def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator
     top, load_and_path = model.fitted.angle, channel_words(model)
     rise = float(np.diff(model.moment(np.array([-top, top]), np.zeros(2)))[0]) if top > 0 else 0.0
     main = 0.5 * abs(rise) > SOUNDNESS.large_part * model.fitted.moment_rms
-    backwards = main and rise < 0 and max(stiffness) < 0
-    feeding = bool(model.terms) and max(power) < 0
+    backwards = main and rise < 0 and max(stiffness, default=0.0) < 0
+    feeding = bool(model.terms) and max(power, default=0.0) < 0
     if backwards and feeding:
         yield (
             "stiffness and dissipation are both negative in every run: one channel seems reversed; give it a negative "
