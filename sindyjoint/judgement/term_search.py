@@ -4,8 +4,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, law_coefficients, shifted
+from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, ModelTerm
@@ -13,6 +15,7 @@ from sindyjoint.equation.parsing import variable_symbols
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.verdict import leaves_noise
 from sindyjoint.limits import DISCOVERY, JUDGEMENT
+from sindyjoint.numeric import Array
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, moment_floor, regression_rows
@@ -86,7 +89,7 @@ def _on_response(
     """Return the surely known of some terms as the response has them, and its misfit; infinite if it has none."""
     from sindyjoint.response.refinement import refine
 
-    terms = {*terms}
+    terms, less = {*terms}, list[tuple[JointModel, float]]()
     while terms:
         trial = _with_terms(terms, found, campaign)
         say("fitting the simulated response")
@@ -97,9 +100,40 @@ def _on_response(
         sure = {t.id: _sureness(t) for t in result.model.terms if t.id not in forced}
         weakest = min(sure, key=sure.__getitem__, default="")
         if not weakest or sure[weakest] >= JUDGEMENT.significant:
-            return replace(trial, model=result.model), result.misfit
+            model = result.model
+            for fuller, sureness in less:
+                beside = [fuller[name].coefficient for name in model.ids]
+                model = widened(model, _omission(model, beside, sureness))
+            return replace(trial, model=model), result.misfit
+        if weakest in PAPER_TERMS:
+            left_out = result.model[weakest]
+            less.append((result.model, abs(left_out.coefficient) / left_out.standard_error))
         terms.discard(weakest)
     return found, np.inf
+
+
+def with_omissions(found: TermSearch) -> JointModel:
+    """Return the model of a search, its covariance with what leaving out each of the paper's terms does.
+
+    What does not stand out is left out, though nearly every joint has it, and the others make up for it. Its size is
+    counted as far as it is not that of its own error.
+    """
+    model, evidence = found.model, found.regressor.evidence_
+    fitted = [place for place, name in enumerate(model.ids) if name in evidence.ids]
+    columns = [evidence.ids.index(model.ids[place]) for place in fitted]
+    without = {*model.ids, *found.regressor.forbidden}
+    for name in (each for each in PAPER_TERMS if each in evidence.ids and each not in without):
+        fuller = fit_columns(evidence, [*columns, evidence.ids.index(name)])
+        beside = found.model.coefficients
+        beside[fitted] = fuller.coefficients[:-1]
+        model = widened(model, _omission(found.model, beside, fuller.t_ratios[-1]))
+    return model
+
+
+def _omission(model: JointModel, fuller: ArrayLike, sureness: float) -> Array:
+    """Return the covariance that a term left out makes, from the coefficients beside it and how sure it was."""
+    move = np.asarray(fuller) - model.coefficients
+    return np.outer(move, move) * (1 - 1 / max(sureness, 1.0) ** 2)
 
 
 def _sureness(term: ModelTerm) -> float:

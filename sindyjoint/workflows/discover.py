@@ -29,6 +29,7 @@ from sindyjoint.judgement.term_search import (
     search_completed,
     search_response,
     with_delay_uncertainty,
+    with_omissions,
 )
 from sindyjoint.judgement.verdict import (
     Verdict,
@@ -167,8 +168,9 @@ def discover(
         ) -> tuple[TermSearch, Verdict, ChannelDelay | None]:
             first = _select_terms(fresh, prepared, here, bandwidth, say)
             best = search_completed(first, prepared.moved, say) if correct and not long else first
-            if correct and not long and best.model.terms and prepared.campaign.moves_freely:
-                best = search_response(best, prepared.moved, say)
+            free = correct and not long and best.model.terms and prepared.campaign.moves_freely
+            by_response = search_response(best, prepared.moved, say) if free else best
+            best = replace(best, model=with_omissions(best)) if by_response is best else by_response
             return best, *_judge_terms(best, prepared)
 
         best, verdict, left_in = find(regressor, prepared)
