@@ -84,6 +84,11 @@ class Chosen:
         return frozenset(each.name for each in self.members)
 
 
+def rise_by_group(later: Chosen, fewer: Chosen) -> Array:
+    """Return what a set wins over another in each group, nats; errors beyond noise and discrepancy count as noise."""
+    return (later.score.by_group - fewer.score.by_group) / max(later.score.excess, 1.0)
+
+
 @dataclass(eq=False)
 class Search:
     """A search for what a model lacks.
@@ -131,14 +136,11 @@ class Search:
         return self._limits
 
     def wins(self, later: Chosen, fewer: Chosen) -> bool:
-        """Return whether a set wins over one with less in it by more than chance, for each member that it has more.
-
-        Errors beyond noise and discrepancy count as noise.
-        """
+        """Return whether a set wins over one with less in it by more than chance, for each member that it has more."""
         least, need = self.limits
-        rises = (later.score.by_group - fewer.score.by_group) / max(later.score.excess, 1.0)
         more = max(len(later.members) - len(fewer.members), 1)
-        return bool(rises.sum() > more * least and deviate(rises) > need)
+        won = rise_by_group(later, fewer)
+        return bool(won.sum() > more * least and deviate(won) > need)
 
     def chosen(self, members: Sequence[Candidate]) -> Chosen:
         """Return a set with its score."""
@@ -223,16 +225,19 @@ class Search:
     def without_idle(self, found: Chosen) -> Chosen:
         """Return a set less the members that hardly make the prediction better, where a remainder is left in any case.
 
-        Beside what nothing explains such a member stands in for a part of it; so it may where the noise is not sure.
+        Beside what nothing explains such a member stands in for a part of it; so it may where the noise is not sure,
+        unless no discrepancy shows and the groups agree on it.
         """
         if self.sure and not self.remains(found):
             return found
+        whole = not self.remains(found) and found.score.size == 0.0
         for each in found.members[::-1]:
             if each.corrects:  # a correction shows when the states are made again
                 continue
             fewer = self.chosen([m for m in found.members if m is not each])
             ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
-            if ratio > (1 - EVIDENCE.minor_share) ** 2:
+            agreed = whole and deviate(rise_by_group(found, fewer)) > EVIDENCE.significant
+            if ratio > (1 - EVIDENCE.minor_share) ** 2 and not agreed:
                 return self.without_idle(fewer)
         return found
 
