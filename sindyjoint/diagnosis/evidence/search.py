@@ -226,18 +226,18 @@ class Search:
         """Return a set less the members that hardly make the prediction better, where a remainder is left in any case.
 
         Beside what nothing explains such a member stands in for a part of it; so it may where the noise is not sure,
-        unless no discrepancy shows and the groups agree on it.
+        unless no discrepancy shows and the groups agree on it. What a correction wins shows when the states are made
+        again: of it they must agree.
         """
         if self.sure and not self.remains(found):
             return found
         whole = not self.remains(found) and found.score.size == 0.0
         for each in found.members[::-1]:
-            if each.corrects:  # a correction shows when the states are made again
-                continue
             fewer = self.chosen([m for m in found.members if m is not each])
             ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
-            agreed = whole and deviate(rise_by_group(found, fewer)) > EVIDENCE.significant
-            if ratio > (1 - EVIDENCE.minor_share) ** 2 and not agreed:
+            agreed = deviate(rise_by_group(found, fewer)) > EVIDENCE.stands_out
+            helps = ratio <= (1 - EVIDENCE.minor_share) ** 2
+            if not (agreed if each.corrects else helps or (whole and agreed)):
                 return self.without_idle(fewer)
         return found
 
