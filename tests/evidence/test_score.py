@@ -103,6 +103,24 @@ def test_one_group_alone_wins_nothing():
     assert deviate(np.full(6, 2.0)) == pytest.approx(2 * np.sqrt(6))
 
 
+@pytest.mark.parametrize("corrects", [False, True])
+def test_a_small_effect_in_unsure_noise_is_one_on_which_groups_agree(corrects):
+    """Both win, and take less than a tenth of the residual, the noise of which is stated 1.2 times too large."""
+    rng = np.random.default_rng(11)
+    rows = 50 * GROUPS * ROWS
+    X, noise = rng.standard_normal((rows, 2)), rng.standard_normal(rows)
+    kept = []
+    for size in (0.35, 0.05):
+        group = np.repeat(np.arange(GROUPS), 50 * ROWS)
+        made = Evidence((5 * X[:, 0] + size * X[:, 1] + noise) / 1.2, group, np.ones(rows))
+        made.add(X)
+        each = Candidate("c1", 0, np.empty(0), 1, False, corrects)
+        looked = Search(made, [0], [each], lambda candidate, beside, size: candidate, sure=False)
+        assert looked.wins(looked.chosen([each]), looked.chosen([]))
+        kept.append(bool(looked.run().members))
+    assert kept == [True, False]
+
+
 @dataclass
 class Plain:
     """Rows of unit noise as they are."""

@@ -11,6 +11,7 @@ from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.mechanics import INTER_PANEL, PaperLaw, simulate
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.response import OutputError, Parameter, refine, undetermined_directions
+from sindyjoint.response.refinement import _best_end
 from sindyjoint.states import campaign_states
 from tests.made_models import FORMULAS, model_of, paper_model, sweep, term
 
@@ -40,6 +41,25 @@ def test_wrong_coefficients_come_back(refined):
     assert refined.refined and refined.undetermined == () and refined.nuisance == {}
     assert max(refined.after.values()) < 0.0105 < min(refined.before.values())
     assert "coefficients refined on the simulated response of 4 run(s)" in refined.reason
+
+
+class TwoOptima:
+    """One number with an optimum at 1 and another 1 % above, where the residual vanishes."""
+
+    table = np.array([[1.0], [1.0], [0.0], [2.0]])
+    n_shared, rough = 1, False
+
+    def residual(self, x):
+        return np.array([5 * np.sin(100 * np.pi * (x[0] - 1)), 100 * (1.01 - x[0])])
+
+    def jacobian(self, x, step):
+        return np.array([[500 * np.pi * np.cos(100 * np.pi * (x[0] - 1))], [-100.0]])
+
+
+def test_a_lower_end_is_taken_however_near():
+    start, other = np.array([1.0]), np.array([1.0101])
+    assert _best_end(TwoOptima(), start, [start + 1e-4])[0] == pytest.approx(1.0, abs=1e-3)
+    assert _best_end(TwoOptima(), start, [other])[0] == pytest.approx(1.01, abs=1e-6)
 
 
 def test_a_refinement_that_misses_the_runs_kept_out_by_more_is_refused():

@@ -73,15 +73,36 @@ def test_the_path_of_a_triangle_is_its_length_and_the_direction_its_sign():
 
 
 def test_moments_between_few_samples_are_those_of_the_law():
-    """45 samples a cycle of a softening spring with friction: a parabola over the steps of one branch takes them there.
+    """45 samples a cycle of a softening spring with friction: rows stand where the samples of each step lie.
 
-    Straight lines, and rows that hold both sides of a reversal, miss by 0.29 % of the RMS.
+    Rows at even steps miss by 0.01 % of the RMS by a parabola and by 0.29 % by straight lines, some over a reversal.
     """
     angle = 5e-4 * np.sin(2 * np.pi * np.arange(136) / 45 + 0.3)
     path = along_path(coulomb(angle), angle)
     law = K1 * path.angle + K3 * path.angle**3 + M_F * np.sign(np.gradient(path.angle))
     assert path.valid.sum() > 40
-    assert np.std((path.moment - law)[path.valid]) < 0.002 * np.std(law[path.valid])
+    assert np.std((path.moment - law)[path.valid]) < 5e-5 * np.std(law[path.valid])
+
+
+def test_intervals_hold_what_leaving_out_a_term_does():
+    """40 samples a cycle at 3 % noise show no cubic stiffness, and the linear one makes up for it: seeds 0 to 19.
+
+    Of noise alone 4 of the intervals hold; with it 16 do, and 14 are asked for.
+    """
+    k3, held, found = -3e9, 0, 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        angles = [5e-4 * level * np.sin(2 * np.pi * np.arange(121) / 40 + 0.3) for level in (0.9, 0.6, 0.35)]
+        moments = [K1 * angle + k3 * angle**3 + M_F * np.sign(np.gradient(angle)) for angle in angles]
+        signals = {
+            name: [signal + 0.03 * np.std(signal) * rng.standard_normal(signal.size) for signal in each]
+            for name, each in (("moment", moments), ("angle", angles))
+        }
+        model = sindyjoint.discover(Campaign.from_arrays(**signals, time=None), "paper").model
+        found += "cubic_stiffness" in model
+        low, high = model["linear_stiffness"].interval95
+        held += low <= K1 <= high
+    assert found < 5 and held >= 14
 
 
 def test_noise_makes_no_reversals_and_standing_still_no_path():
