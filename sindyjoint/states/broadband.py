@@ -145,20 +145,23 @@ def _kernels_for(run: Run, bandwidth: float | None) -> tuple[float, tuple[Array,
 
 
 def _released(run: Run) -> bool:
-    """Return whether a free motion begins at rest, aside from where it ends: its first tenth is a parabola's."""
+    """Return whether a free motion begins at rest, aside from where it ends.
+
+    Its first tenth is a parabola's, or its first half a cubic's, where samples are few: damping bends it.
+    """
     if np.ptp(run.moment) > 0 or run.rate is not None or run.valid is not None:
         return False
     away = run.angle - np.mean(run.angle[-run.n_samples // 8 :])
-    # Samples in which a motion that is released leaves a tenth of its height, at least.
+    # Samples in which a motion that is released leaves these parts of its height, at least.
     fewest = 6
-    height = float(np.mean(away[:fewest]))
-    gone = np.flatnonzero(np.abs(away - height) > 0.1 * abs(height))
-    count = int(gone[0]) if gone.size else 0
-    if count < fewest:
-        return False
-    time = np.linspace(0, 1, count)
-    fit, covariance = np.polyfit(time, away[:count], 2, cov=True)
-    return bool(abs(fit[1]) < max(0.005 * abs(height), 3 * np.sqrt(covariance[1, 1])))
+    for part, degree in ((0.1, 2), (0.5, 3)):
+        height = float(np.mean(away[:fewest])) if degree == 2 else float(away[0])
+        gone = np.flatnonzero(np.abs(away - height) > part * abs(height))
+        count = int(gone[0]) if gone.size else 0
+        if count >= fewest:
+            fit, covariance = np.polyfit(np.linspace(0, 1, count), away[:count], degree, cov=True)
+            return bool(abs(fit[-2]) < max(0.005 * abs(height), 3 * np.sqrt(covariance[-2, -2])))
+    return False
 
 
 def _smooth_motion(
