@@ -166,7 +166,7 @@ def init(
         listed = "; ".join(f"{each.key}: {each.text}" for each in open_ones)
         if any(each.key.endswith(".unit") for each in open_ones):
             listed += " (of volts and counts, KEY.gain too)"
-        ways = "answer (answers={...})" + (
+        ways = "answer with --set (answers in Python)" + (
             ""
             if guess or any(each.guess is None for each in open_ones)
             else ", or take the guesses with --yes"
