@@ -144,6 +144,19 @@ def test_a_joint_that_sticks_at_the_start_has_no_sign_that_flips_and_no_gain_tha
     assert checked.soundness.verdict == "sound"
 
 
+@pytest.mark.parametrize(("damping", "dead"), [(0.0, True), (0.004, False)])
+def test_a_moment_of_zeros_is_that_of_a_free_motion_only_where_that_dies_away(damping, dead):
+    """Ten cycles, 1 % noise: 0.4 % of the critical damping takes 8 % from the middle third to the last."""
+    time = np.arange(2000) / 200
+    runs = []
+    for seed in range(3):
+        swing = np.exp(-damping * 2 * np.pi * time) * np.cos(2 * np.pi * time)
+        angle = 1e-3 * (swing + 0.01 * np.random.default_rng(seed).standard_normal(time.size))
+        runs.append(Run(f"run {seed}", np.zeros(time.size), angle, 200.0))
+    found = check(Campaign(Joint(inertia=0.02), tuple(runs))).soundness.findings
+    assert ("frozen_channel" in {each.id for each in found}) is dead
+
+
 def test_values_that_no_unit_makes_are_refused():
     with pytest.raises(
         InputError, match="holds 2 value.s. that are not finite or beyond 1e.50, the first at sample 0"

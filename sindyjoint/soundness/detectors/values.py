@@ -20,7 +20,8 @@ def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
     """Yield channels that never change in a run, but for a moment that is declared as zero, and a drive of noise."""
     for record in records:
         for channel in record.dead:
-            if channel.name == "moment" and _is_declared(channel, records):
+            driven = channel.name == "moment" and _goes_on(record)
+            if channel.name == "moment" and not driven and _is_declared(channel, records):
                 continue
             remedy = (
                 "check the cable, repeat the run or leave it out; declare as constant what was not recorded"
@@ -29,7 +30,7 @@ def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
                 remedy = "check the cable; leave the run or, of all runs, the sensor out"
             extent = (
                 f"the {words.of(channel.name)} is {channel.values[0]:.6g} {words.unit(channel.name)} in all "
-                f"{channel.values.size} samples"
+                f"{channel.values.size} samples{', though the motion does not die away' * driven}"
             )
             yield words.finding("frozen_channel", record.name, channel.name, "stops", extent, remedy)
         drive = record.channel(DRIVE)
@@ -46,6 +47,13 @@ def _is_declared(channel: Channel, records: Sequence[Record]) -> bool:
     """Return whether a constant moment is that of free decays: zero, and in every run or where the motion decays."""
     still = (r for r in records if r.channel("moment") is not None)
     return not any(channel.values[0] != 0.0 or r.declared is not None for r in still)
+
+
+def _goes_on(record: Record) -> bool:
+    """Return whether a motion is as large at its end as before: of a joint that nothing drives it dies away."""
+    parts = np.array_split(record.clock, 3)
+    first, middle, last = (Channel(record.driven_by, part).amplitude for part in parts)
+    return last > (1 - SOUNDNESS.small_share) * middle and last > (1 - SOUNDNESS.minor_share) * first
 
 
 def find_saturation(record: Record, words: Words) -> Iterator[Finding]:
