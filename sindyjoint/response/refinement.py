@@ -191,17 +191,20 @@ def _grown(
 
 
 def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Array:
-    """Return the parameters of the best end over all starts; the others are followed where they come near it."""
+    """Return the parameters of the best end over all starts; the others are followed where they come near it.
+
+    One is lower by more than ``significant`` standard errors of one number more.
+    """
     best, least = _fit(problem, start, MOST_EVALUATIONS)
+    lower = 1 - RESPONSE.significant**2 / problem.residual(best).size
     for other in others:
         # After a few evaluations another start is followed or left.
         trial, cost = _fit(problem, other, FEW_EVALUATIONS)
         apart = np.abs((trial - best) / problem.table[1])[: problem.n_shared].max()
-        lower = cost < (1 - RESPONSE.small_share) * least
-        if cost > (1 + RESPONSE.large_part) * least or (apart < SAME_END and not lower):
+        if cost > (1 + RESPONSE.large_part) * least or (apart < SAME_END and cost >= lower * least):
             continue
         end, cost = _fit(problem, trial, MOST_EVALUATIONS)
-        if cost < (1 - RESPONSE.small_share) * least:
+        if cost < lower * least:
             best, least = end, cost
     return best
 

@@ -50,10 +50,10 @@ class TwoOptima:
     n_shared, rough = 1, False
 
     def residual(self, x):
-        return np.array([5 * np.sin(100 * np.pi * (x[0] - 1)), 100 * (1.01 - x[0])])
+        return np.repeat([5 * np.sin(100 * np.pi * (x[0] - 1)), 100 * (1.01 - x[0])], 100)
 
     def jacobian(self, x, step):
-        return np.array([[500 * np.pi * np.cos(100 * np.pi * (x[0] - 1))], [-100.0]])
+        return np.repeat([[500 * np.pi * np.cos(100 * np.pi * (x[0] - 1))], [-100.0]], 100, axis=0)
 
 
 def test_a_lower_end_is_taken_however_near():
