@@ -241,7 +241,7 @@ class Search:
             ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
             agreed = agreement(rise_by_group(found, fewer)) > EVIDENCE.mostly
             helps = ratio <= (1 - EVIDENCE.minor_share) ** 2
-            if not (agreed if each.corrects else helps or (whole and agreed)):
+            if not (helps or (agreed and (whole or each.corrects))):
                 return self.without_idle(fewer)
         return found
 
