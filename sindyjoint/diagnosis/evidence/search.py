@@ -64,15 +64,11 @@ class Candidate:
 Refine = Callable[[Candidate, Sequence[int], float], Candidate]
 
 
-def agreement(rises: Array) -> float:
-    """Return how far groups agree on a rise, −1 to 1: signed roots of twice each one's own, clipped, of the most."""
-    roots = np.sign(rises) * np.sqrt(2 * np.abs(rises)) / EVIDENCE.significant
-    return float(np.clip(roots, -1.0, 1.0).mean())
-
-
 def deviate(rises: Array) -> float:
-    """Return the same as one normal deviate."""
-    return float(agreement(rises) * EVIDENCE.significant * np.sqrt(rises.size))
+    """Return signed roots of twice each group's rise, clipped, as one normal deviate."""
+    roots = np.sign(rises) * np.sqrt(2 * np.abs(rises))
+    clipped = np.clip(roots, -EVIDENCE.significant, EVIDENCE.significant)
+    return float(clipped.sum() / np.sqrt(rises.size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +235,7 @@ class Search:
         for each in found.members[::-1]:
             fewer = self.chosen([m for m in found.members if m is not each])
             ratio = found.score.chi_square.sum() / fewer.score.chi_square.sum()
-            agreed = agreement(rise_by_group(found, fewer)) > EVIDENCE.mostly
+            agreed = deviate(rise_by_group(found, fewer)) > EVIDENCE.stands_out
             helps = ratio <= (1 - EVIDENCE.minor_share) ** 2
             if not (helps or (agreed and (whole or each.corrects))):
                 return self.without_idle(fewer)
