@@ -75,7 +75,10 @@ class HalfCycles:
             return None
         starts = np.concatenate([[0], ends])
         angular = np.pi / (step * float(np.median(np.diff(ends))))
-        onward = transition_steps(slopes, inertia, step, angular)
+        stiffness, damping = slopes
+        # What nothing drives gains no energy, whatever the terms alone say beside an element that dissipates.
+        damping = damping if np.mean(damping) >= 0 else np.maximum(damping, 0.0)
+        onward = transition_steps((stiffness, damping), inertia, step, angular)
         transitions = np.empty((rate.size, 2, 2))
         ahead = np.eye(2)
         last = set((starts[1:] - 1).tolist())
