@@ -257,7 +257,9 @@ def _draft_run(
     moment = columns["moment"].values if "moment" in columns else np.zeros_like(angle.values)
     for column in (columns[name] for name in (of_motion, "moment") if name in columns):
         if np.ptp(column.values) == 0:
-            raise InputError(f"{bundle.name}: column {column.key} never changes")
+            raise InputError(
+                f"{bundle.name}: column {column.key} never changes; check its cable, or name another column with --set"
+            )
     if angle.values.size != moment.size:
         raise InputError(f"{bundle.name}: its channels differ in length")
     unit, gain = units[of_motion]
