@@ -264,6 +264,11 @@ class RunReader:
             # No sample is made up; the faster channel has few above half of the slower one's rate.
             self.notes.append(f"a channel holds a number in one of {step} rows: the others were left out")
             return {name: values[present] for name, values in found.items()}, None
+        if self.channels.time == "none":
+            self.notes.append(
+                f"rows of {self.table.path.name} that lack a number were left out: {np.sum(~present)} of {size}"
+            )
+            return {name: values[present] for name, values in found.items()}, None
         return {name: bridged(values) for name, values in found.items()}, present
 
     def _unwound(self, values: Array, unit: str, factor: float) -> Array:

@@ -272,6 +272,20 @@ def test_the_command_line_takes_samples_without_time(tmp_path):
     assert force_states(sindyjoint.load_campaign(given).runs[0]).method == "path"
 
 
+def test_rows_without_a_number_are_left_out_and_told(tmp_path):
+    given = folder(tmp_path)
+    file = given / "slow.csv"
+    lines = file.read_text().splitlines()
+    whole = sindyjoint.load_campaign(given)
+    for gap in ("nan,nan", ","):
+        file.write_text("\n".join([*lines[:100], gap, *lines[100:]]) + "\n")
+        campaign = sindyjoint.load_campaign(given)
+        assert np.array_equal(campaign.runs[0].moment, whole.runs[0].moment)
+        assert any(
+            "rows of slow.csv that lack a number were left out: 1 of" in each for each in campaign.warnings
+        )
+
+
 def test_init_takes_none_for_the_sampling_rate(tmp_path):
     given = folder(tmp_path)
     (given / "campaign.toml").unlink()
