@@ -147,6 +147,8 @@ def test_nothing_is_missing_from_a_release_that_is_over_in_a_few_swings():
         runs.append(Run(f"drop {level}", np.zeros(time.size), noisy, 225.0))
     found = diagnose(Campaign(Joint(inertia=0.02), tuple(runs)), advise=False)
     assert found.verdict == "nothing_missing"
+    # No moment is measured, and no effect has a probability: neither has a column.
+    assert "response gap" in str(found) and "moment gap" not in str(found) and "probability" not in str(found)
 
 
 def stopped(level, damping, friction, duration=10.0, steps=20):

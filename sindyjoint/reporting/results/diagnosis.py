@@ -56,8 +56,11 @@ def _tables(result: Diagnosis) -> tuple[TextTable, ...]:
         "Value": lambda one: number(one[2], 4),
         "Unit": lambda one: pretty_unit(unit) if (unit := one[0].units.get(one[1], "1")) != "1" else DASH,
     }
+    # Of a free motion no moment is measured; without an effect none has a probability.
+    told = [said for said in zip(columns, *_step_rows(result), strict=True) if {*said[1:]} - {"", DASH}]
+    columns, *rows = zip(*told, strict=True)
     return (
-        TextTable("steps", caption, columns, _step_rows(result)),
+        TextTable("steps", caption, columns, tuple(rows)),
         tabulate("parameters", "Parameters of the effects, SI.", parameters, described),
         model_table(result.whole or result.model),
     )
