@@ -21,12 +21,14 @@ Drive = Literal["moment", "windows", "motion", "free run"]
 def choose_drive(law: Law, states: ForceStates) -> Drive:
     """Choose how a law is simulated against a run.
 
-    By the moment where the joint has inertia and a restoring moment over the run's angles; by multiple shooting
-    ("windows") where it has inertia only; by the motion where it has none, since then the moment does not determine
-    the motion, and where an input moves the law within the run.
+    By the moment where the joint has inertia and a restoring moment over the run's angles, or moves freely; by multiple
+    shooting ("windows") where it has inertia only, and errors of a measured moment add up; by the motion where it has
+    none, since then the moment does not determine the motion, and where an input moves the law within the run.
     """
     if not law.inertia > 0 or isinstance(law, LawInRun) or states.method == "path":
         return "motion"
+    if not np.ptp(states.moment) > 0:
+        return "moment"
     middle, reach = float(np.mean(states.angle)), float(np.ptp(states.angle)) / 2
     low, high = elastic_moment(law, [middle - reach, middle + reach])
     restoring = (high - low) / 2

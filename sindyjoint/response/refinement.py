@@ -21,6 +21,8 @@ from sindyjoint.response.run import along_motion, followed_motion
 from sindyjoint.states import ForceStates, campaign_states
 
 MOST_EVALUATIONS, FEW_EVALUATIONS = 40, 8
+# Share of a sum of squares; a fit ends where a step lowers it by less.
+FINELY, ROUGHLY = 1e-7, 1e-2
 # Of a free motion, to which it is fitted first.
 FIRST_CYCLES = 2
 # Two ends whose numbers differ by less than this share of their scales are one.
@@ -150,10 +152,10 @@ def refine(
     before = problem.nrmse(start)
     if progress is not None:
         progress("fitting the simulated response")
-    others = [problem.start_of(other) for other in spread_starts(problem.model, states)]
+    starts = [start, *(problem.start_of(other) for other in spread_starts(problem.model, states))]
     if all(record.goes_on_alone for record in problem.runs):
-        others.insert(0, _grown(problem, pairs, problem_of))
-    refined = _summarise_refinement(model, problem, _best_end(problem, start, others), before, left_out)
+        starts.insert(0, _grown(problem, pairs, problem_of))
+    refined = _summarise_refinement(model, problem, _best_end(problem, starts), before, left_out)
     # An error of a channel is of all runs: where one is estimated, those kept out are not comparable without it.
     worse = (
         ""
@@ -169,7 +171,7 @@ def refine(
 def misfit_nearby(model: JointModel, runs: Sequence[Run], states: Sequence[ForceStates]) -> float:
     """Return the sum of squares that a few steps of a fit leave of the responses, in units of noise."""
     problem = OutputError.of(model, runs, states, (), None)
-    return 2 * _fit(problem, problem.table[0], FEW_EVALUATIONS)[1]
+    return 2 * _fit(problem, problem.table[0], FEW_EVALUATIONS, ROUGHLY)[1]
 
 
 def _grown(
@@ -185,19 +187,19 @@ def _grown(
     lengths = [state.n_samples / state.sample_rate / cycle_of(state) for _, state in pairs]
     while cycles < max(lengths):
         ends = [(run, s.part(0.0, min(cycles / n, 1.0))) for (run, s), n in zip(pairs, lengths, strict=True)]
-        x = _fit(problem_of(ends), x, MOST_EVALUATIONS)[0]
+        x = _fit(problem_of(ends), x, FEW_EVALUATIONS, ROUGHLY)[0]
         cycles *= 2
     return x
 
 
-def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Array:
-    """Return the parameters of the best end over all starts; the others are followed where they come near it.
+def _best_end(problem: OutputError, starts: Sequence[Array]) -> Array:
+    """Return the parameters of the best end over all starts; after the first those are followed that come near it.
 
     One is lower by more than ``significant`` standard errors of one number more.
     """
-    best, least = _fit(problem, start, MOST_EVALUATIONS)
+    best, least = _fit(problem, starts[0], MOST_EVALUATIONS)
     lower = 1 - RESPONSE.significant**2 / problem.residual(best).size
-    for other in others:
+    for other in starts[1:]:
         # After a few evaluations another start is followed or left.
         trial, cost = _fit(problem, other, FEW_EVALUATIONS)
         apart = np.abs((trial - best) / problem.table[1])[: problem.n_shared].max()
@@ -209,17 +211,17 @@ def _best_end(problem: OutputError, start: Array, others: Sequence[Array]) -> Ar
     return best
 
 
-def _fit(problem: OutputError, start: Array, most: int) -> tuple[Array, float]:
+def _fit(problem: OutputError, start: Array, most: int, least: float = FINELY) -> tuple[Array, float]:
     """Fit from one start, with at most so many evaluations; return the parameters and half the sum of squares.
 
     A rough sum of squares is fitted over a coarse step, and from where that ends over a finer one.
     """
-    end = _descend(problem, start, most, ROUGH_STEP)
-    ends = [end, _descend(problem, end[0], most, 0.3 * ROUGH_STEP)] if problem.rough else [end]
+    end = _descend(problem, start, most, ROUGH_STEP, least)
+    ends = [end, _descend(problem, end[0], most, 0.3 * ROUGH_STEP, least)] if problem.rough else [end]
     return min(ends, key=lambda each: each[1])
 
 
-def _descend(problem: OutputError, start: Array, most: int, step: float) -> tuple[Array, float]:
+def _descend(problem: OutputError, start: Array, most: int, step: float, least: float) -> tuple[Array, float]:
     _, scale, low, high = problem.table
     solution = scipy.optimize.least_squares(
         lambda x: problem.residual(x * scale),
@@ -228,7 +230,7 @@ def _descend(problem: OutputError, start: Array, most: int, step: float) -> tupl
         bounds=(low / scale, high / scale),
         method="trf",
         x_scale=1.0,
-        ftol=1e-7,
+        ftol=least,
         xtol=1e-6,
         gtol=1e-8,
         max_nfev=most,

@@ -58,8 +58,8 @@ class TwoOptima:
 
 def test_a_lower_end_is_taken_however_near():
     start, other = np.array([1.0]), np.array([1.0101])
-    assert _best_end(TwoOptima(), start, [start + 1e-4])[0] == pytest.approx(1.0, abs=1e-3)
-    assert _best_end(TwoOptima(), start, [other])[0] == pytest.approx(1.01, abs=1e-6)
+    assert _best_end(TwoOptima(), [start, start + 1e-4])[0] == pytest.approx(1.0, abs=1e-3)
+    assert _best_end(TwoOptima(), [start, other])[0] == pytest.approx(1.01, abs=1e-6)
 
 
 def test_a_refinement_that_misses_the_runs_kept_out_by_more_is_refused():

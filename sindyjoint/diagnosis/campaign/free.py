@@ -20,7 +20,7 @@ from sindyjoint.diagnosis.evidence.score import Ranking, Score, rank
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.limits import EVIDENCE
-from sindyjoint.numeric import Array
+from sindyjoint.numeric import Array, kept
 from sindyjoint.response.refinement import Refinement, misfit_nearby, refine
 
 # Effects that lead after a few steps and are fitted to the simulated motion to the end.
@@ -33,11 +33,7 @@ def on_response(work: Work, repaired: Repaired) -> Repaired:
     As they are where an effect is none of the law, or the motion cannot be simulated.
     """
     law = _law(repaired)
-    result: Refinement | None = None
-    with suppress(SindyJointError):
-        # Whether runs kept for validation go on so is asked of the gap.
-        if law is not None:
-            result = refine(law, work.campaign.with_runs(work.runs), states=work.states)
+    result = None if law is None else _refinement(work, law)
     if result is None or not result.refined:
         return repaired
     # A whole model has the numbers of one element after the other; here those of all columns come first.
@@ -47,6 +43,16 @@ def on_response(work: Work, repaired: Repaired) -> Repaired:
     covariance = np.array(result.model.covariance)[np.ix_(order, order)]
     later = with_numbers(repaired, result.model.numbers[order], covariance)
     return replace(later, residual=result.residual)
+
+
+# The same law is asked for its gap, its verdict, and beside each effect more.
+@kept
+def _refinement(work: Work, law: JointModel) -> Refinement | None:
+    """Return a law fitted to the simulated motion; None where that fails."""
+    with suppress(SindyJointError):
+        # Whether runs kept for validation go on so is asked of the gap.
+        return refine(law, work.campaign.with_runs(work.runs), states=work.states)
+    return None
 
 
 def _law(repaired: Repaired) -> JointModel | None:
@@ -99,9 +105,12 @@ def ranked_on_response(
     leading = search.with_numbers(search.extended(alone), alone.score.total)
     begun = [begun_with(work, now, ev.fitted(each)) for each in leading]
     nearby = sorted(((_misfit_nearby(work, each), i) for i, each in enumerate(begun)))[:FITTED]
-    least = float(now.residual @ now.residual) + 2 * np.log(EVIDENCE.chance)
-    tried = [on_response(work, begun[i]) for misfit, i in nearby if misfit < least]
-    done = [each for each in tried if each.residual is not None]
+    least, done = float(now.residual @ now.residual) + 2 * np.log(EVIDENCE.chance), list[Repaired]()
+    for misfit, i in nearby:
+        if misfit < least and (fitted := on_response(work, begun[i])).residual is not None:
+            # What a few steps leave clearly behind that end is not fitted to its own.
+            least = min(least, work.policy.clearly**2 * float(fitted.residual @ fitted.residual))
+            done.append(fitted)
     if not done:
         return None
     unit = min(mean_square(each) for each in (now, *done))

@@ -202,6 +202,9 @@ class CampaignProblem(Problem):
         # Two may explain together what another explains in part; and what the test does is not simulated. Where no law
         # comes near the noise, as of most real joints, simulated motions take long and tell less than rows left out.
         together = search.do(lambda: with_found(begun, most, say), begun, "sets of effects")
+        if together.problem.is_noise:
+            # Only fewer would tell more.
+            most = max(len(together.steps) - 1, 1)
         one_by_one = add_effects(straight, most, say, search)
         if one_by_one.problem.is_noise and len(one_by_one.steps) < 2:
             return one_by_one
