@@ -15,6 +15,7 @@ from sindyjoint.limits import STATES
 from sindyjoint.record import Run
 from sindyjoint.states import campaign_states
 from tests.diagnosis.hidden_effects import hide
+from tests.seeds import seeds
 
 PARTS = ("state", "history", "run", "processing", "noise")
 KINDS = {
@@ -49,7 +50,7 @@ def budget_of(campaign):
     return make_budget(GapRegression.build(work.rows, work.model), total, noise, 0.0), total
 
 
-@pytest.mark.parametrize("seed", [1, 5])
+@seeds(1, 5)
 @pytest.mark.parametrize("kind, name", [(kind, name) for kind, names in KINDS.items() for name in names])
 def test_the_largest_part_is_of_the_kind_that_was_hidden(kind, name, seed):
     budget, total = budget_of(hide(name, seed).campaign)

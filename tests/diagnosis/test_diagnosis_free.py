@@ -12,6 +12,7 @@ from sindyjoint.diagnosis.campaign.rows import HalfCycles, reversals, transition
 from sindyjoint.equation import load_catalogue
 from sindyjoint.judgement.trust import assess
 from sindyjoint.record import Campaign, Joint, Run
+from tests.seeds import seeds
 
 INERTIA, STIFFNESS, DAMPING = 1.0, 64.0, 0.05
 RATE = 500.0
@@ -82,13 +83,13 @@ def test_a_small_moment_moves_the_states_where_swings_end_as_the_rows_say():
         assert moved[swing] * (1, angular) == pytest.approx(change, abs=0.02 * np.abs(change).max())
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@seeds(1, 2, 3)
 def test_nothing_is_missing_from_a_viscous_decay(seed):
     result = diagnose(campaign(viscous, seed), base=base(), advise=False)
     assert result.verdict == "nothing_missing"
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@seeds(1, 2, 3)
 def test_coulomb_friction_is_named_and_the_swing_goes_on_as_said(seed):
     result = diagnose(
         campaign(lambda a, r, way: viscous(a, r, way) + 0.1 * way, seed), base=base(), advise=False
@@ -102,7 +103,7 @@ def test_coulomb_friction_is_named_and_the_swing_goes_on_as_said(seed):
     assert max(parts, key=parts.get) == "state" and parts["state"] > 0.5 * result.budget.total
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@seeds(1, 2, 3)
 def test_coulomb_friction_and_quadratic_damping_that_hide_each_other_are_both_found(seed):
     def both(angle, rate, way):
         return viscous(angle, rate, way) + 0.1 * way + 0.006 * rate * abs(rate)
@@ -165,7 +166,7 @@ def stopped(level, damping, friction, duration=10.0, steps=20):
     return found
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@seeds(1, 2)
 def test_nothing_is_missing_where_friction_ends_the_swing(seed):
     """Smoothing rounds off what friction bends at each reversal; simulated the motion is as it was measured.
 
@@ -220,7 +221,7 @@ def test_a_release_that_is_over_after_some_swings_shows_its_law():
     assert not any("drive it harder" in line for line in found.warnings)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@seeds(1, 2, 3)
 def test_a_slow_decay_is_no_steady_run_and_shows_what_little_damps_it(seed):
     """Noise of .5 % of the first height hides .4 and .05 in an acceleration, and not in the motion of forty cycles.
 

@@ -11,6 +11,7 @@ from sindyjoint.mechanics import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.states import regression_rows
+from tests.seeds import seeds
 
 PLAN = {"frequencies": [3, 4, 5], "levels": [0.9, 0.6, 0.35], "noise": 0.01, "random_state": 0}
 
@@ -78,7 +79,7 @@ def test_friction_alone_has_no_stiffness():
     assert found.verdict.verdict == "refuted"
 
 
-@pytest.mark.parametrize("seed", range(3))
+@seeds(*range(3))
 def test_shuffled_moment_gives_no_model(seed):
     rng = np.random.default_rng(seed)
     shuffled = changed(campaign(), lambda run: replace(run, moment=rng.permutation(run.moment)))

@@ -13,6 +13,7 @@ from sindyjoint.mechanics import INTER_PANEL
 from sindyjoint.mechanics.laws import FormulaLaw
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign, Joint, Run
+from tests.seeds import seeds
 
 INERTIA = 1.5
 HEAVY = replace(INTER_PANEL, inertia=INERTIA)
@@ -106,7 +107,7 @@ def released(start):
     return angle
 
 
-@pytest.mark.parametrize("seed", [0, 2, 3])
+@seeds(0, 2, 3)
 def test_short_releases_have_no_friction_that_grows_with_the_angle(seed):
     """What smoothing makes of friction's corners kept terms in the law that were not there (four seeds of five)."""
     generator = np.random.default_rng(seed)
