@@ -320,15 +320,14 @@ def tables(
     Example: sindyjoint reproduce tables
     """
     from sindyjoint.judgement.paper_tables import PrintedTables, check_tables, table_findings
-    from sindyjoint.reporting.results.reproduction import show_checks
+    from sindyjoint.reporting import show
 
     checks = check_tables()
-    findings = table_findings(checks)
+    printed = PrintedTables(checks, table_findings(checks))
     if as_json:
-        record = PrintedTables(checks, findings).to_dict()
-        typer.echo(json.dumps(record, indent=2, allow_nan=False))
+        typer.echo(json.dumps(printed.to_dict(), indent=2, allow_nan=False))
     else:
-        show_checks(checks, findings)
+        show(printed)
 
 
 @with_blocks

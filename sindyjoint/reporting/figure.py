@@ -13,8 +13,10 @@ from sindyjoint.plain import to_plain
 from sindyjoint.reporting.equation import split_symbol
 from sindyjoint.reporting.style import (
     DASHES,
+    DIVERGING,
     INK,
     PALETTE,
+    SEQUENTIAL,
     drawing_style,
     legend_above,
     plain,
@@ -22,6 +24,7 @@ from sindyjoint.reporting.style import (
     pretty_unit,
     shortened,
 )
+from sindyjoint.states.surface import ForceStateMap
 from sindyjoint.text import power_of_ten, quantities, superscript
 
 if TYPE_CHECKING:
@@ -30,7 +33,8 @@ if TYPE_CHECKING:
 
 Axes: TypeAlias = "matplotlib.axes.Axes"
 Figure: TypeAlias = "matplotlib.figure.Figure"
-Panel: TypeAlias = "Callable[[Any, Axes], Axes]"
+# Draws a result into axes.
+Panel: TypeAlias = "Callable[[Any, Axes], None]"
 
 # Places, values and look of what is drawn; see :func:`plot`.
 Curve: TypeAlias = tuple[Any, Any, Mapping[str, Any]]
@@ -72,11 +76,10 @@ class Kind:
     columns: int | None = None
 
 
-def nothing(ax: Axes, sentence: str) -> Axes:
+def nothing(ax: Axes, sentence: str) -> None:
     """Say in the picture why there is none."""
     ax.set_axis_off()
     ax.text(0.5, 0.5, sentence, ha="center", va="center", wrap=True, transform=ax.transAxes)
-    return ax
 
 
 def fixed(*panels: Panel) -> Callable[[Any], list[Panel]]:
@@ -85,7 +88,7 @@ def fixed(*panels: Panel) -> Callable[[Any], list[Panel]]:
 
 
 def each(
-    items: Callable[[Any], Sequence[Any]], draw: Callable[[Any, Axes], Axes]
+    items: Callable[[Any], Sequence[Any]], draw: Callable[[Any, Axes], None]
 ) -> Callable[[Any], list[Panel]]:
     """Return what gives a panel for each of some items of a result; ``draw`` draws one item."""
     return lambda data: [lambda _, ax, item=item: draw(item, ax) for item in items(data)]  # type: ignore[misc]
@@ -120,7 +123,9 @@ def drawn(chosen: Kind, panels: Sequence[Panel], data: Any, width: float) -> Fig
             # Of an odd number of panels in two columns the last takes the whole row.
             single = columns == 2 and index == len(panels) - 1 and column == 0
             cell_spec = grid[row, :] if single else grid[row, column]
-            _plain_ticks(panel(data, figure.add_subplot(cell_spec, projection=chosen.projection)))
+            ax = figure.add_subplot(cell_spec, projection=chosen.projection)
+            panel(data, ax)
+            _plain_ticks(ax)
         # Once: panels that are laid out again while they are written would cost as much as their drawing.
         ConstrainedLayoutEngine().execute(figure)
     return figure
@@ -136,15 +141,19 @@ def plot(
     legend: Any = "above",
     columns: int = 1,
     **settings: Any,
-) -> Axes:
+) -> None:
     """Draw curves over each other on axes of some scale or label, each given by its places, its values and its look.
 
-    Values without places are a level across the panel, places without values a line up it; a pair of values is a band
-    between them, and a look with ``yerr`` has bars. The ``legend`` stands above what is drawn, or where it is said.
+    Values without places are a level across the panel, places without values a line up it, and neither is drawn where
+    it is not known; a pair of values is a band between them, and a look with ``yerr`` has bars. The ``legend`` stands
+    above what is drawn, or where it is said.
     """
     across, up = (each if isinstance(each, Scale) else Scale(each, "") for each in (x, y))
     labels = 0
     for places, values, given in curves:
+        level = values if places is None else places if values is None else 0.0
+        if not np.isfinite(np.array(level, dtype=float)).all():
+            continue
         look = {**given, "label": plain(given["label"])} if given.get("label") else dict(given)
         labels += bool(given.get("label"))
         at: Any = None if places is None else np.asarray(places) * across.factor
@@ -168,7 +177,6 @@ def plot(
         legend_above(ax, -(-labels // columns), columns)
     elif labels and legend != "none":
         ax.legend(loc=legend, ncols=columns, labelspacing=0.3)
-    return ax
 
 
 def cycled(place: int, **more: Any) -> dict[str, Any]:
@@ -185,7 +193,8 @@ def bars(
     color: Any,
     written: str = "",
     height: float = 0.8,
-) -> Axes:
+    title: str = "",
+) -> None:
     """Draw bars from top to bottom on an axis from zero to ``end``; ``written`` formats the values behind them."""
     ax.barh(range(len(names)), values, height=height, color=color)
     for row, value in enumerate(values):
@@ -197,8 +206,8 @@ def bars(
         ylim=(len(names) - 0.5, -0.5),
         xlim=(0, end),
         xlabel=label,
+        title=title,
     )
-    return ax
 
 
 def _plain_ticks(ax: Axes) -> None:
@@ -217,6 +226,26 @@ def _plain_ticks(ax: Axes) -> None:
         if axis.get_scale() == "log":
             axis.set_major_formatter(Powers())
             axis.set_minor_formatter(Powers())
+
+
+def written_cells(
+    ax: Axes,
+    values: Any,
+    words: Any,
+    colours: Any,
+    names: tuple[Sequence[str], Sequence[str]],
+    size: float = 6.5,
+    slanted: float = 0.0,
+    **look: Any,
+) -> Any:
+    """Draw a matrix as coloured cells with words of some colours in them, and the names of its rows and columns."""
+    mesh = ax.imshow(values, **look)
+    for (row, column), word in np.ndenumerate(words):
+        ax.text(column, row, word, ha="center", va="center", fontsize=size, color=colours[row, column])
+    ax.set_yticks(range(len(names[0])), names[0])
+    ax.set_xticks(range(len(names[1])), names[1], rotation=slanted, ha="right" if slanted else "center")
+    ax.grid(False)
+    return mesh
 
 
 def colour_scale(ax: Axes, field: Any, label: str) -> None:
@@ -280,27 +309,45 @@ def moment_scale(motion: str, values: Any, name: str = "") -> Scale:
 
 def coloured_cells(
     ax: Axes,
-    axes: Sequence[tuple[Any, Scale]],
+    cells: ForceStateMap,
+    model: JointModel,
     values: Any,
-    colours: str,
     limits: tuple[float, float],
     label: str,
+    title: str,
+    colours: str = SEQUENTIAL,
 ) -> None:
-    """Draw a field over cells, given by the edges on two axes, with its scale unless that has no label.
-
-    Empty cells stay empty.
-    """
-    (x, across), (y, up) = axes
-    low, high = limits
+    """Draw a field over the cells of a map, with its scale unless that has no label; empty cells stay empty."""
+    x, y = angle_scale(model.joint.motion, cells.angle_edges), rate_scale(model, cells.rate_edges)
     # Cells as vectors with their seams show through in some viewers; a picture inside the vector file does not.
     mesh = ax.pcolormesh(
-        x * across.factor, y * up.factor, np.ma.masked_invalid(values.T), cmap=colours, vmin=low, vmax=high,
-        rasterized=True,
+        cells.angle_edges * x.factor, cells.rate_edges * y.factor, np.ma.masked_invalid(values.T), cmap=colours,
+        vmin=limits[0], vmax=limits[1], rasterized=True,
     )  # fmt: skip
     ax.grid(False)
     if label:
         colour_scale(ax, mesh, label)
-    ax.set(xlabel=across.label, ylabel=up.label)
+    ax.set(xlabel=x.label, ylabel=y.label, title=title)
+
+
+def moment_cells(
+    ax: Axes,
+    cells: ForceStateMap,
+    model: JointModel,
+    title: str,
+    label: str = "{}",
+    like: ForceStateMap | None = None,
+) -> None:
+    """Draw the mean moment of every cell of a map, in the colours of that map or of another one.
+
+    The scale has a ``label``, with the unit in the place of its braces.
+    """
+    largest = float(np.nanmax(np.abs((like or cells).moment))) or 1.0
+    z = moment_scale(model.joint.motion, largest)
+    limit = largest * z.factor
+    coloured_cells(
+        ax, cells, model, cells.moment * z.factor, (-limit, limit), label.format(z.unit), title, DIVERGING
+    )
 
 
 #: To four digits for a drawing of a page, lists of lists as the array was; null for what is none.

@@ -137,7 +137,8 @@ def plot(result: Any, kind: str | None, ax: Axes | None) -> Any:
             f"figure {name!r} has {len(panels)} panels and one pair of axes was given; expected one of "
             f"{', '.join(single)}, or no axes"
         )
-    return panels[0](data, ax)
+    panels[0](data, ax)
+    return ax
 
 
 def _teach_notebook() -> None:

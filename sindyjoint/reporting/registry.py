@@ -44,6 +44,7 @@ _SHOWN = {
     "curves:JOINT_CURVES": ("JointCurves",),
     "curves:STRUCTURE_CURVES": ("StructureCurves",),
     "reproduction:REPRODUCTION": ("Reproduction", "ReproductionFigures"),
+    "reproduction:PRINTED": ("PrintedTables",),
     "comparison:COMPARISON": ("Comparison",),
     "changed:CHANGED": ("Change",),
     "check:CAMPAIGN": ("Campaign",),

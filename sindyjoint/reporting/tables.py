@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import rich.console
     from rich.table import Table
 
+T = TypeVar("T")
 Console: TypeAlias = "rich.console.Console"
 DASH = "–"
 # What begins with a digit, a sign or an estimate's "about": 5910 ± 40, −2 %, < 0.1.
@@ -58,6 +59,9 @@ class TextTable:
         Columns that hold words even where these begin with a digit, as names of runs do.
     marked : int, optional
         The row that a page lays stress on.
+    ruled, wraps : bool
+        Whether, on a terminal, a line stands below the headings, and the last column, of words, is broken into lines
+        where a narrow screen leaves it room for that.
     """
 
     name: str
@@ -66,6 +70,8 @@ class TextTable:
     rows: tuple[tuple[str, ...], ...]
     text: tuple[str, ...] = ()
     marked: int | None = None
+    ruled: bool = False
+    wraps: bool = False
 
     @property
     def is_text(self) -> tuple[bool, ...]:
@@ -73,7 +79,8 @@ class TextTable:
         if not self.rows:
             return (True,) * len(self.columns)
         return tuple(
-            name in self.text or any(cell not in ("", DASH) and not FIGURE.match(cell) for cell in column)
+            name in self.text
+            or any(cell not in ("", DASH, "unknown") and not FIGURE.match(cell) for cell in column)
             for name, column in zip(self.columns, zip(*self.rows, strict=True), strict=True)
         )
 
@@ -82,9 +89,12 @@ class TextTable:
         places = [self.columns.index(column) for column in columns]
         return replace(self, columns=columns, rows=tuple(tuple(row[i] for i in places) for row in self.rows))
 
-    def headed(self, *columns: str) -> TextTable:
+    def headed(self, *columns: str, **look: Any) -> TextTable:
         """Return the table under other headings; none: its own in small letters, as on a terminal."""
-        return replace(self, columns=columns or tuple(c if c.isupper() else c.lower() for c in self.columns))
+        own = (c if c.isupper() else c.lower() for c in self.columns)
+        heads = columns or tuple(own)
+        text = tuple(heads[self.columns.index(name)] for name in self.text if name in self.columns)
+        return replace(self, columns=heads, text=text, **look)
 
     def markdown(self) -> str:
         """Return the table as Markdown."""
@@ -107,8 +117,8 @@ class TextTable:
 def tabulate(
     name: str,
     title: str,
-    items: Iterable[Any],
-    columns: Mapping[str, Callable[[Any], str]],
+    items: Iterable[T],
+    columns: Mapping[str, Callable[[T], str]],
     further: Iterable[tuple[str, ...]] = (),
     **more: Any,
 ) -> TextTable:
@@ -195,43 +205,19 @@ def terminal(width: int = 100, markup: bool = True) -> Console:
     )
 
 
-def terminal_table(
-    table: TextTable,
-    align: str = "lr",
-    ruled: bool = False,
-    wraps: bool = False,
-    console: Console | None = None,
-) -> Table:
-    """Return a table for a terminal.
-
-    Parameters
-    ----------
-    table : TextTable
-    align : str
-        A letter for each column, l or r; the last one holds for all that follow.
-    ruled : bool
-        Whether a line stands below the headings.
-    wraps : bool
-        Whether cells may be broken into lines.
-    console : Console, optional
-        Where it is to stand; its last column, of words, may be broken where the others leave that enough room.
-    """
+def terminal_table(table: TextTable) -> Table:
+    """Return a table for a terminal: names and words begin at the left."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    look: Any = {"box": None, "padding": (0, 2, 0, 0)}
-    made = Table(pad_edge=False, **({"box": box.SIMPLE_HEAD, "show_edge": False} if ruled else look))
-    for column, side in zip(table.columns, align.ljust(len(table.columns), align[-1]), strict=False):
-        made.add_column(column, justify="left" if side == "l" else "right", no_wrap=not wraps)
+    ruled: Any = {"box": box.SIMPLE_HEAD, "show_edge": False}
+    made = Table(pad_edge=False, **ruled if table.ruled else {"box": None, "padding": (0, 2, 0, 0)})
+    for place, (column, words) in enumerate(zip(table.columns, table.is_text, strict=True)):
+        made.add_column(column, justify="right" if place and not words else "left", no_wrap=True)
     for row in table.rows:
         # Names are chosen by a person: Text keeps square brackets from being markup.
         made.add_row(*map(Text, row))
-    if console is not None:
-        made.columns[-1].no_wrap = False
-        widest = max((len(row[-1]) for row in table.rows), default=0)
-        # A column of words that is broken into lines keeps a word of twelve letters.
-        made.columns[-1].no_wrap = natural_width(made, console) - widest + 12 > console.width
     return made
 
 
@@ -242,35 +228,32 @@ def natural_width(table: Table, console: Console) -> int:
     return Measurement.get(console, console.options.update(max_width=10_000), table).maximum
 
 
-def print_table(
-    table: TextTable, console: Console, align: str = "lr", ruled: bool = False, wraps: bool = False
-) -> None:
-    """Print a table as wide as it is: a number that is cut off is a wrong number.
-
-    Where it ``wraps``, its last column, of words, is broken into lines on a narrow screen.
-    """
+def print_table(table: TextTable, console: Console) -> None:
+    """Print a table as wide as it is: a number that is cut off is a wrong number."""
     from rich.console import Console
 
-    made = terminal_table(table, align, ruled, console=console if wraps else None)
-    broken = wraps and not made.columns[-1].no_wrap
-    width = console.width if broken else max(console.width, natural_width(made, console))
+    made = terminal_table(table)
+    natural = natural_width(made, console)
+    if table.wraps:
+        widest = max((len(row[-1]) for row in table.rows), default=0)
+        # A column of words that is broken into lines keeps a word of twelve letters.
+        made.columns[-1].no_wrap = natural - widest + 12 > console.width
+    width = max(console.width, natural) if made.columns[-1].no_wrap else console.width
     Console(width=width, highlight=False, force_jupyter=False).print(made)
 
 
-def fitting_blocks(
-    columns: Sequence[str], rows: Sequence[Sequence[str]], width: int
-) -> Iterator[tuple[Sequence[str], list[Sequence[str]]]]:
+def fitting_blocks(table: TextTable, width: int) -> Iterator[TextTable]:
     """Yield a table in blocks of columns that fit a width; the first column, of names, begins each of them."""
-    widths = [max(len(cell) for cell in column) + 3 for column in zip(columns, *rows, strict=True)]
-    start = 1
-    while start < len(columns):
-        end, used = start + 1, widths[0] + widths[start]
-        while end < len(columns) and used + widths[end] <= width:
-            used += widths[end]
-            end += 1
-        kept = [0, *range(start, end)]
-        yield [columns[i] for i in kept], [[row[i] for i in kept] for row in rows]
-        start = end
+    cells = zip(table.columns, *table.rows, strict=True)
+    (first, reserved), *others = [(column[0], max(map(len, column)) + 3) for column in cells]
+    block, used = [first], reserved
+    for name, taken in others:
+        if used + taken > width and len(block) > 1:
+            yield table.take(*block)
+            block, used = [first], reserved
+        block.append(name)
+        used += taken
+    yield table.take(*block)
 
 
 def _tex(text: str) -> str:

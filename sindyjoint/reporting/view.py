@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from pathlib import Path
@@ -36,13 +36,12 @@ def _said_simulated(result: Any) -> bool:
     return bool(getattr(result, "simulated", False)) or told
 
 
-def print_tables(tables: Iterable[TextTable], console: Console) -> None:
-    """Print the tables that have rows."""
+def listed(tables: Iterable[TextTable]) -> Iterator[Any]:
+    """Yield the tables that have rows, apart from each other."""
     for table in tables:
         if table.rows:
-            console.print()
-            print_table(table.headed(), console)
-    console.print()
+            yield from ("", table.headed())
+    yield ""
 
 
 @dataclass(frozen=True)
@@ -73,8 +72,8 @@ class View:
         Result → whether to trust it and what to do next; None for what no such question is asked of.
     question : str
         What the result answers, on a terminal and on its page.
-    print : callable, optional
-        Result, console: prints what the result is; by default its tables.
+    printed : callable, optional
+        Result, console → what is printed of the result, part by part: texts with markup, and tables; by default these.
     warnings, details : callable
         Result → what to be aware of, for the end; the numbers behind it as lines, what ``--verbose`` adds.
     files : callable
@@ -106,7 +105,7 @@ class View:
     page: Callable[[Any, Any, Blocks, Path | None], Page] | None = None
     headline: Callable[[Any], Trust | None] = lambda result: None
     question: str = "What is it?"
-    print: Callable[[Any, Console], None] | None = None
+    printed: Callable[[Any, Console], Iterable[Any]] | None = None
     warnings: Callable[[Any], Sequence[str]] = lambda result: result.warnings
     details: Callable[[Any], Iterable[str]] = lambda result: ()
     files: Callable[[Any, Any], dict[str, str]] = lambda result, data: {}
@@ -251,10 +250,11 @@ class View:
             _print_lights(headline.lights, console)
             console.print(f"\n[bold]{self.question}[/]")
             _print_lights(headline.question, console)
-        if self.print is None:
-            print_tables(self.tables(result), console)
-        else:
-            self.print(result, console)
+        for part in self.printed(result, console) if self.printed else listed(self.tables(result)):
+            if isinstance(part, TextTable):
+                print_table(part, console)
+            else:
+                console.print(part)
         for warning in self.warnings(result):
             console.print(f"- {escape(warning)}")
         if headline is not None:

@@ -116,7 +116,7 @@ def test_units():
 def test_tables_of_compare_and_batch_fit_the_screen(width, capsys, monkeypatch):
     from handmade_results import comparison
 
-    from sindyjoint.reporting import fitting_blocks
+    from sindyjoint.reporting import TextTable, fitting_blocks
 
     monkeypatch.setenv("COLUMNS", str(width))
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
@@ -126,6 +126,6 @@ def test_tables_of_compare_and_batch_fit_the_screen(width, capsys, monkeypatch):
     assert "residual" in printed and re.search(r"^noise floor +0.97 %", printed, re.M)
     columns = ("campaign", "residual", "floor", *(f"coefficient {i} (N·m·s/rad)" for i in range(5)))
     row = ("joint-1", "1.03 %", "0.97 %", *["5999.3 ± 0.9"] * 5)
-    blocks = list(fitting_blocks(columns, [row], width))
-    assert all(block[0] == "campaign" and sum(len(c) + 3 for c in block) <= width for block, _ in blocks)
-    assert [c for block, _ in blocks for c in block[1:]] == list(columns[1:])
+    blocks = [block.columns for block in fitting_blocks(TextTable("joints", "", columns, (row,)), width)]
+    assert all(block[0] == "campaign" and sum(len(c) + 3 for c in block) <= width for block in blocks)
+    assert [c for block in blocks for c in block[1:]] == list(columns[1:])

@@ -1,7 +1,7 @@
 """A batch: all joints in one table, what stands out and the trends, on a terminal, as pictures, as a page, as files."""
 
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,6 @@ from sindyjoint.reporting.tables import (
     aligned,
     csv_records,
     fitting_blocks,
-    print_table,
     tabulate,
 )
 from sindyjoint.reporting.view import FINDING, View
@@ -65,7 +64,7 @@ def _points(x: Any, result: Batch, scatter: CoefficientScatter, use: Any) -> lis
     ]
 
 
-def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
+def draw_joints(result: Batch, ax: Axes, term: str) -> None:
     """Draw one coefficient of every joint, over the mean and the spread of all."""
     scatter, up = _coefficient(result, term)
     values, ids = result.values[term], [record.id for record in result.records]
@@ -90,10 +89,9 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> Axes:
         ax.set_xticks(x, [plain(shortened(name, 14)) for name in ids], rotation=90)
     else:
         ax.set_xlabel("campaign, in the order of the table")
-    return ax
 
 
-def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
+def draw_trend(result: Batch, ax: Axes, trend: Trend) -> None:
     """Draw one coefficient over a covariate with its line and the 95 % interval of the slope."""
     scatter, up = _coefficient(result, trend.coefficient)
     values, x = result.values[trend.coefficient], result.covariates[trend.covariate]
@@ -113,7 +111,6 @@ def draw_trend(result: Batch, ax: Axes, trend: Trend) -> Axes:
     plot(ax, plain(trend.covariate + unit), replace(up, name=name, unit=""), curves)
     said = f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}"
     ax.set_title(said.replace("-", "−"), color=MUTED)
-    return ax
 
 
 KINDS = by_name(
@@ -212,16 +209,20 @@ def scatter_table(result: Batch) -> TextTable:
         "Between joints, beyond the errors of the single estimates; next joint: where the coefficient of one that was "
         "not tested lies in 95 of 100 cases."
     )
-    columns: dict[str, Callable[[CoefficientScatter], str]] = {
-        "term": lambda s: _named(result, s.coefficient),
-        "mean of the joints": mean,
-        "spread between joints": spread,
-        "next joint, 95 %": lambda s: (
-            "{:.4g} … {:.4g}".format(*ahead) if (ahead := s.next_joint95) is not None else DASH
-        ),
-        "stand out": lambda s: ", ".join(result.records[i].id for i in s.outliers) or "none",
-    }
-    return tabulate("scatter", caption, result.population.scatters, columns)
+    return tabulate(
+        "scatter",
+        caption,
+        result.population.scatters,
+        {
+            "term": lambda s: _named(result, s.coefficient),
+            "mean of the joints": mean,
+            "spread between joints": spread,
+            "next joint, 95 %": lambda s: (
+                "{:.4g} … {:.4g}".format(*ahead) if (ahead := s.next_joint95) is not None else DASH
+            ),
+            "stand out": lambda s: ", ".join(result.records[i].id for i in s.outliers) or "none",
+        },
+    )
 
 
 def trends_table(result: Batch) -> TextTable:
@@ -231,18 +232,22 @@ def trends_table(result: Batch) -> TextTable:
         step = pretty_unit(result.covariate_units.get(t.covariate, "step"))
         return f"{superscripted(rounded(t.slope, t.slope_error))} {pretty_unit(result.units[t.coefficient])} per {step}"
 
-    columns: dict[str, Callable[[Trend], str]] = {
-        "trend": lambda t: f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
-        "slope": slope,
-        "over the range": lambda t: (
-            f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH
-        ),
-        "p": lambda t: f"{t.p_value:.2g}",
-        "p over all": lambda t: f"{t.p_adjusted:.2g}",
-        "at 5 %": lambda t: "yes" if t.significant else "not seen",
-    }
     caption = "Robust weighted lines; p over all corrects for the number of trends looked for."
-    return tabulate("trends", caption, sorted(result.population.trends, key=lambda t: t.p_value), columns)
+    return tabulate(
+        "trends",
+        caption,
+        sorted(result.population.trends, key=lambda t: t.p_value),
+        {
+            "trend": lambda t: f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
+            "slope": slope,
+            "over the range": lambda t: (
+                f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH
+            ),
+            "p": lambda t: f"{t.p_value:.2g}",
+            "p over all": lambda t: f"{t.p_adjusted:.2g}",
+            "at 5 %": lambda t: "yes" if t.significant else "not seen",
+        },
+    )
 
 
 def headline(result: Batch) -> str:
@@ -337,16 +342,13 @@ def _page(result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page
     )
 
 
-def _print(result: Batch, console: Console) -> None:
-    """Print the table, in blocks as wide as the screen."""
-    console.print()
+def _printed(result: Batch, console: Console) -> Iterator[Any]:
+    """Yield the table, in blocks as wide as the screen."""
     joints = joints_table(result)
-    shown = [tuple(shortened(cell, NAME) for cell in row) for row in joints.rows]
-    for columns, rows in fitting_blocks(joints.columns, shown, console.width):
-        align = "".join("l" if column in ("campaign", "joint") else "r" for column in columns)
-        block = replace(joints, columns=tuple(columns), rows=tuple(map(tuple, rows)))
-        print_table(block, console, align, True)
-        console.print()
+    rows = tuple(tuple(shortened(cell, NAME) for cell in row) for row in joints.rows)
+    yield ""
+    for block in fitting_blocks(replace(joints, rows=rows, ruled=True), console.width):
+        yield from (block, "")
 
 
 def _warnings(result: Batch) -> list[str]:
@@ -418,7 +420,7 @@ BATCH = View(
     page=_page,
     inputs=lambda result: [path for record in result.records if (path := Path(record.manifest)).is_file()],
     files=lambda result, data: {"batch.csv": batch_csv(result)},
-    print=_print,
+    printed=_printed,
     warnings=_warnings,
     details=lambda result: aligned(tabulate("ends", "", result.records, _ENDS)),
 )

@@ -9,7 +9,7 @@ from sindyjoint.judgement.changed import Change, Shift
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, math_symbol, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, RULE, pretty_unit
-from sindyjoint.reporting.tables import DASH, Console, TextTable, csv_text, print_table, shown, tabulate
+from sindyjoint.reporting.tables import DASH, TextTable, csv_text, shown, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, rounded
 from sindyjoint.trust import Light, Trust
@@ -20,7 +20,7 @@ def _drawn(data: Change) -> list[Shift]:
     return [shift for shift in data.shifts if np.isfinite(shift.change)]
 
 
-def shifts(data: Change, ax: Axes) -> Axes:
+def shifts(data: Change, ax: Axes) -> None:
     """Draw the relative change of each coefficient with its 95 % interval, over the margin."""
     rows, margin = _drawn(data), 100 * data.margin
     ends = [min(abs(end), 3.0) for shift in rows if abs(shift.change) < 3 for end in shift.interval]
@@ -36,7 +36,6 @@ def shifts(data: Change, ax: Axes) -> Axes:
         yticks=range(len(rows)), ylim=(len(rows) - 0.5, -0.5),
         yticklabels=[math_symbol(shift.symbol) for shift in rows],
     )  # fmt: skip
-    return ax
 
 
 KINDS = by_name(
@@ -124,12 +123,6 @@ def _page(result: Change, data: Change, show: Blocks, folder: Path | None) -> Pa
     )
 
 
-def _print(result: Change, console: Console) -> None:
-    """Print table and answer."""
-    print_table(coefficients_table(result), console, "llrrrrl", ruled=True)
-    console.print(f"\n{result.sentence}", markup=False)
-
-
 CHANGED = View(
     about=lambda result: f"[bold]{escape(result.after.joint.name)}[/]: {escape(' and '.join(result.names))}",
     data=Change,
@@ -142,7 +135,10 @@ CHANGED = View(
     headline=_trust,
     tables=lambda result: (coefficients_table(result),),
     page=_page,
-    print=_print,
+    printed=lambda result, console: (
+        coefficients_table(result).headed(ruled=True),
+        f"\n{escape(result.sentence)}",
+    ),
     # What a light holds.
     warnings=lambda result: (),
     # The table as CSV.

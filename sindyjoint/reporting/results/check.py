@@ -1,7 +1,7 @@
 """A check of the data: every channel with what was found marked on it; of a campaign, of a stopped result too."""
 
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -136,7 +136,7 @@ def _widen(starts: Array, ends: Array, duration: float) -> tuple[Array, Array]:
     return starts[new][:most], ends[last][:most]
 
 
-def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> Axes:
+def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> None:
     """Draw the channels of a run one above the other, each over its range, and mark what was found."""
     words, q = words_of(data.motion), quantities(data.motion)
     units = {
@@ -168,7 +168,6 @@ def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> Axes:
         ylim=(bottom - 0.1, ROW + 0.12), xlabel=time_label(run.without_time, data.motion),
         title=plain(shortened(run.run, 40)),
     )  # fmt: skip
-    return ax
 
 
 def _label_marks(run: CheckedRun, ax: Axes, base: dict[str, float]) -> None:
@@ -297,8 +296,9 @@ def _about(result: Any) -> str:
     return f"{escape(check.name)}{' (simulated)' * check.simulated}: the data are [bold]{check.soundness.verdict}[/]"
 
 
-def _print(result: Any, console: Console) -> None:
-    """Print each kind of finding once: where and how much, what it does and what to do."""
+def _printed(result: Any, console: Console) -> Iterator[Any]:
+    """Yield each kind of finding once: where and how much, what it does and what to do."""
+    from rich.constrain import Constrain
     from rich.padding import Padding
 
     (table,) = _tables(result)
@@ -306,11 +306,11 @@ def _print(result: Any, console: Console) -> None:
     for kind, where, severity, extent, advice in table.rows:
         kinds.setdefault((severity, spelled(kind), advice), []).append(f"{where}: {extent}")
     for (severity, kind, advice), found in kinds.items():
-        console.print(f"[bold]{severity}[/]: {escape(kind)}")
+        yield f"[bold]{severity}[/]: {escape(kind)}"
         for line in (*found, f"→ {advice}"):
-            console.print(Padding(escape(line), (0, 0, 0, 2)), width=min(console.width, 80))
+            yield Constrain(Padding(escape(line), (0, 0, 0, 2)), 80)
     if not kinds:
-        console.print("  nothing")
+        yield "  nothing"
 
 
 def wrap_findings(soundness: Soundness) -> Iterator[str]:
@@ -338,7 +338,7 @@ CHECK = View(
     page=_page,
     campaign=lambda result: _check_of(result).campaign,
     files=_files,
-    print=_print,
+    printed=_printed,
     warnings=lambda result: _check_of(result).warnings,
 )
 
@@ -347,17 +347,21 @@ def _runs_table(result: Campaign) -> TextTable:
     """Return the runs of a campaign."""
     q = quantities(result.joint.motion)
     rate = f"/{q.angle_unit} of path" if result.quasi_static else "Hz"
-    columns: dict[str, Callable[[Run], str]] = {
-        "run": lambda run: run.name,
-        "samples": lambda run: str(run.n_samples),
-        "rate": lambda run: f"{run.sample_rate:g} {rate}",
-        "frequency": lambda run: DASH if run.frequency is None else f"{run.frequency:g} Hz",
-        "largest motion": lambda run: f"{np.abs(run.angle).max():.3e} {q.angle_unit}",
-        f"largest {q.moment.lower()}": lambda run: (
-            f"{np.abs(run.moment).max():.3g} {pretty_unit(q.moment_unit)}"
-        ),
-    }
-    return tabulate("runs", "Runs", result.runs, columns)
+    return tabulate(
+        "runs",
+        "Runs",
+        result.runs,
+        {
+            "run": lambda run: run.name,
+            "samples": lambda run: str(run.n_samples),
+            "rate": lambda run: f"{run.sample_rate:g} {rate}",
+            "frequency": lambda run: DASH if run.frequency is None else f"{run.frequency:g} Hz",
+            "largest motion": lambda run: f"{np.abs(run.angle).max():.3e} {q.angle_unit}",
+            f"largest {q.moment.lower()}": lambda run: (
+                f"{np.abs(run.moment).max():.3g} {pretty_unit(q.moment_unit)}"
+            ),
+        },
+    )
 
 
 #: What the runs of a campaign hold; its picture and its page are those of its check.

@@ -10,7 +10,7 @@ import numpy as np
 from rich.markup import escape
 
 from sindyjoint.discovery.frequency import FrequencyTest
-from sindyjoint.judgement.comparison import Choice, ChosenTerm, Comparison, GivenModel
+from sindyjoint.judgement.comparison import Choice, Comparison, GivenModel
 from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.reporting.equation import interval_text, superscripted
@@ -25,7 +25,6 @@ from sindyjoint.reporting.tables import (
     TextTable,
     aligned,
     csv_records,
-    print_table,
     shown,
     tabulate,
 )
@@ -82,13 +81,17 @@ def coefficients_table(result: Comparison) -> TextTable:
     """List each term of the model: inclusion, value and interval."""
     share = dict(zip(result.ids, result.inclusion, strict=True))
 
-    columns: dict[str, Callable[[ChosenTerm], str]] = {
-        "term": lambda term: _named(result, term.id),
-        "in resampled campaigns": lambda term: _percent(share.get(term.id, float("nan"))),
-        "value": lambda term: _value(term.coefficient, term.standard_error),
-        "95 % interval": lambda term: interval_text(*term.interval95, term.standard_error),
-    }
-    return tabulate("coefficients", "Coefficients", result.model.terms, columns)
+    return tabulate(
+        "coefficients",
+        "Coefficients",
+        result.model.terms,
+        {
+            "term": lambda term: _named(result, term.id),
+            "in resampled campaigns": lambda term: _percent(share.get(term.id, float("nan"))),
+            "value": lambda term: _value(term.coefficient, term.standard_error),
+            "95 % interval": lambda term: interval_text(*term.interval95, term.standard_error),
+        },
+    )
 
 
 def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
@@ -101,19 +104,21 @@ def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
         small = test.answer == "independent within margin" and test.p_value < DISCOVERY.level
         return test.answer + (f"; a change of {_trend(test)} is significant" if small else "")
 
-    columns: dict[str, Callable[[FrequencyTest], str]] = {
-        "term": lambda test: spelled(test.name, motion),
-        **{f"{f:.4g} Hz": partial(estimate, at=at) for at, f in enumerate(tests[0].frequencies)},
-        "Q": lambda test: f"{test.q:.1f}",
-        "I²": lambda test: f"{100 * test.i_squared:.0f} %",
-        "τ / mean": lambda test: _percent(test.tau / abs(test.mean)),
-        "trend over band": _trend,
-        "p": lambda test: f"{test.p_value:.2g}",
-        "at most": lambda test: _percent(test.change_bound),
-        "answer": answer,
-    }
     return tabulate(
-        "frequency-dependence", "Are the coefficients the same at every frequency?", tests, columns
+        "frequency-dependence",
+        "Are the coefficients the same at every frequency?",
+        tests,
+        {
+            "term": lambda test: spelled(test.name, motion),
+            **{f"{f:.4g} Hz": partial(estimate, at=at) for at, f in enumerate(tests[0].frequencies)},
+            "Q": lambda test: f"{test.q:.1f}",
+            "I²": lambda test: f"{100 * test.i_squared:.0f} %",
+            "τ / mean": lambda test: _percent(test.tau / abs(test.mean)),
+            "trend over band": _trend,
+            "p": lambda test: f"{test.p_value:.2g}",
+            "at most": lambda test: _percent(test.change_bound),
+            "answer": answer,
+        },
     )
 
 
@@ -156,15 +161,6 @@ def choices_table(result: Comparison) -> TextTable:
     """Return what every choice leads to, by method, frequency, level and library, best first; and the floor."""
     own = "the paper's" if result.of_paper else "the model's"
     load, given = quantities(result.motion).moment.lower(), result.given
-    columns: dict[str, Callable[[tuple[str, Choice]], str]] = {
-        "Choice": lambda one: shortened(one[1].name),
-        "By": lambda one: one[0],
-        "Terms": lambda one: str(len(one[1].terms)),
-        f"Left-out {load}": lambda one: _percent(one[1].held_out, one[1].held_out_error),
-        "Response": lambda one: _percent(one[1].response),
-        "Residual": lambda one: _percent(one[1].residual),
-        f"Instead of {own}": lambda one: _difference(result, one[1]),
-    }
     further: list[tuple[str, ...]] = []
     if given is not None:
         held = DASH if given.seen else _percent(given.residual)
@@ -175,7 +171,22 @@ def choices_table(result: Comparison) -> TextTable:
     floor = _percent(result.noise_floor) if np.isfinite(result.noise_floor) else "unknown"
     further.append(("noise floor", *[""] * 4, floor, ""))
     choices = [(by, choice) for by, choices in result.groups.items() for choice in _best_first(choices)]
-    return tabulate("choices", "Choices, best first", choices, columns, further, text=("Choice",))
+    return tabulate(
+        "choices",
+        "Choices, best first",
+        choices,
+        {
+            "Choice": lambda one: shortened(one[1].name),
+            "By": lambda one: one[0],
+            "Terms": lambda one: str(len(one[1].terms)),
+            f"Left-out {load}": lambda one: _percent(one[1].held_out, one[1].held_out_error),
+            "Response": lambda one: _percent(one[1].response),
+            "Residual": lambda one: _percent(one[1].residual),
+            f"Instead of {own}": lambda one: _difference(result, one[1]),
+        },
+        further,
+        text=("Choice",),
+    )
 
 
 def given_model_table(given: GivenModel, motion: str) -> TextTable:
@@ -221,7 +232,7 @@ def _inclusion_rows(result: Comparison) -> list[tuple[str, list[float]]]:
     return [("resampled campaigns", [share.get(term, 0.0) for term in terms]), *chosen]
 
 
-def inclusion(result: Comparison, ax: Axes) -> Axes:
+def inclusion(result: Comparison, ax: Axes) -> None:
     """Draw which term is chosen by what: a row for each choice, and for the resampled campaigns."""
     from matplotlib.patches import Rectangle
 
@@ -244,7 +255,6 @@ def inclusion(result: Comparison, ax: Axes) -> Axes:
     ax.set_xticks(range(len(terms)), names, rotation=40, ha="right", rotation_mode="anchor")
     ax.tick_params(length=0)
     ax.grid(color=RULE, linewidth=0.3)
-    return ax
 
 
 KINDS = by_name(
@@ -357,21 +367,19 @@ def _about(result: Comparison) -> str:
     return f"{escape(result.joint)}{simulated}: terms by {', '.join(many)}"
 
 
-def _print(result: Comparison, console: Console) -> None:
-    """Print the model, what every choice leads to, and whether coefficients change with frequency."""
+def _printed(result: Comparison, console: Console) -> list[Any]:
+    """Return the model, what every choice leads to, and whether coefficients change with frequency."""
     names = ", ".join(spelled(term, result.motion) for term in result.model.ids)
     known = result.discovery is not None and result.model.terms
     said = result.discovery.model.equation() if known else names or result.model.reason
-    console.print(f"  {escape(said)}\n")
-    print_table(choices_table(result).headed(), console, "llrrrrl", wraps=True)
-    if result.of_paper:
-        console.print(f"\n{escape(result.agreement)}")
+    shown = [f"  {escape(said)}\n", choices_table(result).headed(wraps=True)]
+    shown += [f"\n{escape(result.agreement)}"] * result.of_paper
     if result.tests:
-        console.print()
-        shown = ("term", "trend over band", "at most", "p", "answer")
-        tests = tests_table(result.tests, result.motion).take(*shown)
+        tests = tests_table(result.tests, result.motion)
+        taken = tests.take("term", "trend over band", "at most", "p", "answer")
         heads = ("over the tested band", "trend", "at most", "p", "answer")
-        print_table(tests.headed(*heads), console, "lrrrl", wraps=True)
+        shown += ["", taken.headed(*heads, wraps=True)]
+    return shown
 
 
 def _warnings(result: Comparison) -> tuple[str, ...]:
@@ -426,7 +434,7 @@ COMPARISON = View(
     page=_page,
     campaign=lambda result: result.discovery.campaign,
     files=_files,
-    print=_print,
+    printed=_printed,
     warnings=_warnings,
     details=_details,
 )

@@ -35,7 +35,7 @@ def _parts(x: Array, y: Array, *parts: tuple[NDArray[np.bool_], Any]) -> Iterato
         yield x, np.where(where | np.append(where[1:], False), y, np.nan), look
 
 
-def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> Axes:
+def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> None:
     """Draw a measure at each frequency with its 95 % band; dotted where the model was not tested."""
     angle, stiffness = UNITS[data.motion]
     unit = {"secant": stiffness, "energy": "J"}.get(measure, "")
@@ -58,10 +58,10 @@ def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> Axes
     largest = data.tested_angle or data.curves[0].amplitude[-1]
     across = scaled(f"{quantities(data.motion).angle} amplitude", largest, angle)
     up = scaled(name, [float(np.max(getattr(curve, measure))) for curve in data.curves], unit)
-    return plot(ax, across, up, curves, columns=2, xscale="log", yscale="linear" if beside else "log")
+    plot(ax, across, up, curves, columns=2, xscale="log", yscale="linear" if beside else "log")
 
 
-def over_frequency(data: StructureCurves, ax: Axes, receptance: bool) -> Axes:
+def over_frequency(data: StructureCurves, ax: Axes, receptance: bool) -> None:
     """Draw amplitude, or amplitude per force, over frequency at each level: dashed between folds, dotted untested."""
     name = "Receptance" if receptance else f"Deflection at {shortened(data.point, 14)}"
     per = [level.force if receptance else 1.0 for level in data.levels]
@@ -89,7 +89,7 @@ def over_frequency(data: StructureCurves, ax: Axes, receptance: bool) -> Axes:
     else:
         seen = np.concatenate([level.amplitude for level in data.levels])
         curves += _backbones(data, float(seen.min()), float(seen.max()))
-    return plot(ax, "Frequency (Hz)", up, curves, legend="upper right", yscale="log")
+    plot(ax, "Frequency (Hz)", up, curves, legend="upper right", yscale="log")
 
 
 def _backbones(data: StructureCurves, low: float, high: float) -> Iterator[Curve]:
@@ -100,7 +100,7 @@ def _backbones(data: StructureCurves, low: float, high: float) -> Iterator[Curve
             yield mode.frequency[seen], mode.amplitude[seen], look
 
 
-def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, damping: bool) -> Axes:
+def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, damping: bool) -> None:
     """Draw frequency or damping ratio of a mode over its amplitude."""
     percent = 100 * mode.damping, 100 * mode.damping_error
     values, errors = percent if damping else (mode.frequency, mode.frequency_error)
@@ -119,7 +119,6 @@ def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, dampin
     plot(ax, across, what, curves, legend="best", xscale="log")
     if damping:
         ax.set_ylim(bottom=0)
-    return ax
 
 
 def _measure(name: str, measure: str, title: str, caption: str) -> Kind:
@@ -210,26 +209,25 @@ def _joint_tables(result: JointCurves) -> tuple[TextTable, ...]:
             float(getattr(row[0], measure)[row[1]]), float(getattr(row[0], f"{measure}_error")[row[1]]), unit
         )
 
-    columns: dict[str, Any] = {
-        "Frequency": lambda row: f"{row[0].frequency:.3g} Hz",
-        quantities(result.motion).angle: lambda row: amount(float(row[0].amplitude[row[1]]), angle),
-        "Secant stiffness": width("secant", stiffness),
-        "Loss factor": width("loss_factor", ""),
-        "Energy per cycle": width("energy", "J"),
-        "Tested": lambda row: "yes" if row[0].tested[row[1]] else "no",
-    }
-    return (tabulate("curves", "With half-widths of the 95 % intervals.", rows, columns),)
+    return (
+        tabulate(
+            "curves",
+            "With half-widths of the 95 % intervals.",
+            rows,
+            {
+                "Frequency": lambda row: f"{row[0].frequency:.3g} Hz",
+                quantities(result.motion).angle: lambda row: amount(float(row[0].amplitude[row[1]]), angle),
+                "Secant stiffness": width("secant", stiffness),
+                "Loss factor": width("loss_factor", ""),
+                "Energy per cycle": width("energy", "J"),
+                "Tested": lambda row: "yes" if row[0].tested[row[1]] else "no",
+            },
+        ),
+    )
 
 
 def _structure_tables(result: StructureCurves) -> tuple[TextTable, ...]:
     """Return the peak of each level, and the course of each mode."""
-    levels = {
-        "Force": lambda level: f"{level.force:.3g} N",
-        "Peak at": lambda level: f"{level.peak[0]:.4g} Hz",
-        "Amplitude": lambda level: _with_width(level.peak[1], level.peak[1] * level.peak_error, "m"),
-        "Largest joint angle": lambda level: amount(float(level.angle.max()), UNITS[result.motion][0]),
-        "Jumps at": lambda level: ", ".join(f"{fold:.4g} Hz" for fold in level.folds) or DASH,
-    }
 
     def slips_from(mode: ModeCurve) -> str:
         slips = np.where(np.isfinite(mode.slips), mode.slips, np.inf)
@@ -237,17 +235,34 @@ def _structure_tables(result: StructureCurves) -> tuple[TextTable, ...]:
         there = 0 < slips[first] < np.inf
         return f"{amount(float(slips[first]), 'm')} ({result.joints[first]})" if there else DASH
 
-    modes = {
-        "Mode": lambda mode: str(mode.number),
-        "At": lambda mode: mode.point,
-        "Amplitude": lambda mode: " … ".join(amount(float(mode.amplitude[i]), "m") for i in (0, -1)),
-        "Frequency": lambda mode: f"{mode.frequency[0]:.4g} … {mode.frequency[-1]:.4g} Hz",
-        "Damping": lambda mode: f"{100 * mode.damping[0]:.2g} … {100 * mode.damping[-1]:.2g} %",
-        "Slips from": slips_from,
-    }
     return (
-        tabulate("levels", "The largest response at each level.", result.levels, levels),
-        tabulate("modes", "From the smallest to the largest amplitude.", result.modes, modes),
+        tabulate(
+            "levels",
+            "The largest response at each level.",
+            result.levels,
+            {
+                "Force": lambda level: f"{level.force:.3g} N",
+                "Peak at": lambda level: f"{level.peak[0]:.4g} Hz",
+                "Amplitude": lambda level: _with_width(level.peak[1], level.peak[1] * level.peak_error, "m"),
+                "Largest joint angle": lambda level: amount(
+                    float(level.angle.max()), UNITS[result.motion][0]
+                ),
+                "Jumps at": lambda level: ", ".join(f"{fold:.4g} Hz" for fold in level.folds) or DASH,
+            },
+        ),
+        tabulate(
+            "modes",
+            "From the smallest to the largest amplitude.",
+            result.modes,
+            {
+                "Mode": lambda mode: str(mode.number),
+                "At": lambda mode: mode.point,
+                "Amplitude": lambda mode: " … ".join(amount(float(mode.amplitude[i]), "m") for i in (0, -1)),
+                "Frequency": lambda mode: f"{mode.frequency[0]:.4g} … {mode.frequency[-1]:.4g} Hz",
+                "Damping": lambda mode: f"{100 * mode.damping[0]:.2g} … {100 * mode.damping[-1]:.2g} %",
+                "Slips from": slips_from,
+            },
+        ),
     )
 
 

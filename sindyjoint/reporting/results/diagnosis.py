@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap, Step
+from sindyjoint.diagnosis.result import NOT_SOUGHT, Advice, Diagnosis, Gap, RecordGap
 from sindyjoint.diagnosis.verdict import reported_together
 from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import model_table
@@ -21,9 +21,7 @@ from sindyjoint.reporting.tables import (
     Console,
     TextTable,
     aligned,
-    print_table,
     tabulate,
-    terminal_table,
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
@@ -50,18 +48,24 @@ def _tables(result: Diagnosis) -> tuple[TextTable, ...]:
     )  # fmt: skip
     caption = "Gap between model and measurement, relative RMS, after each named effect."
     parameters = [(step, name, value) for step in result.steps for name, value in step.parameters.items()]
-    described: dict[str, Callable[[tuple[Step, str, float]], str]] = {
-        "Effect": lambda one: spelled(one[0].effect, motion),
-        "Parameter": lambda one: one[1],
-        "Value": lambda one: number(one[2], 4),
-        "Unit": lambda one: pretty_unit(unit) if (unit := one[0].units.get(one[1], "1")) != "1" else DASH,
-    }
     # Of a free motion no moment is measured; without an effect none has a probability.
     told = [said for said in zip(columns, *_step_rows(result), strict=True) if {*said[1:]} - {"", DASH}]
     columns, *rows = zip(*told, strict=True)
     return (
         TextTable("steps", caption, columns, tuple(rows)),
-        tabulate("parameters", "Parameters of the effects, SI.", parameters, described),
+        tabulate(
+            "parameters",
+            "Parameters of the effects, SI.",
+            parameters,
+            {
+                "Effect": lambda one: spelled(one[0].effect, motion),
+                "Parameter": lambda one: one[1],
+                "Value": lambda one: number(one[2], 4),
+                "Unit": lambda one: (
+                    pretty_unit(unit) if (unit := one[0].units.get(one[1], "1")) != "1" else DASH
+                ),
+            },
+        ),
         model_table(result.whole or result.model),
     )
 
@@ -122,23 +126,20 @@ def _page(result: Diagnosis, data: Diagnosis, show: Blocks, folder: Path | None)
     )
 
 
-def _print(result: Diagnosis, console: Console) -> None:
-    """Print gap by step, the parameters of the effects, where the gap lies, advice."""
+def _printed(result: Diagnosis, console: Console) -> Iterator[Any]:
+    """Yield gap by step, the parameters of the effects, where the gap lies, advice."""
     steps, parameters, _ = _tables(result)
-    console.print(terminal_table(steps.headed("", *steps.headed().columns[1:]), "lrrrl", wraps=True))
+    yield steps.headed("", *steps.headed().columns[1:], wraps=True)
     if parameters.rows:
-        console.print()
-        print_table(parameters.headed(), console, "llrl")
+        yield from ("", parameters.headed())
     budget = result.budget
     if budget.total > 0:
         shares = {name: round(getattr(budget, name) / budget.total, 2) for name in PARTS}
         parts = ", ".join(f"{name} {percent(share)}" for name, share in shares.items())
-        console.print(f"\nthe first gap in mean square: {parts}")
-    for words in (*(region.words for region in result.where), *_notes(result)):
-        console.print(f"- {escape(words)}")
+        yield f"\nthe first gap in mean square: {parts}"
+    yield from (f"- {escape(text)}" for text in (*(region.words for region in result.where), *_notes(result)))
     if result.hidden is not None:
-        hidden = spelled(result.hidden, result.model.joint.motion)
-        console.print(f"\nhidden in this virtual test was: [bold]{hidden}[/]")
+        yield f"\nhidden in this virtual test was: [bold]{spelled(result.hidden, result.model.joint.motion)}[/]"
 
 
 _RECORDS: dict[str, Callable[[RecordGap], str]] = {
@@ -247,6 +248,6 @@ DIAGNOSIS: View = View(
     page=_page,
     # What the effects add to the joint's law, and what belongs to the test.
     files=lambda result, data: {"model.json": (result.whole or result.model).to_json() + "\n"},
-    print=_print,
+    printed=_printed,
     details=_details,
 )

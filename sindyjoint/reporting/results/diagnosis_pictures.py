@@ -20,18 +20,17 @@ from sindyjoint.reporting.figure import (
     angle_scale,
     bars,
     by_name,
-    coloured_cells,
     each,
     fixed,
+    moment_cells,
     moment_scale,
     plot,
-    rate_scale,
     scaled,
     spread,
     time_label,
 )
 from sindyjoint.reporting.results.verification import CYCLES_SHOWN, KEPT_SAMPLES
-from sindyjoint.reporting.style import DASHES, DIVERGING, INK, MUTED, PALETTE, legend_above, plain, shortened
+from sindyjoint.reporting.style import DASHES, INK, MUTED, PALETTE, legend_above, plain, shortened
 from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, force_state_map
 from sindyjoint.text import percent, quantities, spelled
@@ -40,7 +39,7 @@ MOST_RIVALS = 4
 FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
 
 
-def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
+def gap_by_step(result: Diagnosis, ax: Axes) -> None:
     """Draw the moment and response gap of the model alone and after each step, down to the noise floor.
 
     The scale is logarithmic where the noise lies so far below the gap that a linear one would not show it.
@@ -80,20 +79,18 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> Axes:
         title="Gap between model and measurement",
     )  # fmt: skip
     legend_above(ax, 2 * len(shares))
-    return ax
 
 
-def budget_parts(result: Diagnosis, ax: Axes) -> Axes:
+def budget_parts(result: Diagnosis, ax: Axes) -> None:
     """Draw what the first gap is made of, in mean square."""
     names = ("state", "history", "run", "processing", "noise")
     total = result.budget.total or 1.0
     shares = [100 * getattr(result.budget, name) / total for name in names]
     bars(ax, names, shares, 112, "share of the mean square gap (%)", [*PALETTE[:4], MUTED], "{:.1f} %")
     ax.set_title("Budget of the first gap")
-    return ax
 
 
-def rivals(result: Diagnosis, ax: Axes) -> Axes:
+def rivals(result: Diagnosis, ax: Axes) -> None:
     """Draw the probability of the named effect of each step and of its rivals."""
     rows, motion = [], result.model.joint.motion
     for index, step in enumerate(result.steps):
@@ -102,25 +99,22 @@ def rivals(result: Diagnosis, ax: Axes) -> Axes:
     labels, values, colours = zip(*rows, strict=True)
     bars(ax, labels, values, 1.2, "probability", colours, "{:.2f}", 0.6)
     ax.set_title("Named effects and their rivals")
-    return ax
 
 
-def where(result: Diagnosis, ax: Axes) -> Axes:
+def where(result: Diagnosis, ax: Axes) -> None:
     """Draw the regions that hold more of the gap than their share of the samples."""
     regions = list(result.where)
     labels = [plain(fill(shortened(region.words.partition(":")[0], 60), 26)) for region in regions]
     shares = [100 * region.share for region in regions]
     bars(ax, labels, shares, 100, "share of the mean square gap (%)", PALETTE[0], height=0.6)
     ax.set_title("Where the gap lies")
-    return ax
 
 
 def maps(result: Diagnosis) -> list[Panel]:
     """Return the maps of the residual before and, where effects were added, after."""
     before = partial(_map, runs=result.before, title="Residual of the model alone", scale=not result.after)
     after = partial(_map, runs=result.after, title="Residual with the effects, same colours", scale=True)
-    panels: list[Panel] = [before, after]
-    return panels[: bool(result.before) * (1 + bool(result.after))]
+    return [*[before] * bool(result.before), *[after] * bool(result.after)]
 
 
 def overlays(result: Diagnosis) -> list[Panel]:
@@ -132,20 +126,10 @@ def overlays(result: Diagnosis) -> list[Panel]:
     ]
 
 
-def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> Axes:
+def _map(result: Diagnosis, ax: Axes, runs: Sequence[RunGap], title: str, scale: bool) -> None:
     """Draw the mean residual in cells of (θ, θ̇); the colours are those of the map before."""
-    motion, shown = result.model.joint.motion, _mean_residual(runs)
-    limit = float(np.nanmax(np.abs(_mean_residual(result.before).moment))) or 1.0
-    x, y, z = (
-        angle_scale(motion, shown.angle_edges),
-        rate_scale(result.model, shown.rate_edges),
-        moment_scale(motion, limit),
-    )
-    axes = ((shown.angle_edges, x), (shown.rate_edges, y))
-    label = f"mean of measured less model ({z.unit})" if scale else ""
-    coloured_cells(ax, axes, shown.moment * z.factor, DIVERGING, (-limit * z.factor, limit * z.factor), label)
-    ax.set_title(title)
-    return ax
+    label = "mean of measured less model ({})" if scale else ""
+    moment_cells(ax, _mean_residual(runs), result.model, title, label, _mean_residual(result.before))
 
 
 def _mean_residual(runs: Sequence[RunGap]) -> ForceStateMap:
@@ -161,7 +145,7 @@ BEFORE: Any = {"color": PALETTE[1], "lw": 0.9, "ls": (0, (4, 1.5))}
 AFTER: Any = {"color": INK, "lw": 0.8}
 
 
-def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> None:
     """Draw the measured moment and the models' over the angle; over time where the run has no frequency."""
     q = quantities(result.model.joint.motion)
     # What the rows are: less the inertia's moment, unless the inertia is among the terms.
@@ -171,10 +155,10 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
         (before, before.model, BEFORE | {"label": "model alone"}),
     ]
     curves += [] if after is None else [(after, after.model, AFTER | {"label": "with the effects"})]
-    return _drawn(result, ax, moment_scale(result.model.joint.motion, before.measured, name), curves)
+    _drawn(result, ax, moment_scale(result.model.joint.motion, before.measured, name), curves)
 
 
-def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> Axes:
+def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> None:
     """Draw the residuals of a run together with its noise."""
     of = "noise of the mean period" if before.repeats else "noise"
     band = (None, (-2 * before.noise, 2 * before.noise))
@@ -183,12 +167,12 @@ def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None)
         curves.append((after, after.residual, AFTER | {"label": "residual with the effects"}))
     look = {"color": MUTED, "alpha": 0.2, "lw": 0, "label": f"{of}, ±2σ"}
     up = moment_scale(result.model.joint.motion, before.residual, "Measured less model")
-    return _drawn(result, ax, up, curves, [(*band, look)])
+    _drawn(result, ax, up, curves, [(*band, look)])
 
 
 def _drawn(
     result: Diagnosis, ax: Axes, up: Scale, runs: Sequence[tuple[RunGap, Array, Any]], behind: Any = ()
-) -> Axes:
+) -> None:
     """Draw curves of a run, each in its pieces, which have one entry in the legend."""
     motion, run = result.model.joint.motion, runs[0][0]
     across = angle_scale(motion, [float(np.abs(each.angle).max()) for each in result.before])
@@ -199,7 +183,7 @@ def _drawn(
     time = time_label(result.model.fitted.quasi_static, motion)
     where = f"{run.frequency:.3g} Hz" + (f", level {run.level}" if run.level else "")
     title = where if run.repeats else run.run
-    return plot(ax, across if run.frequency > 0 else time, up, curves, title, columns=1 if behind else 2)
+    plot(ax, across if run.frequency > 0 else time, up, curves, title, columns=1 if behind else 2)
 
 
 def _pieces(run: RunGap, values: Array) -> list[tuple[Array, Array]]:
@@ -287,14 +271,14 @@ def _curves_of(record: RecordGap) -> list[tuple[Array, Any]]:
 
 def _over_time(
     record: RecordGap, ax: Axes, curves: Iterable[tuple[Array, Any]], kept: slice, name: str = "", **more: Any
-) -> Axes:
+) -> None:
     """Draw signals over time, on an axis that suits what was measured."""
     up = scaled(name or record.quantity.capitalize(), record.measured, record.unit)
     shown = [(record.time[kept], signal[kept], look) for signal, look in curves]
-    return plot(ax, "Time (s)", up, [*shown, *more.pop("levels", ())], record.name, **more)
+    plot(ax, "Time (s)", up, [*shown, *more.pop("levels", ())], record.name, **more)
 
 
-def overlay(record: RecordGap, ax: Axes) -> Axes:
+def overlay(record: RecordGap, ax: Axes) -> None:
     """Draw the measured displacement and, over it, the residuals before and after."""
     thin = {"lw": 0.7, "rasterized": record.time.size > 4000}
     residuals = (record.before, PALETTE[1], "of the model alone"), (record.after, INK, "with the effects")
@@ -309,12 +293,11 @@ def overlay(record: RecordGap, ax: Axes) -> Axes:
         ax.axvline(record.held_from, color=MUTED, lw=0.6)
         ax.annotate("kept out of the fit →", (record.held_from, 0.03), xycoords=("data", "axes fraction"),
                     xytext=(3, 0), textcoords="offset points", color=MUTED)  # fmt: skip
-    return ax
 
 
-def cycles(record: RecordGap, ax: Axes) -> Axes:
+def cycles(record: RecordGap, ax: Axes) -> None:
     """Draw a few cycles of what the fit did not see, measured and simulated."""
-    return _over_time(record, ax, _curves_of(record), _middle_cycles(record))
+    _over_time(record, ax, _curves_of(record), _middle_cycles(record))
 
 
 def _middle_cycles(record: RecordGap) -> slice:
@@ -325,14 +308,14 @@ def _middle_cycles(record: RecordGap) -> slice:
     return slice(first, min(first + max(count, 2), record.time.size))
 
 
-def envelope(record: RecordGap, ax: Axes) -> Axes:
+def envelope(record: RecordGap, ax: Axes) -> None:
     """Draw the envelopes by Hilbert's transform, on a logarithmic scale, with the noise."""
     rate = 1 / (record.time[1] - record.time[0])
     cut = int(rate / main_frequency(record.measured, rate))
     moving = [(signal, look) for signal, look in _curves_of(record) if np.ptp(signal) > 0]
     heights = [(hilbert_envelope(signal, rate)[0], look) for signal, look in moving]
     noise = (None, record.noise, {"color": MUTED, "lw": 0.7, "ls": (0, (4, 2)), "label": "noise (RMS)"})
-    return _over_time(record, ax, heights, slice(cut, -cut), "Envelope", levels=[noise], yscale="log")
+    _over_time(record, ax, heights, slice(cut, -cut), "Envelope", levels=[noise], yscale="log")
 
 
 def _records(result: Diagnosis) -> tuple[RecordGap, ...]:

@@ -17,7 +17,7 @@ from sindyjoint.paper import DOI, TITLE
 from sindyjoint.reporting.equation import model_table, terms_csv
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
-from sindyjoint.reporting.results.discovery_data import Loop, ReportData, gather
+from sindyjoint.reporting.results.discovery_data import ReportData, gather
 from sindyjoint.reporting.results.discovery_states import loops_payload, map_payload
 from sindyjoint.reporting.results.discovery_terms import KINDS
 from sindyjoint.reporting.style import prefixed, pretty_unit
@@ -27,7 +27,6 @@ from sindyjoint.reporting.tables import (
     TextTable,
     aligned,
     natural_width,
-    print_table,
     short_number,
     tabulate,
     terminal_table,
@@ -173,27 +172,26 @@ def _about(result: Discovery) -> str:
     return f"{line}\n\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}"
 
 
-def _print(result: Discovery, console: Console) -> None:
-    """Print equation, terms and fit."""
-    model = result.model
-    if not result.found:
-        console.print(f"  no model: {escape(result.reason)}")
-    else:
-        terms, *over = _tables(result)
-        console.print(f"  {escape(model.equation())}\n")
-        print_table(_fitting(terms, console), console, "llrlrr", ruled=True)
-        what = quantities(model.joint.motion).moment.lower()
-        console.print(f"\nshare: unique share of the RMS {what}, which no other term can take over")
-        for each in over:
-            console.print(f"\n[bold]{escape(each.title)}[/]")
-            print_table(each, console, "ll" + "r" * (len(each.columns) - 3) + "l")
+def _printed(result: Discovery, console: Console) -> list[Any]:
+    """Return equation, terms and fit."""
+    model, (terms, *over) = result.model, _tables(result)
+    what = quantities(model.joint.motion).moment.lower()
+    law = [
+        f"  {escape(model.equation())}\n",
+        _fitting(terms.headed(ruled=True), console),
+        f"\nshare: unique share of the RMS {what}, which no other term can take over",
+        *(part for each in over for part in (f"\n[bold]{escape(each.title)}[/]", each)),
+    ]
     # What was tested stands in the first line.
-    for label, value, note in key_facts(model)[:-2]:
-        console.print(escape(f"{label[:1].lower()}{label[1:]} {value}, {note}"))
-    if result.skew is not None:
-        console.print(_delay_words(result.skew, model.joint.motion))
-    if result.warnings:
-        console.print("\n[bold]What to know before using it[/]")
+    facts = (
+        f"{label[:1].lower()}{label[1:]} {value}, {note}" for label, value, note in key_facts(model)[:-2]
+    )
+    return [
+        *(law if result.found else [f"  no model: {escape(result.reason)}"]),
+        *map(escape, facts),
+        *([] if result.skew is None else [_delay_words(result.skew, model.joint.motion)]),
+        *["\n[bold]What to know before using it[/]"] * bool(result.warnings),
+    ]
 
 
 def _details(result: Discovery) -> Iterator[str]:
@@ -204,15 +202,23 @@ def _details(result: Discovery) -> Iterator[str]:
     path, chosen = result.selection.path, result.selection.chosen
     yield f"{len(result.regressor.terms_)} candidates; {len(path)} models on the path"
     near = range(len(path)) if chosen is None else range(chosen - 3, chosen + 4)
-    columns: dict[str, Callable[[int], str]] = {
-        "": lambda i: "chosen" if i == chosen else "",
-        "terms": lambda i: str(path[i].size),
-        "residual": lambda i: f"{path[i].fit.residual_rms:.4g}",
-        "held out": lambda i: short_number(path[i].held_out_rms),
-        "threshold": lambda i: f"{path[i].threshold:.2e}",
-        "least |t| over groups": lambda i: short_number(np.min(path[i].group_t_ratios, initial=np.inf)),
-    }
-    yield from aligned(tabulate("path", "", [i for i in near if 0 <= i < len(path)], columns))
+    yield from aligned(
+        tabulate(
+            "path",
+            "",
+            [i for i in near if 0 <= i < len(path)],
+            {
+                "": lambda i: "chosen" if i == chosen else "",
+                "terms": lambda i: str(path[i].size),
+                "residual": lambda i: f"{path[i].fit.residual_rms:.4g}",
+                "held out": lambda i: short_number(path[i].held_out_rms),
+                "threshold": lambda i: f"{path[i].threshold:.2e}",
+                "least |t| over groups": lambda i: short_number(
+                    np.min(path[i].group_t_ratios, initial=np.inf)
+                ),
+            },
+        )
+    )
     yield (
         f"{load} {fitted.moment_rms:.4g} RMS, residual {fitted.residual_rms:.4g}, of which the data cannot repeat "
         + (f"{fitted.noise_floor:.4g}" if math.isfinite(fitted.noise_floor) else "an unknown part")
@@ -231,34 +237,44 @@ def over_table(over: OverInput) -> TextTable:
     def at(place: int) -> Callable[[Any], str]:
         return lambda row: rounded(row.values[place], row.errors[place])
 
-    columns: dict[str, Callable[[Any], str]] = {
-        "": lambda row: row.symbol,
-        "unit": lambda row: pretty_unit(row.unit),
-        **{pretty_unit(heading): at(place) for place, heading in enumerate(over.headings)},
-        "with levels apart": lambda row: over.dependence(row) or DASH,
-    }
     title = (
         f"The law over {over.label}: coefficients at the least, the reference and the largest value, with one standard "
         "error; with levels apart: what fits to the runs of each level say."
     )
-    return tabulate(f"over_{over.name}", title, over.coefficients, columns, text=("unit",))
+    return tabulate(
+        f"over_{over.name}",
+        title,
+        over.coefficients,
+        {
+            "": lambda row: row.symbol,
+            "unit": lambda row: pretty_unit(row.unit),
+            **{pretty_unit(heading): at(place) for place, heading in enumerate(over.headings)},
+            "with levels apart": lambda row: over.dependence(row) or DASH,
+        },
+        text=("unit",),
+    )
 
 
 def runs_table(data: ReportData) -> TextTable:
     """Return one row for each run."""
     factor, unit = _residual_scale(data.model)
-    columns: dict[str, Callable[[Loop], str]] = {
-        "Run": lambda loop: loop.run,
-        "Frequency (Hz)": lambda loop: number(loop.frequency, 4),
-        "Level": lambda loop: loop.level or "",
-        "States": lambda loop: loop.method,
-        "Samples": lambda loop: str(loop.samples),
-        "Moving": lambda loop: f"{100 * loop.moving_fraction:.0f} %",
-        f"Noise ({unit})": lambda loop: number(loop.moment_noise * factor),
-        f"Residual ({unit})": lambda loop: number(loop.residual_rms * factor),
-    }
     title = "Residual of moving samples and noise of single samples."
-    return tabulate("runs", title, data.loops, columns, text=("Run", "Level"))
+    return tabulate(
+        "runs",
+        title,
+        data.loops,
+        {
+            "Run": lambda loop: loop.run,
+            "Frequency (Hz)": lambda loop: number(loop.frequency, 4),
+            "Level": lambda loop: loop.level or "",
+            "States": lambda loop: loop.method,
+            "Samples": lambda loop: str(loop.samples),
+            "Moving": lambda loop: f"{100 * loop.moving_fraction:.0f} %",
+            f"Noise ({unit})": lambda loop: number(loop.moment_noise * factor),
+            f"Residual ({unit})": lambda loop: number(loop.residual_rms * factor),
+        },
+        text=("Run", "Level"),
+    )
 
 
 def path_table(data: ReportData) -> TextTable:
@@ -270,17 +286,22 @@ def path_table(data: ReportData) -> TextTable:
         only = (term for term in terms[i] if term not in terms[j])
         return ", ".join(spelled(term, data.model.joint.motion) for term in only)
 
-    columns: dict[str, Callable[[int], str]] = {
-        "Terms": lambda i: f"{len(terms[i])}{' (chosen)' if i == data.chosen else ''}",
-        "Adds": lambda i: beyond(i, i + 1),
-        "Instead of": lambda i: beyond(i + 1, i),
-        f"Residual ({unit})": lambda i: number(data.path[i].residual_rms * factor, 4),
-        f"Held out ({unit})": lambda i: number(data.path[i].held_out_rms * factor, 4),
-        "Weakest share": lambda i: number(data.path[i].threshold, 2),
-        "Least t": lambda i: number(data.path[i].least_t, 3),
-    }
     title = "From the largest model to the smallest. Adds: what it has beyond the next smaller one."
-    return tabulate("path", title, range(len(data.path)), columns, marked=data.chosen)
+    return tabulate(
+        "path",
+        title,
+        range(len(data.path)),
+        {
+            "Terms": lambda i: f"{len(terms[i])}{' (chosen)' if i == data.chosen else ''}",
+            "Adds": lambda i: beyond(i, i + 1),
+            "Instead of": lambda i: beyond(i + 1, i),
+            f"Residual ({unit})": lambda i: number(data.path[i].residual_rms * factor, 4),
+            f"Held out ({unit})": lambda i: number(data.path[i].held_out_rms * factor, 4),
+            "Weakest share": lambda i: number(data.path[i].threshold, 2),
+            "Least t": lambda i: number(data.path[i].least_t, 3),
+        },
+        marked=data.chosen,
+    )
 
 
 def _residual_scale(model: JointModel) -> tuple[float, str]:
@@ -289,12 +310,10 @@ def _residual_scale(model: JointModel) -> tuple[float, str]:
 
 def _fitting(terms: TextTable, console: Console) -> TextTable:
     """Return the terms for a terminal; on a narrow screen without the interval: the uncertainty says as much."""
-    shown = ("Term", "Symbol", "Value", "Unit", "95 % interval", "Unique share")
     heads = ("term", "", "coefficient", "unit", "95 % interval", "share")
-    whole = terms.take(*shown).headed(*heads)
-    if not sys.stdout.isatty() or natural_width(terminal_table(whole, ruled=True), console) <= console.width:
-        return whole
-    return whole.take(*heads[:4], heads[5])
+    whole = terms.take("term", "symbol", "value", "unit", "95 % interval", "unique share").headed(*heads)
+    fits = not sys.stdout.isatty() or natural_width(terminal_table(whole), console) <= console.width
+    return whole if fits else whole.take(*heads[:4], heads[5])
 
 
 def _delay_words(delay: ChannelDelay, motion: str) -> str:
@@ -310,31 +329,43 @@ def state_lines(states: Sequence[ForceStates], motion: str = "rotation") -> Iter
     """Yield a line per run: its samples, how its rate was made, how much of it moves, and its noise."""
     q = quantities(motion)
     load = pretty_unit(q.moment_unit)
-    columns: dict[str, Callable[[ForceStates], str]] = {
-        "run": lambda state: state.run,
-        "samples": lambda state: str(state.n_samples),
-        "rate": lambda state: f"{state.sample_rate:.4g} Hz",
-        "states": lambda state: f"{state.method}, completed" if state.completed else state.method,
-        "band": lambda state: f"{state.bandwidth:.3g} Hz",
-        "moving": lambda state: f"{100 * state.moving.mean():.1f} %",
-        "noise of the motion": lambda state: f"{state.noise.angle:.2e} {q.angle_unit}",
-        f"noise of the {q.moment.lower()}": lambda state: (
-            f"{state.noise.moment:.2e} {load}" if state.noise.measured else "unknown"
-        ),
-    }
-    return aligned(tabulate("states", "", states, columns))
+    return aligned(
+        tabulate(
+            "states",
+            "",
+            states,
+            {
+                "run": lambda state: state.run,
+                "samples": lambda state: str(state.n_samples),
+                "rate": lambda state: f"{state.sample_rate:.4g} Hz",
+                "states": lambda state: f"{state.method}, completed" if state.completed else state.method,
+                "band": lambda state: f"{state.bandwidth:.3g} Hz",
+                "moving": lambda state: f"{100 * state.moving.mean():.1f} %",
+                "noise of the motion": lambda state: f"{state.noise.angle:.2e} {q.angle_unit}",
+                f"noise of the {q.moment.lower()}": lambda state: (
+                    f"{state.noise.moment:.2e} {load}" if state.noise.measured else "unknown"
+                ),
+            },
+        )
+    )
 
 
 def _shares(result: Discovery) -> Iterator[str]:
     def relative(term: ModelTerm, value: float) -> str:
         return f"{100 * (value / (abs(term.coefficient) or 1.0)):.3f} %"
 
-    columns: dict[str, Callable[[ModelTerm], str]] = {
-        "term": lambda term: term.id,
-        "unique share": lambda term: f"{100 * term.unique_share:.2f} %",
-        "relative error": lambda term: relative(term, term.standard_error),
-    }
-    return aligned(tabulate("shares", "", result.model.terms, columns))
+    return aligned(
+        tabulate(
+            "shares",
+            "",
+            result.model.terms,
+            {
+                "term": lambda term: term.id,
+                "unique share": lambda term: f"{100 * term.unique_share:.2f} %",
+                "relative error": lambda term: relative(term, term.standard_error),
+            },
+        )
+    )
 
 
 #: Its data are gathered into small arrays, and its page is made of only these.
@@ -357,6 +388,6 @@ DISCOVERY = View(
         "model.json": result.model.to_json() + "\n",
         "terms.csv": terms_csv(result.model),
     },
-    print=_print,
+    printed=_printed,
     details=_details,
 )

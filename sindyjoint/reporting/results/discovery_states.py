@@ -13,6 +13,7 @@ from sindyjoint.reporting.figure import (
     angle_scale,
     coloured_cells,
     cycled,
+    moment_cells,
     moment_scale,
     nothing,
     plot,
@@ -22,7 +23,7 @@ from sindyjoint.reporting.figure import (
     spread,
     time_label,
 )
-from sindyjoint.reporting.results.discovery_data import Loop, ReportData, run_labels
+from sindyjoint.reporting.results.discovery_data import PHASE_BINS, Loop, ReportData, run_labels
 from sindyjoint.reporting.style import (
     DIVERGING,
     FIXED_INK,
@@ -34,16 +35,16 @@ from sindyjoint.reporting.style import (
 )
 from sindyjoint.text import quantities
 
+NOISE_FLOOR: Any = {"color": MUTED, "lw": 1.6, "zorder": 1, "label": "noise floor"}
+
 # ---- loops: once as a picture, once to be zoomed
 
 
 def loop_groups(data: ReportData) -> dict[str, list[Loop]]:
     """Return the runs by frequency; aperiodic ones together."""
-    found: dict[str, list[Loop]] = {}
-    for loop in data.loops:
-        key = f"{loop.frequency:.4g} Hz" if loop.frequency is not None else "aperiodic"
-        found.setdefault(key, []).append(loop)
-    return found
+    keys = ["aperiodic" if loop.frequency is None else f"{loop.frequency:.4g} Hz" for loop in data.loops]
+    pairs = [*zip(keys, data.loops, strict=True)]
+    return {group: [loop for key, loop in pairs if key == group] for group in keys}
 
 
 def _loop_scales(data: ReportData) -> tuple[Scale, Scale]:
@@ -57,19 +58,18 @@ def _modelled(data: ReportData, loop: Loop) -> Array:
     return np.where(loop.moving, loop.model, np.nan) if data.model.terms else np.empty(0)
 
 
-def loops(data: ReportData, ax: Axes, group: str) -> Axes:
+def loops(data: ReportData, ax: Axes, group: str) -> None:
     """Draw measured moment–angle loops of a frequency (colours) and the model over them (black dots)."""
     dots: Any = {"color": INK, "ls": "none", "marker": "."}
+    has_model = bool(data.model.terms)
     curves: list[Curve] = []
     for place, loop in enumerate(spread(loop_groups(data)[group])):
         label = loop.run if loop.level is None else f"level {loop.level}"
-        curves.append((loop.angle, loop.moment, cycled(place, label=shortened(label))))
-        if data.model.terms:
-            every = slice(None, None, max(1, loop.angle.size // 90))
-            curves.append((loop.angle[every], _modelled(data, loop)[every], dots | {"ms": 1.8}))
-    if data.model.terms:
-        curves.append(([], [], dots | {"ms": 3, "label": "model, moving"}))
-    return plot(ax, *_loop_scales(data), curves, group, columns=2)
+        every = slice(None, None, max(1, loop.angle.size // 90))
+        model = loop.angle[every], _modelled(data, loop)[every], dots | {"ms": 1.8}
+        curves += [(loop.angle, loop.moment, cycled(place, label=shortened(label))), model][: 1 + has_model]
+    curves += [([], [], dots | {"ms": 3, "label": "model, moving"})] * has_model
+    plot(ax, *_loop_scales(data), curves, group, columns=2)
 
 
 def loops_payload(data: ReportData) -> dict[str, Any]:
@@ -106,28 +106,17 @@ def _map_scales(data: ReportData) -> tuple[Scale, Scale, Scale]:
     return angle, rate, moment_scale(motion, surface.moment)
 
 
-def _cells(
-    data: ReportData, ax: Axes, values: Array, colours: str, limits: tuple[float, float], label: str
-) -> None:
-    x, y, _ = _map_scales(data)
-    axes = ((data.surface.angle_edges, x), (data.surface.rate_edges, y))
-    coloured_cells(ax, axes, values, colours, limits, label)
-
-
-def map_moment(data: ReportData, ax: Axes) -> Axes:
+def map_moment(data: ReportData, ax: Axes) -> None:
     """Draw the averaged transfer moment of every cell, with the model's contours over it."""
-    z = _map_scales(data)[2]
-    limit = float(np.nanmax(np.abs(data.surface.moment))) * z.factor
-    _cells(data, ax, data.surface.moment * z.factor, DIVERGING, (-limit, limit), z.unit)
-    if data.model.terms:
-        _contours(data, ax, limit)
     mean = f"Mean {quantities(data.model.joint.motion).moment.lower()}"
-    ax.set_title(mean + (", model contours" if data.model.terms else ""))
-    return ax
+    moment_cells(ax, data.surface, data.model, mean + ", model contours" * bool(data.model.terms))
+    if data.model.terms:
+        _contours(data, ax)
 
 
-def _contours(data: ReportData, ax: Axes, limit: float) -> None:
+def _contours(data: ReportData, ax: Axes) -> None:
     x, y, z = _map_scales(data)
+    limit = float(np.nanmax(np.abs(data.surface.moment))) * z.factor
     levels = np.linspace(-limit, limit, 9)[1:-1]
     top = float(data.surface.rate_edges[-1])
     rates = np.linspace(0, top, data.upper.shape[1])
@@ -146,47 +135,39 @@ def _nodes(data: ReportData) -> Array:
     return np.linspace(edges[0], edges[-1], data.upper.shape[0])
 
 
-def map_counts(data: ReportData, ax: Axes) -> Axes:
+def map_counts(data: ReportData, ax: Axes) -> None:
     """Draw how many moving samples each cell holds."""
     counts = np.where(data.surface.filled, data.surface.count.astype(float), np.nan)
-    _cells(data, ax, counts, SEQUENTIAL, (0.0, float(np.nanmax(counts))), "samples")
-    ax.set_title("Moving samples per cell")
-    return ax
+    ends = (0.0, float(np.nanmax(counts)))
+    coloured_cells(ax, data.surface, data.model, counts, ends, "samples", "Moving samples per cell")
 
 
-def map_residual(data: ReportData, ax: Axes) -> Axes:
+def map_residual(data: ReportData, ax: Axes) -> None:
     """Draw the mean residual, measured less model, of every cell."""
-    limit = float(np.nanmax(np.abs(data.residual_map.moment))) or 1.0
-    z = moment_scale(data.model.joint.motion, limit)
-    shown = data.residual_map.moment * z.factor
-    _cells(data, ax, shown, DIVERGING, (-limit * z.factor, limit * z.factor), z.unit)
-    ax.set_title("Mean residual, measured less model")
-    return ax
+    moment_cells(ax, data.residual_map, data.model, "Mean residual, measured less model")
 
 
-def cut_at_zero_rate(data: ReportData, ax: Axes) -> Axes:
+def cut_at_zero_rate(data: ReportData, ax: Axes) -> None:
     """Draw the cut at θ̇ = 0: cell means just above and just below, the model, and the friction step between."""
     q, surface = quantities(data.model.joint.motion), data.surface
     x, _, z = _map_scales(data)
     middle, dots = surface.n // 2, {"ls": "none", "marker": ".", "color": INK}
+    sides = (1, ">", "o", "-", data.upper[:, 0]), (-1, "<", "s", "--", data.lower[:, -1])
     curves: list[Curve] = []
-    for index, (column, sheet, sign) in enumerate(
-        ((middle, data.upper[:, 0], ">"), (middle - 1, data.lower[:, -1], "<"))
-    ):
-        near = _nearest(data, column, 1 if sign == ">" else -1)
+    for color, (side, sign, marker, dashes, sheet) in zip(PALETTE, sides, strict=False):
+        near = _nearest(data, middle - (side < 0), side)
         cells = np.flatnonzero(near >= 0), near[near >= 0]
-        angle, look = surface.angle[cells], {"color": PALETTE[index]}
-        label = f"slowest cells, {q.rate_symbol} {sign} 0"
-        marks = look | {"ls": "none", "marker": "os"[index], "ms": 3, "label": label}
+        angle, label = surface.angle[cells], f"slowest cells, {q.rate_symbol} {sign} 0"
+        marks = {"color": color, "ls": "none", "marker": marker, "ms": 3, "label": label}
         curves.append((angle, surface.moment[cells], marks))
         if data.model.terms:
             curves.append((angle, data.model.moment(angle, surface.rate[cells]), dots | {"ms": 2.5}))
-            curves.append((_nodes(data), sheet, look | {"ls": ("-", "--")[index]}))
+            curves.append((_nodes(data), sheet, {"color": color, "ls": dashes}))
     if data.model.terms:
         _mark_step(data, ax, x, z)
         curves.append(([], [], dots | {"ms": 4, "label": "model in those cells"}))
         curves.append(([], [], {"color": MUTED, "label": f"model at {q.rate_symbol} = 0±"}))
-    return plot(ax, x, z, curves, f"Cut at {q.rate_symbol} = 0")
+    plot(ax, x, z, curves, f"Cut at {q.rate_symbol} = 0")
 
 
 def _nearest(data: ReportData, column: int, direction: int) -> Any:
@@ -211,7 +192,7 @@ def _mark_step(data: ReportData, ax: Axes, x: Scale, z: Scale) -> None:
     ax.text(0.98, 0.03, step, fontsize=7, ha="right", transform=ax.transAxes)
 
 
-def cut_at_centre(data: ReportData, ax: Axes) -> Axes:
+def cut_at_centre(data: ReportData, ax: Axes) -> None:
     """Draw the cut at the middle of the tested angles: cell means and model over θ̇, with the friction step."""
     q, surface = quantities(data.model.joint.motion), data.surface
     x, y, z = _map_scales(data)
@@ -224,14 +205,14 @@ def cut_at_centre(data: ReportData, ax: Axes) -> Axes:
     curves = [(surface.rate[cells], surface.moment[cells], means | {"yerr": surface.spread[cells]})]
     if data.model.terms:
         top = float(surface.rate_edges[-1])
-        sides = np.linspace(-top, -1e-9 * top, 60), [np.nan], np.linspace(1e-9 * top, top, 60)
-        rates = np.concatenate(sides)
+        positive = np.linspace(1e-9 * top, top, 60)
+        rates = np.concatenate([-positive[::-1], [np.nan], positive])
         # The mean angle within the cell: comparing at its middle would show the width of the cell as a misfit.
         angle = float(np.average(surface.angle[cells], weights=surface.count[cells]))
         modelled = data.model.moment(np.full_like(rates, angle), rates)
         curves.append((rates, modelled, {"color": INK, "label": "model"}))
     at = f"{q.angle_symbol} = {centre * x.factor:.3g}" + (f" {x.unit}" if centre else "")
-    return plot(ax, y, z, curves, f"Cut at {at}")
+    plot(ax, y, z, curves, f"Cut at {at}")
 
 
 def map_payload(data: ReportData) -> dict[str, Any]:
@@ -268,30 +249,27 @@ def _ramp(name: str) -> list[str]:
 # ---- the residual
 
 
-def residual_phase(data: ReportData, ax: Axes) -> Axes:
+def residual_phase(data: ReportData, ax: Axes) -> None:
     """Draw the mean residual over the phase of the cycle, one line per frequency; gaps where the joint sticks."""
     q = quantities(data.model.joint.motion)
-    lines: dict[str, Any] = {}
-    for group, members in loop_groups(data).items():
-        folded = [loop.residual_over_phase for loop in members if loop.residual_over_phase.size]
-        if folded:
-            stacked = np.array(folded)
-            known = np.count_nonzero(np.isfinite(stacked), axis=0)
-            with np.errstate(invalid="ignore"):
-                lines[group] = np.where(known, np.nansum(stacked, axis=0) / known, np.nan)
+    folded = {
+        group: [loop.residual_over_phase for loop in members if loop.residual_over_phase.size]
+        for group, members in loop_groups(data).items()
+    }
+    lines = {
+        group: np.ma.masked_invalid(courses).mean(axis=0).filled(np.nan)
+        for group, courses in folded.items()
+        if courses
+    }
     if not lines:
         return nothing(ax, "no periodic run: there is no phase to fold on")
     top = _top(list(lines.values()))
-    curves: list[Curve] = [
-        (
-            (np.arange(lines[group].size) + 0.5) * 360 / lines[group].size,
-            lines[group],
-            cycled(place, label=group),
-        )
-        for place, group in enumerate(spread(list(lines)))
+    phase = (np.arange(PHASE_BINS) + 0.5) * 360 / PHASE_BINS
+    curves = [
+        (phase, lines[group], cycled(place, label=group)) for place, group in enumerate(spread(list(lines)))
     ]
     up = scaled("Mean residual", max(top, np.nan_to_num(data.model.fitted.noise_floor)), q.moment_unit)
-    return plot(
+    plot(
         ax,
         f"Phase from the largest {q.angle.lower()} (°)",
         up,
@@ -305,7 +283,7 @@ def residual_phase(data: ReportData, ax: Axes) -> Axes:
     )
 
 
-def residual_time(data: ReportData, ax: Axes) -> Axes:
+def residual_time(data: ReportData, ax: Axes) -> None:
     """Draw the RMS residual in intervals of time, with the noise floor."""
     labels = dict(zip((loop.run for loop in data.loops), run_labels(data.loops), strict=True))
     chosen, fitted = spread(data.loops), data.model.fitted
@@ -314,14 +292,13 @@ def residual_time(data: ReportData, ax: Axes) -> Axes:
         (loop.time, loop.residual_over_time, cycled(place, label=shortened(labels[loop.run], 18)))
         for place, loop in enumerate(chosen)
     ]
-    if np.isfinite(floor):
-        curves.append((None, floor, {"color": MUTED, "lw": 1.6, "zorder": 1, "label": "noise floor"}))
+    curves.append((None, floor, NOISE_FLOOR))
     top = _top([loop.residual_over_time for loop in chosen])
     up = scaled("RMS residual", top, quantities(motion).moment_unit)
     shown = "" if len(chosen) == len(data.loops) else f", {len(chosen)} of {len(data.loops)} runs"
     ends = (0, 1.05 * up.factor * max(top, float(np.nan_to_num(floor))))
     across = time_label(fitted.quasi_static, motion)
-    return plot(ax, across, up, curves, f"Residual over time{shown}", columns=2, ylim=ends)
+    plot(ax, across, up, curves, f"Residual over time{shown}", columns=2, ylim=ends)
 
 
 def _top(arrays: list[Any]) -> float:

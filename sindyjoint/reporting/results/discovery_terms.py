@@ -28,9 +28,11 @@ from sindyjoint.reporting.figure import (
     plot,
     scale_of,
     spread,
+    written_cells,
 )
 from sindyjoint.reporting.results.discovery_data import ReportData
 from sindyjoint.reporting.results.discovery_states import (
+    NOISE_FLOOR,
     cut_at_centre,
     cut_at_zero_rate,
     loop_groups,
@@ -47,7 +49,6 @@ from sindyjoint.reporting.style import (
     FIXED_INK,
     FIXED_PAPER,
     INK,
-    MUTED,
     PALETTE,
     RULE,
     plain,
@@ -59,7 +60,7 @@ from sindyjoint.text import in_words_of, spelled
 EQUIVALENCE = 0.10
 
 
-def path(data: ReportData, ax: Axes) -> Axes:
+def path(data: ReportData, ax: Axes) -> None:
     """Draw the residual and the held-out error over the number of terms kept, and the chosen model."""
     from matplotlib.ticker import MaxNLocator, NullLocator
 
@@ -69,50 +70,45 @@ def path(data: ReportData, ax: Axes) -> Axes:
     fitted, held_out = (
         np.array([getattr(step, n) for step in data.path]) for n in ("residual_rms", "held_out_rms")
     )
-    look: Any = {"color": PALETTE[0], "marker": "o", "ms": 3}
-    curves: list[Curve] = [(size, fitted, look | {"label": "residual of the fit"})]
-    if np.isfinite(held_out).any():
-        look |= {"color": PALETTE[1], "marker": "s", "ls": "--", "label": "held-out error"}
-        curves.append((size, held_out, look))
-    floor = data.model.fitted.noise_floor
-    if np.isfinite(floor) and floor > 0:
-        curves.append((None, floor, {"color": MUTED, "lw": 1.6, "zorder": 1, "label": "noise floor"}))
-    if data.chosen is not None:
-        curves.append((size[data.chosen], None, {"color": INK, "lw": 0.8, "ls": ":"}))
+    fit = {"color": PALETTE[0], "marker": "o", "ms": 3, "label": "residual of the fit"}
+    left_out = {"color": PALETTE[1], "marker": "s", "ms": 3, "ls": "--", "label": "held-out error"}
+    chosen = None if data.chosen is None else size[data.chosen]
+    curves: list[Curve] = [
+        (size, fitted, fit),
+        *[(size, held_out, left_out)] * bool(np.isfinite(held_out).any()),
+        (None, data.model.fitted.noise_floor or None, NOISE_FLOOR),
+        (chosen, None, {"color": INK, "lw": 0.8, "ls": ":"}),
+    ]
     up = moment_scale(data.model.joint.motion, fitted, "RMS")
     title = f"Path of models{_chosen_note(data, 'dotted')}"
     plot(ax, "Terms kept", up, curves, title, legend="best", yscale="log")
     ax.yaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    return ax
 
 
-def threshold(data: ReportData, ax: Axes) -> Axes:
+def threshold(data: ReportData, ax: Axes) -> None:
     """Draw how many terms survive a threshold on the unique share."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     if not data.path:
         return nothing(ax, data.selection_reason)
     # A model stands for every threshold up to its weakest term; larger models with weaker terms come first.
-    limit = np.maximum.accumulate(np.array([max(step.threshold, 1e-9) for step in data.path]))
-    edges = np.concatenate([[limit[0] / 3], limit])
+    limit = np.maximum.accumulate([max(step.threshold, 1e-9) for step in data.path])
+    edges = [limit[0] / 3, *limit]
     ax.stairs([len(step.terms) for step in data.path], edges, baseline=None, color=PALETTE[0], linewidth=1.2)
     if data.chosen is not None:
-        low = limit[data.chosen - 1] if data.chosen else edges[0]
-        if limit[data.chosen] > low:
-            ax.axvspan(low, limit[data.chosen], color=PALETTE[4], alpha=0.25, linewidth=0)
+        ax.axvspan(*edges[data.chosen : data.chosen + 2], color=PALETTE[4], alpha=0.25, linewidth=0)
     title = f"Terms over the threshold{_chosen_note(data, 'shaded')}"
     ax.set(xscale="log", xlabel="Threshold (unique share of the RMS)", ylabel="Terms kept", title=title)
     ax.xaxis.set_minor_locator(NullLocator())
     ax.xaxis.set_major_locator(LogLocator(numticks=7))
-    return ax
 
 
 def _chosen_note(data: ReportData, mark: str) -> str:
     return "" if data.chosen is None else f" ({mark}: the chosen {len(data.path[data.chosen].terms)})"
 
 
-def coefficient(data: ReportData, ax: Axes, term: str) -> Axes:
+def coefficient(data: ReportData, ax: Axes, term: str) -> None:
     """Draw one coefficient for each single frequency, with 95 % intervals, a ±10 % band and the paper's values."""
     index, groups = data.model.ids.index(term), data.groups
     item = data.model.terms[index]
@@ -120,58 +116,54 @@ def coefficient(data: ReportData, ax: Axes, term: str) -> Axes:
     errors = np.array([group.standard_errors[index] for group in groups])
     published = paper_values(data.model.joint.name, item.id)
     shown = [(i + 0.18, published[g.group]) for i, g in enumerate(groups) if g.group in published]
-    estimates = np.arange(len(groups)), values, errors
-    unit = _estimates(ax, estimates, (item.coefficient, EQUIVALENCE), shown, item.unit)
+    factor, unit = scale_of(item.coefficient, item.unit)
+    _estimates(
+        ax, ("", Scale(math_symbol(item.symbol), unit, factor)), (np.arange(len(groups)), values, errors),
+        (item.coefficient, EQUIVALENCE), shown, xticks=range(len(groups)),
+        xticklabels=[plain(group.group) for group in groups], xlim=(-0.6, len(groups) - 0.4),
+    )  # fmt: skip
     if len(groups) > 6:
         ax.tick_params(axis="x", rotation=60)
-    ax.set(
-        xticks=range(len(groups)), xticklabels=[plain(group.group) for group in groups],
-        xlim=(-0.6, len(groups) - 0.4), ylabel=f"{math_symbol(item.symbol)}" + (f" ({unit})" if unit else ""),
-        title=plain(in_words_of(data.model.joint.motion, item.name)),
-    )  # fmt: skip
-    return ax
+    ax.set_title(plain(in_words_of(data.model.joint.motion, item.name)))
 
 
-def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> Axes:
+def dependence(result: Comparison, ax: Axes, test: FrequencyTest) -> None:
     """Draw a coefficient by frequency, with 95 % intervals, the margin of equivalence and the answer of its tests."""
     frequencies = np.array(test.frequencies)
     published, aside = paper_values(result.joint, test.name), 0.03 * float(np.ptp(frequencies))
     shown = [(f + aside, published[at]) for f in frequencies if (at := f"{f:.4g} Hz") in published]
     estimates = frequencies, np.array(test.estimates), np.array(test.standard_errors)
-    unit = _estimates(ax, estimates, (test.mean, test.margin), shown, result.units.get(test.name, ""))
-    ax.margins(x=0.12)
-    title = plain(f"{spelled(test.name, result.motion)}\n{test.answer}")
-    ax.set(xlabel="Frequency (Hz)", ylabel=unit, title=title)
-    return ax
+    factor, unit = scale_of(test.mean, result.units.get(test.name, ""))
+    axes = "Frequency (Hz)", Scale(unit, "", factor)
+    _estimates(ax, axes, estimates, (test.mean, test.margin), shown, xmargin=0.12)
+    ax.set_title(plain(f"{spelled(test.name, result.motion)}\n{test.answer}"))
 
 
 def _estimates(
     ax: Axes,
+    axes: tuple[str, Scale],
     estimates: tuple[Any, Any, Any],
     band: tuple[float, float],
     published: Sequence[tuple[float, float]],
-    unit: str,
-) -> str:
-    """Draw values with 95 % intervals over a centre and its relative margin, with crosses; return the unit shown.
+    **settings: Any,
+) -> None:
+    """Draw values with 95 % intervals over a centre and its relative margin, with crosses.
 
     The band is shown whole, and points outside it, with some room; never an interval that leaves the page.
     """
-    factor, shown = scale_of(band[0], unit)
-    (x, values, errors), centre, margin = estimates, band[0] * factor, band[1]
-    values, errors = values * factor, errors * abs(factor)
-    ax.axhspan(*sorted((centre * (1 - margin), centre * (1 + margin))), color=RULE, alpha=0.6, lw=0)
-    ax.axhline(centre, color=INK, linewidth=0.8)
-    ax.errorbar(x, values, yerr=1.96 * errors, fmt="o", markersize=3.5, capsize=2.5, color=PALETTE[0])
-    crosses = [(at, y * factor) for at, y in published]
-    if crosses:
-        ax.plot(*zip(*crosses, strict=True), ls="none", marker="x", markersize=4, color=ACCENT)
-    reach = [centre * (1 - 1.5 * EQUIVALENCE), centre * (1 + 1.5 * EQUIVALENCE), *(y for _, y in crosses)]
-    reach += [*(values - 2.2 * errors), *(values + 2.2 * errors)]
-    reach = [value for value in reach if np.isfinite(value) and abs(value) < 10 * abs(centre) + 1e-300]
-    low, high = min(reach), max(reach)
-    if high > low:
-        ax.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
-    return shown
+    (x, values, errors), (centre, margin) = estimates, band
+    crosses = np.array(published).reshape(-1, 2).T
+    ends = 1 + 1.5 * EQUIVALENCE * np.array([-1, 1])
+    reach = np.concatenate([centre * ends, crosses[1], values - 2.2 * errors, values + 2.2 * errors])
+    reach = axes[1].factor * reach[np.abs(reach) < 10 * abs(centre) + 1e-300]
+    room = 0.06 * np.ptp(reach)
+    curves = [
+        (None, (centre * (1 - margin), centre * (1 + margin)), {"color": RULE, "alpha": 0.6, "lw": 0}),
+        (None, centre, {"color": INK, "lw": 0.8}),
+        (x, values, {"yerr": 1.96 * errors, "fmt": "o", "ms": 3.5, "capsize": 2.5, "color": PALETTE[0]}),
+        *[(*crosses, {"ls": "none", "marker": "x", "ms": 4, "color": ACCENT})] * bool(published),
+    ]
+    plot(ax, *axes, curves, ylim=(reach.min() - room, reach.max() + room) if room else None, **settings)
 
 
 def paper_values(joint: str, term: str) -> dict[str, float]:
@@ -190,21 +182,16 @@ def paper_values(joint: str, term: str) -> dict[str, float]:
     return {}
 
 
-def covariance(data: ReportData, ax: Axes) -> Axes:
+def covariance(data: ReportData, ax: Axes) -> None:
     """Draw the correlation of the coefficients' errors."""
     model = data.model
     matrix = correlation(model)
-    mesh = ax.imshow(matrix, cmap=DIVERGING, vmin=-1, vmax=1)
     names = [math_symbol(term.symbol) for term in model.terms]
-    ax.set(xticks=range(len(names)), xticklabels=names, yticks=range(len(names)), yticklabels=names)
-    ax.grid(False)
-    if len(names) <= 9:
-        for (row, column), value in np.ndenumerate(matrix):
-            colour = FIXED_PAPER if abs(value) > 0.6 else FIXED_INK
-            ax.text(column, row, f"{value:.2f}", ha="center", va="center", fontsize=6.5, color=colour)
+    words = np.vectorize("{:.2f}".format)(matrix) if len(names) <= 9 else ()
+    colours = np.where(np.abs(matrix) > 0.6, FIXED_PAPER, FIXED_INK)
+    mesh = written_cells(ax, matrix, words, colours, (names, names), cmap=DIVERGING, vmin=-1, vmax=1)
     colour_scale(ax, mesh, "correlation")
     ax.set_title("Correlation of the coefficients' errors")
-    return ax
 
 
 def correlation(model: JointModel) -> Any:
@@ -223,7 +210,7 @@ def _law_at(data: ReportData, over: OverInput, value: float) -> JointModel:
     return data.model.at(**{over.name: given.zero + given.factor * value})
 
 
-def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> Axes:
+def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> None:
     """Draw one cycle of the law, through the largest tested angle and rate, at the values of its table."""
     fitted, motion = data.model.fitted, data.model.joint.motion
     phase = np.linspace(0, 2 * np.pi, 401)
@@ -239,10 +226,9 @@ def law_at_values(data: ReportData, ax: Axes, over: OverInput) -> Axes:
     ax.set_ylim(top=1.5 * y.factor * float(np.max(moments)))
     look: Any = {"frameon": False, "columnspacing": 0.8, "handlelength": 1.4, "handletextpad": 0.4}
     ax.legend(loc="upper center", ncols=len(moments), **look)
-    return ax
 
 
-def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: CoefficientOver) -> Axes:
+def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: CoefficientOver) -> None:
     """Draw a coefficient of the law over an input, with its 95 % interval, and the fits to single levels."""
     shown = np.linspace(over.values[0], over.values[-1], 13)
     laws = [_law_at(data, over, float(value)) for value in shown]
@@ -252,18 +238,15 @@ def coefficient_over(data: ReportData, ax: Axes, over: OverInput, row: Coefficie
     values, errors = np.array(terms).T
     factor, unit = scale_of(float(np.abs(values).max()), row.unit)
     band = tuple(values + side * errors for side in (-1.96, 1.96))
+    bars = {"yerr": 1.96 * np.array(row.level_errors), "fmt": "o", "ms": 3.5, "capsize": 2.5}
     curves: list[Curve] = [
         (shown, band, {"color": PALETTE[0], "alpha": 0.25, "lw": 0}),
         (shown, values, {"color": PALETTE[0]}),
+        *[(row.levels, np.array(row.estimates), bars | {"color": PALETTE[1]})] * bool(row.levels),
     ]
-    if row.levels:
-        bars = {"yerr": 1.96 * np.array(row.level_errors), "fmt": "o", "ms": 3.5, "capsize": 2.5}
-        curves.append((row.levels, np.array(row.estimates), bars | {"color": PALETTE[1]}))
-    ax.margins(x=0.06, y=0.15)
-    across = Scale(plain(over.label), pretty_unit(over.unit))
-    plot(ax, across, Scale(math_symbol(row.symbol), unit, factor), curves)
+    axes = Scale(plain(over.label), pretty_unit(over.unit)), Scale(math_symbol(row.symbol), unit, factor)
+    plot(ax, *axes, curves, xmargin=0.06, ymargin=0.15)
     ax.set_title(plain(f"{data.model[row.id].name}" + (f"\n{over.dependence(row)}" if row.answer else "")))
-    return ax
 
 
 def _inputs(data: ReportData) -> list[Panel]:

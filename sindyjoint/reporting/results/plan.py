@@ -28,7 +28,7 @@ GOALS = {
 DOTS: Any = {"color": PALETTE[0], "marker": "o"}
 
 
-def draw_runs(data: Plan, ax: Axes) -> Axes:
+def draw_runs(data: Plan, ax: Axes) -> None:
     """Draw level over frequency: the plan's runs with how often each is made, the grid's behind them."""
     up = scaled(f"Amplitude of the {data.runs[0].drive}", max(r.level for r in data.runs), data.runs[0].unit)
     places: dict[tuple[float, float], list[int]] = {}
@@ -51,7 +51,6 @@ def draw_runs(data: Plan, ax: Axes) -> Axes:
     plot(ax, "Frequency (Hz)", up, curves, legend="none")
     ax.set_ylim(bottom=0)
     legend_above(ax, 2)
-    return ax
 
 
 def _spans(numbers: Sequence[int]) -> str:
@@ -61,7 +60,7 @@ def _spans(numbers: Sequence[int]) -> str:
     return textwrap.fill(spans, 7)
 
 
-def draw_curve(data: Plan, ax: Axes) -> Axes:
+def draw_curve(data: Plan, ax: Axes) -> None:
     """Draw what is made small over the time of the runs, of the plan and of the grid."""
     curves: list[Curve] = []
     for name, color, marker, label in (
@@ -81,24 +80,22 @@ def draw_curve(data: Plan, ax: Axes) -> Axes:
         curves.append((None, 100 * data.until, enough))
     plot(ax, "Time of all runs (s)", f"{GOALS[data.goal].capitalize()} (%)", curves, yscale="log")
     ax.set_xlim(left=0)
-    return ax
 
 
-def draw_complete(data: Plan, ax: Axes) -> Axes:
+def draw_complete(data: Plan, ax: Axes) -> None:
     """Draw the share of the joints of which a discovery takes every term that matters, over the time of the runs."""
     steps = [step.seconds for step in data.curve], [100 * step.complete for step in data.curve]
     label = "Joints with every term found (%)"
     plot(ax, "Time of all runs (s)", label, [(*steps, DOTS | {"ms": 3.5})], ylim=(0, 104))
     ax.set_xlim(left=0)
-    return ax
 
 
-def draw_separation(data: Plan, ax: Axes) -> Axes:
+def draw_separation(data: Plan, ax: Axes) -> None:
     """Draw the probability of the true effect, before and after each run that tells effects apart."""
     assert data.apart is not None
     values = [data.apart.before, *data.apart.after]
     chance = {"color": MUTED, "ls": "--", "lw": 0.9, "label": "by chance"}
-    return plot(
+    plot(
         ax,
         "",
         "Probability of the true effect (%)",
@@ -113,7 +110,7 @@ def draw_separation(data: Plan, ax: Axes) -> Axes:
     )
 
 
-def draw_widths(data: Plan, ax: Axes) -> Axes:
+def draw_widths(data: Plan, ax: Axes) -> None:
     """Draw the relative half-width of each term: median and 90 % band of the plan, and the grid's median."""
     band = {"color": PALETTE[0], "lw": 4, "alpha": 0.35, "solid_capstyle": "butt"}
     dots = {**DOTS, "ls": "none", "ms": 4.5, "label": "plan, 90 % band"}
@@ -125,7 +122,7 @@ def draw_widths(data: Plan, ax: Axes) -> Axes:
     for known, look in ((data.predicted, dots), (data.grid, crosses)):
         if known:
             curves.append(([100 * each.relative for each in known], list(range(len(known))), look))
-    return plot(
+    plot(
         ax,
         "Half-width of the 95 % interval (% of the coefficient)",
         "",
@@ -180,28 +177,39 @@ def _share(value: float) -> str:
 
 def _tables(result: Plan) -> tuple[TextTable, ...]:
     """Return the runs in their order, and what is expected of each coefficient."""
-    runs: dict[str, Any] = {
-        "Run": lambda at: f"{at + 1:02d}",
-        "Drive": lambda at: result.runs[at].drive,
-        "Waveform": lambda at: result.runs[at].waveform,
-        "Frequency": lambda at: f"{result.runs[at].frequency:g} Hz",
-        "Level": lambda at: amount(result.runs[at].level, result.runs[at].unit, 4),
-        "Duration": lambda at: f"{result.runs[at].duration:.4g} s",
-        **{name: values.__getitem__ for name, values in _bought(result).items()},
-    }
     grid = {each.id: each for each in result.grid}
-    widths: dict[str, Any] = {
-        "Coefficient": lambda each: spelled(each.id, result.model.joint.motion),
-        "About": lambda each: f"{number(each.value, 4)} {pretty_unit(each.unit)}",
-        "Plan": lambda each: _share(each.relative),
-        "90 % of tests": lambda each: " … ".join(_share(end / abs(each.value)) for end in each.band90),
-        "Grid": lambda each: _share(grid[each.id].relative) if each.id in grid else DASH,
-    }
     what = "Half-width of the 95 % interval, relative to the coefficient."
     order = "In the order in which they are to be made."
     return (
-        tabulate("runs", order, range(len(result.runs)), runs, text=("Run",)),
-        tabulate("widths", what, result.predicted, widths),
+        tabulate(
+            "runs",
+            order,
+            range(len(result.runs)),
+            {
+                "Run": lambda at: f"{at + 1:02d}",
+                "Drive": lambda at: result.runs[at].drive,
+                "Waveform": lambda at: result.runs[at].waveform,
+                "Frequency": lambda at: f"{result.runs[at].frequency:g} Hz",
+                "Level": lambda at: amount(result.runs[at].level, result.runs[at].unit, 4),
+                "Duration": lambda at: f"{result.runs[at].duration:.4g} s",
+                **{name: values.__getitem__ for name, values in _bought(result).items()},
+            },
+            text=("Run",),
+        ),
+        tabulate(
+            "widths",
+            what,
+            result.predicted,
+            {
+                "Coefficient": lambda each: spelled(each.id, result.model.joint.motion),
+                "About": lambda each: f"{number(each.value, 4)} {pretty_unit(each.unit)}",
+                "Plan": lambda each: _share(each.relative),
+                "90 % of tests": lambda each: " … ".join(
+                    _share(end / abs(each.value)) for end in each.band90
+                ),
+                "Grid": lambda each: _share(grid[each.id].relative) if each.id in grid else DASH,
+            },
+        ),
     )
 
 

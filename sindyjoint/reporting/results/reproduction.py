@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rich.markup import escape
 
 from sindyjoint.judgement.paper_tables import TableCheck
 from sindyjoint.numeric import Array
@@ -21,8 +22,6 @@ from sindyjoint.reporting.tables import (
     TextTable,
     csv_records,
     milliseconds,
-    print_table,
-    terminal,
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.response.verification import RunVerification
@@ -85,11 +84,11 @@ def one_period(state: ForceStates) -> Array:
     return np.array([np.append(mean, mean[0]) for mean in means])
 
 
-def loops(result: ReproductionFigures, ax: Axes, joint: JointFigures) -> Axes:
+def loops(result: ReproductionFigures, ax: Axes, joint: JointFigures) -> None:
     """Draw moment over angle at 3 Hz for some of the levels: one period each (Figure 5)."""
     shown = joint.loops[:7:2]
     curves = [(1e3 * theta, moment, cycled(place, lw=0.9)) for place, (theta, moment) in enumerate(shown)]
-    return plot(ax, "Angle $\\theta$ (mrad)", "Moment $M$ (N·m)", curves, f"{joint.name}, 3 Hz")
+    plot(ax, "Angle $\\theta$ (mrad)", "Moment $M$ (N·m)", curves, f"{joint.name}, 3 Hz")
 
 
 def surface(result: ReproductionFigures, ax: Any, joint: JointFigures | None = None) -> Any:
@@ -121,17 +120,16 @@ def surface(result: ReproductionFigures, ax: Any, joint: JointFigures | None = N
     # From where the surface is not seen edge on; drawn smaller, since the layout does not know of axis labels in 3-D.
     ax.view_init(elev=24, azim=-58 if joint else -125)
     ax.set_box_aspect(None, zoom=0.84)
-    return ax
 
 
-def force(result: ReproductionFigures, ax: Axes) -> Axes:
+def force(result: ReproductionFigures, ax: Axes) -> None:
     """Draw the pulse (Figure 9)."""
     time, values = result.force
     curves = [(1e3 * time, values, {"color": PALETTE[0]})]
-    return plot(ax, "Time (ms)", "Force (N)", curves, "Exciting force")
+    plot(ax, "Time (ms)", "Force (N)", curves, "Exciting force")
 
 
-def displacement(result: ReproductionFigures, ax: Axes, truth: str, until: float, model: bool) -> Axes:
+def displacement(result: ReproductionFigures, ax: Axes, truth: str, until: float, model: bool) -> None:
     """Draw the displacement of the free end in a virtual test (Figure 10), and the model over it (Figure 11)."""
     run = getattr(result, truth)
     kept = run.time <= until
@@ -144,13 +142,13 @@ def displacement(result: ReproductionFigures, ax: Axes, truth: str, until: float
     title = TRUTHS[truth] if model else "Displacement of the free end"
     ax.margins(x=0.01)
     legend = "above" if model else "none"
-    return plot(ax, "Time (s)", "Displacement (mm)", curves, title, legend=legend, columns=2)
+    plot(ax, "Time (s)", "Displacement (mm)", curves, title, legend=legend, columns=2)
 
 
-def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, draw: Callable[[Any, Axes], Axes]) -> Axes:
+def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, draw: Callable[[Any, Axes], None]) -> None:
     """Draw the amplitude or the period by half-cycle of a virtual test and the model."""
-    draw(getattr(result, truth), ax).set_title(TRUTHS[truth])
-    return ax
+    draw(getattr(result, truth), ax)
+    ax.set_title(TRUTHS[truth])
 
 
 def _per_joint(panel: Callable[..., Any]) -> Callable[[Any], list[Panel]]:
@@ -350,14 +348,21 @@ def _page(result: Reproduction, data: ReproductionFigures, show: Blocks, folder:
     )
 
 
-def _print(result: Reproduction, console: Console) -> None:
-    """Print tables and statements."""
+def _printed(result: Reproduction, console: Console) -> list[Any]:
+    """Return tables and statements."""
     joints = map(joint_table, result.joints)
-    _print_tables(
-        [replace(table, title=f"{table.title[:-1]}, identified (paper)") for table in joints],
-        [f"{_LEGEND}\n"],
-    )
-    show_checks(result.checks, result.statements)
+    titled = [replace(table, title=f"{table.title[:-1]}, identified (paper)") for table in joints]
+    return [*_titled(*titled), f"{escape(_LEGEND)}\n", *_said(result.checks, result.statements)]
+
+
+def _titled(*tables: TextTable) -> Iterator[Any]:
+    for table in tables:
+        yield from (escape(table.title), table, "")
+
+
+def _said(checks: Sequence[TableCheck], findings: Sequence[str]) -> list[Any]:
+    """Return what the paper's printed tables show."""
+    return [*_titled(check_table(checks)), *(f"- {escape(text)}" for text in findings)]
 
 
 def _details(result: Reproduction) -> Iterator[str]:
@@ -460,21 +465,6 @@ def tables_csv(result: Reproduction) -> str:
     )
 
 
-def show_checks(checks: Sequence[TableCheck], findings: Sequence[str]) -> None:
-    """Print what the paper's printed tables show."""
-    _print_tables([check_table(checks)], [f"- {text}" for text in findings])
-
-
-def _print_tables(tables: Sequence[TextTable], texts: Sequence[str]) -> None:
-    console = terminal(markup=False)
-    for table in tables:
-        console.print(table.title)
-        print_table(table, console)
-        console.print()
-    for text in texts:
-        console.print(text)
-
-
 REPRODUCTION = View(
     about=lambda result: "The paper's tables and figures from virtual tests (simulated)\n",
     data=ReproductionFigures,
@@ -497,7 +487,12 @@ REPRODUCTION = View(
         ),
         "tables.csv": tables_csv(result),
     },
-    print=_print,
+    printed=_printed,
     warnings=lambda result: (),
     details=_details,
+)
+#: What the paper's printed tables say of themselves.
+PRINTED = View(
+    printed=lambda result, console: _said(result.printed_tables, result.findings),
+    warnings=lambda result: (),
 )

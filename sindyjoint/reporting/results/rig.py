@@ -14,8 +14,8 @@ from sindyjoint.reporting.figure import Axes, Kind, bars, by_name, cycled, fixed
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.verification import KEPT_SAMPLES
 from sindyjoint.reporting.style import MUTED, PALETTE, amount, plain, shortened
-from sindyjoint.reporting.tables import Console, TextTable, csv_columns, tabulate
-from sindyjoint.reporting.view import View, print_tables
+from sindyjoint.reporting.tables import TextTable, csv_columns, tabulate
+from sindyjoint.reporting.view import View, listed
 from sindyjoint.trust import Light, Trust
 from sindyjoint.workflows.simulate import RigMotion
 
@@ -60,7 +60,7 @@ def gather(result: RigMotion) -> RigFigures:
     )
 
 
-def over_time(result: RigFigures, ax: Axes, name: str, unit: str) -> Axes:
+def over_time(result: RigFigures, ax: Axes, name: str, unit: str) -> None:
     """Draw the deflection of the output points, or the angle of every joint, over time."""
     signals = result.displacement if unit == "m" else dict(zip(result.joints, result.angle, strict=True))
     largest = [float(np.abs(values).max()) for values in signals.values()] or [1.0]
@@ -69,17 +69,17 @@ def over_time(result: RigFigures, ax: Axes, name: str, unit: str) -> Axes:
         for place, (called, values) in enumerate(signals.items())
     ]
     title = result.name if unit == "m" else ""
-    return plot(ax, "Time (s)", scaled(name, largest, unit), curves, title, columns=2)
+    plot(ax, "Time (s)", scaled(name, largest, unit), curves, title, columns=2)
 
 
-def shares(result: RigFigures, ax: Axes, of: str) -> Axes:
+def shares(result: RigFigures, ax: Axes, of: str) -> None:
     """Draw who dissipates how much of what became heat, or how long each joint is locked."""
     total = sum(result.heat.values()) or 1.0
     locked = dict(zip(result.joints, result.locked.tolist(), strict=True))
     known = {name: value / total for name, value in result.heat.items()} if of == "heat" else locked
     label = "Share of what became heat, %" if of == "heat" else "Share of the time locked, %"
     names, values = [plain(shortened(name, 18)) for name in known], [100 * each for each in known.values()]
-    return bars(ax, names, values, 115, label, PALETTE[0] if of == "heat" else MUTED, "{:.1f}")
+    bars(ax, names, values, 115, label, PALETTE[0] if of == "heat" else MUTED, "{:.1f}")
 
 
 KINDS = by_name(
@@ -198,13 +198,6 @@ def _files(result: RigMotion, data: RigFigures) -> dict[str, str]:
     return {"response.csv": csv_columns(columns, 9)}
 
 
-def _print(result: RigMotion, console: Console) -> None:
-    """Print frequencies, what each joint did, and peaks."""
-    print_tables(_tables(result), console)
-    for point in result.points:
-        console.print(f"largest deflection at {point.name}: {amount(point.peak, 'm')}", markup=False)
-
-
 def _details(result: RigMotion) -> Iterator[str]:
     """Yield how it was simulated, and the balance of its energy."""
     response, heat = result.response, sum(result.heat.values())
@@ -226,7 +219,13 @@ RIG = View(
     tables=_tables,
     page=_page,
     headline=_trust,
-    print=_print,
+    printed=lambda result, console: (
+        *listed(_tables(result)),
+        *(
+            f"largest deflection at {escape(point.name)}: {amount(point.peak, 'm')}"
+            for point in result.points
+        ),
+    ),
     warnings=lambda result: (),
     files=_files,
     details=_details,

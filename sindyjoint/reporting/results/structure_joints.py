@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.markup import escape
@@ -11,11 +12,11 @@ from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind
 from sindyjoint.judgement.rig_discovery import RigDiscovery
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.equation import model_table
-from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, each, fixed, plot
+from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, each, fixed, plot, written_cells
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, PALETTE, amount
-from sindyjoint.reporting.tables import Console, TextTable, print_table, tabulate
+from sindyjoint.reporting.tables import Console, TextTable, tabulate
 from sindyjoint.reporting.view import FINDING, View
 
 # Loss of a sensor at which the scale of the picture ends.
@@ -55,30 +56,23 @@ class StructureFigures:
     simulated: bool = False
 
 
-def worth(data: StructureFigures, ax: Axes) -> Axes:
+def worth(data: StructureFigures, ax: Axes) -> None:
     """Draw for each joint and sensor by what factor the moment's error grows without the sensor."""
-    shown = np.clip(data.worth, 1.0, MOST)
-    ax.imshow(np.log(shown), cmap="Blues", vmin=0.0, vmax=np.log(MOST), aspect="auto")
-    for row, values in enumerate(data.worth):
-        for column, value in enumerate(values):
-            text = f"{value:.2g}" if value < 100 else "∞"
-            ax.text(
-                column, row, text, ha="center", va="center", color="white" if value > 3 else INK, fontsize=7
-            )
-    ax.set_xticks(range(len(data.sensors)), list(data.sensors), rotation=30, ha="right")
-    ax.set_yticks(range(len(data.joints)), list(data.joints))
-    ax.grid(False)
+    words = np.where(data.worth < 100, np.vectorize("{:.2g}".format)(data.worth), "∞")
+    written_cells(
+        ax, np.log(np.clip(data.worth, 1.0, MOST)), words, np.where(data.worth > 3, "white", INK),
+        (data.joints, data.sensors), 7, 30, cmap="Blues", vmin=0.0, vmax=np.log(MOST), aspect="auto",
+    )  # fmt: skip
     ax.set_title("Growth of the moment's error without the sensor")
-    return ax
 
 
-def _loop(loop: RecoveredLoop, ax: Axes) -> Axes:
+def _loop(loop: RecoveredLoop, ax: Axes) -> None:
     recovered = {"color": PALETTE[0], "label": "recovered"}
     found = {"color": ACCENT, "ls": "none", "marker": ".", "ms": 2, "label": "found law, moving"}
     curves: list[Curve] = [(1e3 * loop.angle, loop.moment, recovered), (1e3 * loop.angle, loop.law, found)]
     title = f"{loop.joint}, {loop.run}"
     shown = curves[: 1 + bool(np.isfinite(loop.law).any())]
-    return plot(ax, "Angle (mrad)", "Moment (N·m)", shown, title, legend="upper left")
+    plot(ax, "Angle (mrad)", "Moment (N·m)", shown, title, legend="upper left")
 
 
 KINDS = by_name(
@@ -121,26 +115,34 @@ def _tables(result: RigDiscovery) -> tuple[TextTable, ...]:
     """Return the terms of every law, how each joint is shown, and the structure's numbers."""
     models = {law.kind: law.discovery.model for law in result.laws if law.discovery is not None}
     terms = {kind: model_table(model).take(*TERMS) for kind, model in models.items()}
-    joints = {
-        "Joint": lambda one: one.joint,
-        "Recovered angle": lambda one: amount(one.largest_angle, "rad"),
-        "Error of angle": lambda one: f"{100 * one.angle_error:.2g} %",
-        "Error of moment": lambda one: f"{100 * one.moment_error:.2g} %",
-    }
     update = result.update
     known = () if update is None else (update.names, update.prior, update.change, update.standard_error)
-    numbers = {
-        "Number": lambda row: row[0],
-        "Stated": lambda row: f"± {100 * row[1]:.2g} %",
-        "Change": lambda row: f"{100 * row[2]:+.2f} %",
-        "Known to": lambda row: f"± {100 * row[3]:.2g} %",
-    }
     how = "Standard errors of the strongest harmonic, of the run that shows the joint best."
     rows = tuple((kind, *row) for kind, table in terms.items() for row in table.rows)
     return (
         TextTable("terms", "Terms by kind of joint", ("Kind", *TERMS), rows, text=("Unit",)),
-        tabulate("joints", how, result.seen, joints),
-        tabulate("numbers", "Numbers of the structure", zip(*known, strict=True), numbers),
+        tabulate(
+            "joints",
+            how,
+            result.seen,
+            {
+                "Joint": lambda one: one.joint,
+                "Recovered angle": lambda one: amount(one.largest_angle, "rad"),
+                "Error of angle": lambda one: f"{100 * one.angle_error:.2g} %",
+                "Error of moment": lambda one: f"{100 * one.moment_error:.2g} %",
+            },
+        ),
+        tabulate(
+            "numbers",
+            "Numbers of the structure",
+            zip(*known, strict=True),
+            {
+                "Number": lambda row: row[0],
+                "Stated": lambda row: f"± {100 * row[1]:.2g} %",
+                "Change": lambda row: f"{100 * row[2]:+.2f} %",
+                "Known to": lambda row: f"± {100 * row[3]:.2g} %",
+            },
+        ),
     )
 
 
@@ -183,18 +185,16 @@ def _about(result: RigDiscovery) -> str:
     return f"[bold]{escape(result.test.name)}{simulated}[/]: {many}"
 
 
-def _print(result: RigDiscovery, console: Console) -> None:
-    """Print laws, joints and the structure's numbers."""
+def _printed(result: RigDiscovery, console: Console) -> Iterator[Any]:
+    """Yield laws, joints and the structure's numbers."""
     for law in result.laws:
-        console.print(f"\n[bold]{escape(law.kind)}[/]: {escape(law_words(law))}")
+        yield f"\n[bold]{escape(law.kind)}[/]: {escape(law_words(law))}"
         if law.discovery is not None and law.found:
             lines = law.discovery.model.equation(), verdict_words(law)
-            console.print("\n".join(f"  {line}" for line in lines if line), markup=False)
-    for table in _tables(result):
-        if table.rows:
-            console.print(f"\n[bold]{escape(table.title)}[/]")
-            print_table(table.headed(), console)
-    console.print(f"\n{_misfit(result)}")
+            yield "\n".join(f"  {escape(line)}" for line in lines if line)
+    for table in filter(lambda table: table.rows, _tables(result)):
+        yield from (f"\n[bold]{escape(table.title)}[/]", table.headed())
+    yield f"\n{_misfit(result)}"
 
 
 def _details(result: RigDiscovery) -> Iterator[str]:
@@ -277,7 +277,7 @@ STRUCTURE_JOINTS = View(
     tables=_tables,
     headline=lambda result: result.trust,
     page=_page,
-    print=_print,
+    printed=_printed,
     warnings=_warnings,
     details=_details,
 )

@@ -33,7 +33,6 @@ from sindyjoint.reporting.tables import (
     TextTable,
     aligned,
     milliseconds,
-    print_table,
     short_number,
     tabulate,
 )
@@ -75,7 +74,7 @@ def _time(run: RunVerification) -> str:
     return time_label(run.drive == "path", "translation" if run.channel == "force" else "rotation")
 
 
-def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
+def response(run: RunVerification, ax: Axes, zoom: bool = False) -> None:
     """Draw measured and simulated response over time; zoomed, only the first cycles."""
     kept = slice(_first_cycles(run) if zoom else None)
     time = run.time[kept]
@@ -87,7 +86,7 @@ def response(run: RunVerification, ax: Axes, zoom: bool = False) -> Axes:
         look["label"] = "95 % of the model"
         curves.append((time, (run.band.low[kept], run.band.high[kept]), look))
     title, legend = ("", "above") if zoom else (run.name, "none")
-    return plot(ax, _time(run), _scale(run), curves, title, legend=legend, columns=2)
+    plot(ax, _time(run), _scale(run), curves, title, legend=legend, columns=2)
 
 
 def _first_cycles(run: RunVerification) -> int:
@@ -129,17 +128,17 @@ def response_payload(runs: Sequence[RunVerification], virtual: bool = False) -> 
     }
 
 
-def amplitude(run: RunVerification, ax: Axes) -> Axes:
+def amplitude(run: RunVerification, ax: Axes) -> None:
     """Draw the amplitude of each half-cycle, as a mark, and the envelope by Hilbert's transform as a line."""
     # At either end the transform extrapolates: over one period here, over two of the period.
     curves = _by_half_cycle(run, 1, lambda s: (s.amplitude_time, s.amplitude), lambda height, _: height)
-    return plot(ax, _time(run), _scale(run, "Amplitude"), curves, columns=2, yscale="log")
+    plot(ax, _time(run), _scale(run, "Amplitude"), curves, columns=2, yscale="log")
 
 
-def period(run: RunVerification, ax: Axes) -> Axes:
+def period(run: RunVerification, ax: Axes) -> None:
     """Draw the period from each turning point to the next but one as a mark, and Hilbert's as a line."""
     curves = _by_half_cycle(run, 2, lambda s: (s.time[1:-1], 1e3 * s.period), lambda _, f: 1e3 / f)
-    return plot(ax, _time(run), "Period (ms)", curves, columns=2)
+    plot(ax, _time(run), "Period (ms)", curves, columns=2)
 
 
 def _by_half_cycle(
@@ -161,16 +160,16 @@ def _by_half_cycle(
     return curves
 
 
-def error(run: RunVerification, ax: Axes) -> Axes:
+def error(run: RunVerification, ax: Axes) -> None:
     """Draw the residual, simulation less measurement."""
     assert run.simulated is not None
     residual = run.simulated - run.measured
     look = {"color": MUTED, "lw": 0.4, "rasterized": residual.size > 4000}
     up = scaled("Simulated − measured", residual, UNITS[run.channel])
-    return plot(ax, _time(run), up, [(run.time, residual, look)])
+    plot(ax, _time(run), up, [(run.time, residual, look)])
 
 
-def energy(run: RunVerification, ax: Axes) -> Axes:
+def energy(run: RunVerification, ax: Axes) -> None:
     """Draw the energy dissipated in each cycle."""
     assert run.energy is not None
     known = run.energy > 1e-4 * float(np.abs(run.energy).max())
@@ -181,17 +180,16 @@ def energy(run: RunVerification, ax: Axes) -> Axes:
     ]
     wide = known.any() and run.energy[known].max() > 5 * run.energy[known].min()
     up = scaled("Dissipated per cycle", run.energy, "J")
-    return plot(ax, "Cycle", up, curves, columns=2, yscale="log" if wide else "linear")
+    plot(ax, "Cycle", up, curves, columns=2, yscale="log" if wide else "linear")
 
 
-def _of_runs(draw: Callable[[Any, Axes], Axes], has: Callable[[Any], object]) -> Callable[[Any], list[Panel]]:
+def _of_runs(draw: Callable[[Any, Axes], None], has: Callable[[Any], object]) -> Callable[[Any], list[Panel]]:
     """Return panels that draw one run each, named where there are several."""
 
-    def panel(result: Any, ax: Axes, run: Any) -> Axes:
+    def panel(result: Any, ax: Axes, run: Any) -> None:
         draw(run, ax)
         if len(result.runs) > 1:
             ax.set_title(plain(shortened(run.name)))
-        return ax
 
     return lambda result: [
         partial(panel, run=run) for run in spread([run for run in result.runs if has(run)])
@@ -255,24 +253,32 @@ def in_its_unit(run: RunVerification) -> str:
 def _tables(result: Verification) -> tuple[TextTable, ...]:
     """Return the runs and the models' terms."""
     load = quantities(result.model.joint.motion).moment
-    columns: dict[str, Callable[[RunVerification], str]] = {
-        "Run": lambda run: run.name,
-        "Simulated by": lambda run: run.drive,
-        "Response error": lambda run: percent(run.response_nrmse),
-        "RMSE": in_its_unit,
-        "Noise floor": lambda run: percent(run.noise_floor),
-        f"{load} error": lambda run: percent(run.moment_nrmse),
-        "Amplitude": lambda run: percent(run.amplitude_rms_error),
-        "Period": lambda run: milliseconds(run.mean_period_difference),
-        "Seen by the fit": lambda run: DASH if run.drive == "pulse" else SEEN[run.seen],
-    }
     virtual = VERIFICATION.simulated(result)
     caption = in_words_of_origin(virtual, "Errors relative to the RMS of what was measured.")
     others = (
         replace(model_table(model), name=f"terms-{place}", title=f"Coefficients of {model.joint.name}.")
         for place, model in enumerate(result.beside, 2)
     )
-    return tabulate("runs", caption, result.runs, columns), model_table(result.model), *others
+    return (
+        tabulate(
+            "runs",
+            caption,
+            result.runs,
+            {
+                "Run": lambda run: run.name,
+                "Simulated by": lambda run: run.drive,
+                "Response error": lambda run: percent(run.response_nrmse),
+                "RMSE": in_its_unit,
+                "Noise floor": lambda run: percent(run.noise_floor),
+                f"{load} error": lambda run: percent(run.moment_nrmse),
+                "Amplitude": lambda run: percent(run.amplitude_rms_error),
+                "Period": lambda run: milliseconds(run.mean_period_difference),
+                "Seen by the fit": lambda run: DASH if run.drive == "pulse" else SEEN[run.seen],
+            },
+        ),
+        model_table(result.model),
+        *others,
+    )
 
 
 def _trust(result: Verification) -> Trust:
@@ -344,15 +350,14 @@ def _about(result: Verification) -> str:
     return f"{compared}: [bold]{result.verdict}[/]"
 
 
-def _print(result: Verification, console: Console) -> None:
-    """Print equation and figures."""
+def _printed(result: Verification, console: Console) -> list[Any]:
+    """Return equation and figures."""
     # The rates of internal states stand below.
     lines = [line for model in (result.model, *result.beside) for line in model.equation().split("; ")]
-    console.print("\n".join(f"  {escape(line)}" for line in lines) + "\n")
     runs = _tables(result)[0]
     rows = tuple((shortened(name), *others) for name, *others in runs.rows)
-    print_table(replace(runs, rows=rows).headed(), console, "llr")
-    console.print(f"\n{escape(result.reason)}")
+    equation = "\n".join(f"  {escape(line)}" for line in lines)
+    return [f"{equation}\n", replace(runs, rows=rows).headed(), f"\n{escape(result.reason)}"]
 
 
 def _warnings(result: Verification) -> list[str]:
@@ -390,7 +395,7 @@ VERIFICATION = View(
         f"model{f'-{place}' * (place > 1)}.json": model.to_json() + "\n"
         for place, model in enumerate((result.model, *result.beside), 1)
     },
-    print=_print,
+    printed=_printed,
     warnings=_warnings,
     details=lambda result: aligned(
         tabulate("runs", "", result.runs, _DETAILS | {"tolerated": lambda run: f"{result.tolerance:g}"})
@@ -402,21 +407,18 @@ def _with_numbers(result: Verification) -> tuple[TextTable, ...]:
     """Return the numbers before and after in addition to runs and terms."""
     if not isinstance(result, RefinedModel) or result.before is None:
         return _tables(result)
-    columns: dict[str, Callable[[Any], str]] = {
-        "Number": lambda each: spelled(each.number),
-        "Before": lambda each: rounded(*each.before),
-        "After": lambda each: rounded(*each.after),
-        "Unit": lambda each: pretty_unit(each.unit),
-    }
     title = "Numbers of the model before and after the refinement, with one standard error."
-    return *_tables(result), tabulate("numbers", title, result.numbers, columns)
-
-
-def _print_refinement(result: Verification, console: Console) -> None:
-    """Print the numbers before and after, then what a verification prints."""
-    print_table(_with_numbers(result)[-1].headed(), console, "lrrl")
-    console.print("")
-    _print(result, console)
+    return *_tables(result), tabulate(
+        "numbers",
+        title,
+        result.numbers,
+        {
+            "Number": lambda each: spelled(each.number),
+            "Before": lambda each: rounded(*each.before),
+            "After": lambda each: rounded(*each.after),
+            "Unit": lambda each: pretty_unit(each.unit),
+        },
+    )
 
 
 #: A model refined on a campaign: its numbers before and after, and what a verification shows.
@@ -425,5 +427,6 @@ REFINEMENT = replace(
     folder="refinement",
     tables=_with_numbers,
     page=partial(_page, _with_numbers),
-    print=_print_refinement,
+    # The numbers before and after, then what a verification prints.
+    printed=lambda result, console: (_with_numbers(result)[-1].headed(), "", *_printed(result, console)),
 )
