@@ -1,5 +1,6 @@
 """The terms of an equation as tables, its symbols and numbers as text."""
 
+import math
 from dataclasses import dataclass
 from html import escape
 from itertools import zip_longest
@@ -8,7 +9,7 @@ from sindyjoint.equation.formula import formula_pretty
 from sindyjoint.equation.model import JointModel
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import DASH, TextTable, csv_text, shown
-from sindyjoint.text import in_words_of, quantities, rounded, superscript
+from sindyjoint.text import in_words_of, quantities, rounded, spelled, superscript
 
 _NAMES = "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi chi psi omega"
 GREEK = dict(zip(_NAMES.split(), "αβγδεζηθκλμνξρστφχψω", strict=True))
@@ -167,15 +168,42 @@ def superscripted(text: str) -> str:
     return shown.replace("-", "−")
 
 
+def estimate(value: float, error: float) -> str:
+    """Return a value with its error; without it to four digits, and a dash where nothing is known.
+
+    Examples
+    --------
+    >>> estimate(-5912.3, 41.7), estimate(2.0, float("nan")), estimate(float("nan"), 1.0)
+    ('−5910 ± 40', '2', '–')
+    """
+    known = math.isfinite(value) and math.isfinite(error)
+    return superscripted(rounded(value, error)) if known else shown("{:.4g}", value).replace("-", "−")
+
+
+def signed_percent(share: float) -> str:
+    """Return a change in per cent, with its sign; a dash where it is not known.
+
+    Examples
+    --------
+    >>> signed_percent(-0.0213)
+    '−2.1 %'
+    """
+    return shown("{:+.1f} %", 100 * share).replace("-", "−")
+
+
+def with_unit(term: str, unit: str, motion: str) -> str:
+    """Return a term by its name, with the unit of its coefficient in brackets."""
+    return f"{spelled(term, motion)} ({pretty_unit(unit)})"
+
+
 def _power(power: str) -> str:
     return f"·10{superscript(power.lstrip('e'))}"
 
 
 def terms_csv(model: JointModel) -> str:
     """Return the terms as CSV text, numbers in full, SI."""
-    rows = []
-    for row in term_rows(model):
-        numbers = map(repr, (row.coefficient, row.standard_error, *row.interval95))
-        share = repr(row.share) if row.share == row.share else ""
-        rows.append((row.id, row.symbol, row.name, row.written, *numbers, row.si, share))
+    rows = [
+        (r.id, r.symbol, r.name, r.written, r.coefficient, r.standard_error, *r.interval95, r.si, r.share)
+        for r in term_rows(model)
+    ]
     return csv_text(TERM_COLUMNS, rows)

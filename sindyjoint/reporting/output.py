@@ -24,15 +24,14 @@ from sindyjoint.reporting.registry import (
     draw,
     draw_all,
     drawable,
-    kinds_of,
     list_saved,
+    panels_of,
     saved_text,
     show,
     view_of,
     view_of_type,
 )
 from sindyjoint.reporting.style import figure_bytes
-from sindyjoint.reporting.tables import json_text
 from sindyjoint.reporting.view import NEXT
 from sindyjoint.soundness.check import check_data
 
@@ -82,11 +81,10 @@ def html_of(result: Any) -> str:
     tables = view_of(result).tables(result)
     if not tables:
         return f"{head}<pre>{escape(text_of(result))}</pre>"
-    names = ", ".join(figures_of(result))
-    more = len(tables[0].rows) - ROWS
+    names, more = ", ".join(figures_of(result)), len(tables[0].rows) - ROWS
     head += str(Blocks({}, {}).table(replace(tables[0], rows=tables[0].rows[:ROWS])))
-    head += f"<p>and {more} more rows</p>" if more > 0 else ""
-    return head + (f"<p>.plot(kind): {escape(names)}</p>" if names else "")
+    further = f"<p>and {more} more rows</p>" if more > 0 else ""
+    return head + further + (f"<p>.plot(kind): {escape(names)}</p>" if names else "")
 
 
 def latex_of(result: Any) -> str | None:
@@ -123,16 +121,10 @@ def plot(result: Any, kind: str | None, ax: Axes | None) -> Any:
     if ax is None:
         _teach_notebook()
         return draw(name, result)
-    known = kinds_of(result)
-    view = view_of(result)
-    data = view.gather(result)
-    if name not in known:
-        draw(name, result)  # says which there are
-    panels = known[name].panels(data)
+    view, data, _, panels = panels_of(name, result)
     if len(panels) != 1:
-        single = [
-            other for other, made in known.items() if len(made.panels(data)) == 1 and not made.projection
-        ]
+        known = view.figures(data).items()
+        single = [other for other, made in known if len(made.panels(data)) == 1 and not made.projection]
         raise InputError(
             f"figure {name!r} has {len(panels)} panels and one pair of axes was given; expected one of "
             f"{', '.join(single)}, or no axes"
@@ -217,10 +209,8 @@ def write_results(
     texts = {
         DATA_FILE: saved_text(data),
         PAGE: view.html(result, data, origin, pictures, target),
-        **view.files(result, data),
+        **view.texts(result, data),
     }
-    if view.record_file:
-        texts[view.record_file] = json_text(view.record(result).to_dict(full=True))
     with output_folder(target, name, force=force) as stage:
         (stage / "figures").mkdir()
         for kind, svg in pictures.items():

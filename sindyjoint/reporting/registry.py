@@ -25,7 +25,7 @@ from sindyjoint.errors import (
     UnknownNameError,
 )
 from sindyjoint.policy import described, policies
-from sindyjoint.reporting.figure import Kind
+from sindyjoint.reporting.figure import Kind, Panel
 from sindyjoint.reporting.style import DOUBLE_COLUMN, figure_bytes
 from sindyjoint.reporting.view import View
 
@@ -142,6 +142,18 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
     >>> len(figure.axes) > 0
     True
     """
+    view, data, made, panels = panels_of(kind, result)
+    return view.draw(made, panels, data, width)
+
+
+def panels_of(kind: str, result: Any) -> tuple[View, Any, Kind, list[Panel]]:
+    """Return the view of a result, its data, a kind of its figures and the panels of that.
+
+    Raises
+    ------
+    UnknownNameError
+        For an unknown kind, or one that the result cannot show.
+    """
     view = view_of(result)
     data = view.gather(result)
     kinds = view.figures(data)
@@ -154,7 +166,7 @@ def draw(kind: str, result: Any, width: float = DOUBLE_COLUMN) -> Figure:
         raise UnknownNameError(
             f"figure {kind!r} has nothing to show here; one of {', '.join(drawable(data))} has"
         )
-    return view.draw(kinds[kind], panels, data, width)
+    return view, data, kinds[kind], panels
 
 
 def draw_all(result: Any) -> dict[str, bytes]:
@@ -172,11 +184,10 @@ def details(result: Any) -> Iterator[str]:
     """Yield the numbers behind a result, and the policies that decided it, as lines: what ``--verbose`` adds."""
     view = view_of(result)
     yield from view.details(result)
-    soundness = getattr(result, "soundness", None)
-    if soundness is not None:
-        from sindyjoint.reporting.results.check import wrap_findings
-
-        yield from wrap_findings(soundness)
+    for f in getattr(getattr(result, "soundness", None), "findings", ()):
+        where = " of ".join(part for part in (f.channel, f.run) if part) or "all runs"
+        said = f"{f.severity}: {f.id} ({where}): {f.extent}; {f.effect}; {f.remedy}"
+        yield from wrap(said, 110, subsequent_indent="  ")
     known = policies()
     for name in (*view.judged_by(result), "shared"):
         if name in known:

@@ -128,14 +128,8 @@ def tabulate(
 
 
 def csv_records(rows: Sequence[Mapping[str, object]]) -> str:
-    """Return records of the same entries as CSV text; numbers in full, nothing where none is known."""
-    return csv_text(list(rows[0]), [[_in_full(value) for value in row.values()] for row in rows])
-
-
-def _in_full(value: object) -> object:
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
-        return ""
-    return repr(float(value)) if isinstance(value, float) else value
+    """Return records of the same entries as CSV text."""
+    return csv_text(list(rows[0]), [[*row.values()] for row in rows])
 
 
 def shown(template: str, *values: float | None) -> str:
@@ -168,10 +162,10 @@ def json_text(record: Any) -> str:
 
 
 def csv_text(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return a table as CSV text."""
+    """Return a table as CSV text; numbers in full, nothing where none is known."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerows([_harmless(cell) for cell in row] for row in (columns, *rows))
+    writer.writerows([_cell(cell) for cell in row] for row in (columns, *rows))
     return buffer.getvalue()
 
 
@@ -184,8 +178,10 @@ def csv_columns(columns: Mapping[str, Any], digits: int = 7) -> str:
     return csv_text(list(columns), list(zip(*cells, strict=True)))
 
 
-def _harmless(cell: object) -> object:
-    """Return a cell that no spreadsheet takes for a formula: text that begins like one gets an apostrophe in front."""
+def _cell(cell: object) -> object:
+    """Return a cell of a CSV text; text that a spreadsheet would take for a formula gets an apostrophe in front."""
+    if isinstance(cell, float):
+        return repr(float(cell)) if math.isfinite(cell) else ""
     if not isinstance(cell, str) or not cell.startswith(("=", "+", "-", "@", "\t", "\r")):
         return cell
     try:

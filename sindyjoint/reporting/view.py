@@ -13,7 +13,7 @@ from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.plain import fields_of, same, to_plain
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes
-from sindyjoint.reporting.tables import TextTable, findings_table, print_table, terminal
+from sindyjoint.reporting.tables import TextTable, findings_table, json_text, print_table, terminal
 from sindyjoint.text import in_words_of, in_words_of_origin, spelled
 
 if TYPE_CHECKING:
@@ -136,6 +136,13 @@ class View:
             for table in self.tables(result)[:1]
             for row in table.rows
         ]
+
+    def texts(self, result: Any, data: Any) -> dict[str, str]:
+        """Return what is written in addition to page and figures, by name of file: the record, and further files."""
+        record = (
+            {self.record_file: json_text(self.record(result).to_dict(full=True))} if self.record_file else {}
+        )
+        return self.files(result, data) | record
 
     # ---- figures, and the data that are kept for them
 

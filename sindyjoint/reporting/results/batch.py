@@ -12,7 +12,7 @@ import numpy as np
 from rich.markup import escape
 
 from sindyjoint.policy import SHARED as POLICY
-from sindyjoint.reporting.equation import superscripted
+from sindyjoint.reporting.equation import estimate, signed_percent, with_unit
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Curve, Kind, Scale, by_name, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
@@ -26,7 +26,7 @@ from sindyjoint.reporting.tables import (
     tabulate,
 )
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.text import list_some, percent, rounded, spelled
+from sindyjoint.text import list_some, percent, spelled
 from sindyjoint.trust import Light, Trust
 from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
 from sindyjoint.workflows.joints.record import CAMPAIGNS, CampaignRecord
@@ -69,13 +69,12 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> None:
     scatter, up = _coefficient(result, term)
     values, ids = result.values[term], [record.id for record in result.records]
     x, known = np.arange(values.size), np.isfinite(values)
-    curves: list[Curve] = []
-    if np.isfinite(scatter.spread) and scatter.covariate is None:
-        half = NORMAL95 * np.hypot(scatter.spread, scatter.mean_error)
-        curves.append((None, (scatter.mean - half, scatter.mean + half), {"color": RULE, "lw": 0}))
-    if np.isfinite(scatter.mean):
-        curves.append((None, scatter.mean, {"color": INK, "lw": 0.9}))
-    curves += _points(x, result, scatter, known)
+    half = NORMAL95 * np.hypot(scatter.spread, scatter.mean_error) if scatter.covariate is None else np.nan
+    curves: list[Curve] = [
+        (None, (scatter.mean - half, scatter.mean + half), {"color": RULE, "lw": 0}),
+        (None, scatter.mean, {"color": INK, "lw": 0.9}),
+        *_points(x, result, scatter, known),
+    ]
     title = spelled(term, result.motion)
     plot(ax, "", replace(up, name=up.unit, unit=""), curves, title, xlim=(-0.7, values.size - 0.3))
     for i in (i for i in scatter.outliers if known[i]):
@@ -109,7 +108,7 @@ def draw_trend(result: Batch, ax: Axes, trend: Trend) -> None:
     unit = f" ({'°C' if shift else pretty_unit(of)})" if of else ""
     name = f"{spelled(trend.coefficient, result.motion)} ({up.unit})"
     plot(ax, plain(trend.covariate + unit), replace(up, name=name, unit=""), curves)
-    said = f"{100 * trend.change:+.1f} % over the range, p = {trend.p_adjusted:.2g}"
+    said = f"{signed_percent(trend.change)} over the range, p = {trend.p_adjusted:.2g}"
     ax.set_title(said.replace("-", "−"), color=MUTED)
 
 
@@ -161,10 +160,6 @@ def _share(record: CampaignRecord, name: str) -> str:
     return "unknown" if fit.get(name) is None else percent(fit[name] / fit["moment_rms"])
 
 
-def _named(result: Batch, term: str) -> str:
-    return f"{spelled(term, result.motion)} ({pretty_unit(result.units[term])})"
-
-
 def joints_table(result: Batch) -> TextTable:
     """Return the table that people read: a row for each campaign."""
     records = result.records
@@ -175,8 +170,7 @@ def joints_table(result: Batch) -> TextTable:
         return f"{kelvin - KELVIN:.4g}".replace("-", "−") if kelvin else DASH
 
     def coefficient(i: int, term: str) -> str:
-        value, error = float(result.values[term][i]), float(result.errors[term][i])
-        text = superscripted(rounded(value, error)) if np.isfinite(value) else DASH
+        text = estimate(float(result.values[term][i]), float(result.errors[term][i]))
         return f"{text} !" if (i, term) in outlying else text
 
     columns: dict[str, Callable[[int], str]] = {
@@ -187,7 +181,10 @@ def joints_table(result: Batch) -> TextTable:
         "result": lambda i: STATUS[records[i].status],
         "residual": lambda i: _share(records[i], "residual_rms"),
         "floor": lambda i: _share(records[i], "noise_floor"),
-        **{_named(result, term): partial(coefficient, term=term) for term in result.common},
+        **{
+            with_unit(term, result.units[term], result.motion): partial(coefficient, term=term)
+            for term in result.common
+        },
     }
     declared = {"serial": "serial", "°C": "temperature"}
     empty = {name for name, key in declared.items() if not any(record.joint.get(key) for record in records)}
@@ -197,9 +194,6 @@ def joints_table(result: Batch) -> TextTable:
 
 def scatter_table(result: Batch) -> TextTable:
     """Return the scatter of each common coefficient over the joints."""
-
-    def mean(s: CoefficientScatter) -> str:
-        return superscripted(rounded(s.mean, s.mean_error)) if np.isfinite(s.mean_error) else f"{s.mean:.4g}"
 
     def spread(s: CoefficientScatter) -> str:
         share = s.spread / abs(s.mean) if s.mean else float("nan")
@@ -214,8 +208,8 @@ def scatter_table(result: Batch) -> TextTable:
         caption,
         result.population.scatters,
         {
-            "term": lambda s: _named(result, s.coefficient),
-            "mean of the joints": mean,
+            "term": lambda s: with_unit(s.coefficient, result.units[s.coefficient], result.motion),
+            "mean of the joints": lambda s: estimate(s.mean, s.mean_error),
             "spread between joints": spread,
             "next joint, 95 %": lambda s: (
                 "{:.4g} … {:.4g}".format(*ahead) if (ahead := s.next_joint95) is not None else DASH
@@ -230,7 +224,7 @@ def trends_table(result: Batch) -> TextTable:
 
     def slope(t: Trend) -> str:
         step = pretty_unit(result.covariate_units.get(t.covariate, "step"))
-        return f"{superscripted(rounded(t.slope, t.slope_error))} {pretty_unit(result.units[t.coefficient])} per {step}"
+        return f"{estimate(t.slope, t.slope_error)} {pretty_unit(result.units[t.coefficient])} per {step}"
 
     caption = "Robust weighted lines; p over all corrects for the number of trends looked for."
     return tabulate(
@@ -240,9 +234,7 @@ def trends_table(result: Batch) -> TextTable:
         {
             "trend": lambda t: f"{spelled(t.coefficient, result.motion)} with {t.covariate}",
             "slope": slope,
-            "over the range": lambda t: (
-                f"{100 * t.change:+.1f} %".replace("-", "−") if np.isfinite(t.change) else DASH
-            ),
+            "over the range": lambda t: signed_percent(t.change),
             "p": lambda t: f"{t.p_value:.2g}",
             "p over all": lambda t: f"{t.p_adjusted:.2g}",
             "at 5 %": lambda t: "yes" if t.significant else "not seen",

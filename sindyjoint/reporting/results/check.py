@@ -1,6 +1,5 @@
 """A check of the data: every channel with what was found marked on it; of a campaign, of a stopped result too."""
 
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -16,6 +15,7 @@ from sindyjoint.numeric import Array
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion, Run
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
+from sindyjoint.reporting.registry import view_of_type
 from sindyjoint.reporting.style import ACCENT, INK, MUTED, PALETTE, plain, prefixed, pretty_unit, shortened
 from sindyjoint.reporting.tables import (
     DASH,
@@ -24,12 +24,11 @@ from sindyjoint.reporting.tables import (
     aligned,
     csv_text,
     findings_table,
-    json_text,
     tabulate,
 )
 from sindyjoint.reporting.view import View
 from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.finding import Soundness, words_of
+from sindyjoint.soundness.finding import words_of
 from sindyjoint.soundness.record import Record
 from sindyjoint.text import quantities, spelled
 
@@ -276,18 +275,7 @@ def _files(result: Any, data: CheckData) -> dict[str, str]:
     check = _check_of(result)
     rows = [[getattr(f, name) for name in CSV_COLUMNS] for f in check.soundness.findings]
     texts = {"findings.csv": csv_text(CSV_COLUMNS, rows)}
-    if result is check:
-        return texts
-    from sindyjoint.diagnosis.result import Diagnosis
-    from sindyjoint.judgement.discovery import Discovery
-    from sindyjoint.reporting.equation import terms_csv
-
-    texts["model.json"] = result.model.to_json() + "\n"
-    if isinstance(result, Discovery):
-        texts["terms.csv"] = terms_csv(result.model)
-    if isinstance(result, Diagnosis):
-        texts["diagnosis.json"] = json_text(result.to_dict(full=True))
-    return texts
+    return texts if result is check else texts | view_of_type(result).texts(result, data)
 
 
 def _about(result: Any) -> str:
@@ -311,14 +299,6 @@ def _printed(result: Any, console: Console) -> Iterator[Any]:
             yield Constrain(Padding(escape(line), (0, 0, 0, 2)), 80)
     if not kinds:
         yield "  nothing"
-
-
-def wrap_findings(soundness: Soundness) -> Iterator[str]:
-    """Yield each finding in full, as lines: what ``--verbose`` adds."""
-    for f in soundness.findings:
-        where = " of ".join(part for part in (f.channel, f.run) if part) or "all runs"
-        text = f"{f.severity}: {f.id} ({where}): {f.extent}; {f.effect}; {f.remedy}"
-        yield from textwrap.wrap(text, 110, subsequent_indent="  ")
 
 
 CHECK = View(

@@ -13,12 +13,12 @@ from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.judgement.comparison import Choice, Comparison, GivenModel
 from sindyjoint.judgement.headlines import judge_comparison
 from sindyjoint.limits import DISCOVERY
-from sindyjoint.reporting.equation import interval_text, superscripted
+from sindyjoint.reporting.equation import estimate, interval_text, signed_percent, with_unit
 from sindyjoint.reporting.figure import Axes, Kind, by_name, fixed
 from sindyjoint.reporting.mathml import mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, section, sentence
 from sindyjoint.reporting.results.discovery_terms import dependence
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, pretty_unit, shortened
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, RULE, plain, shortened
 from sindyjoint.reporting.tables import (
     DASH,
     Console,
@@ -47,10 +47,6 @@ def _best_first(choices: Sequence[Choice]) -> list[Choice]:
     return sorted(choices, key=errors)
 
 
-def _named(result: Comparison, term: str) -> str:
-    return f"{spelled(term, result.motion)} ({pretty_unit(result.units.get(term, '?'))})"
-
-
 def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) -> TextTable:
     """Return a row for each term, and for what a search was not given; a column for each choice, best first."""
     whole = {
@@ -64,8 +60,8 @@ def against_terms_table(by: str, result: Comparison, choices: Sequence[Choice]) 
     held = [t for t in result.shown_ids if t in result.reference or any(choice[t] for choice in choices)]
     rows = [
         (
-            _named(result, term),
-            *(_value(one.coefficient, one.standard_error) if (one := c[term]) else DASH for c in choices),
+            with_unit(term, result.units.get(term, "?"), result.motion),
+            *(estimate(one.coefficient, one.standard_error) if (one := c[term]) else DASH for c in choices),
         )
         for term in held
     ]
@@ -86,9 +82,9 @@ def coefficients_table(result: Comparison) -> TextTable:
         "Coefficients",
         result.model.terms,
         {
-            "term": lambda term: _named(result, term.id),
+            "term": lambda term: with_unit(term.id, result.units.get(term.id, "?"), result.motion),
             "in resampled campaigns": lambda term: _percent(share.get(term.id, float("nan"))),
-            "value": lambda term: _value(term.coefficient, term.standard_error),
+            "value": lambda term: estimate(term.coefficient, term.standard_error),
             "95 % interval": lambda term: interval_text(*term.interval95, term.standard_error),
         },
     )
@@ -97,12 +93,12 @@ def coefficients_table(result: Comparison) -> TextTable:
 def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
     """Return a row for each coefficient: its value at each frequency, and whether that changes."""
 
-    def estimate(test: FrequencyTest, at: int) -> str:
-        return _value(test.estimates[at], test.standard_errors[at])
+    def at_frequency(test: FrequencyTest, at: int) -> str:
+        return estimate(test.estimates[at], test.standard_errors[at])
 
     def answer(test: FrequencyTest) -> str:
         small = test.answer == "independent within margin" and test.p_value < DISCOVERY.level
-        return test.answer + (f"; a change of {_trend(test)} is significant" if small else "")
+        return test.answer + (f"; a change of {signed_percent(test.change)} is significant" if small else "")
 
     return tabulate(
         "frequency-dependence",
@@ -110,21 +106,16 @@ def tests_table(tests: Sequence[FrequencyTest], motion: str) -> TextTable:
         tests,
         {
             "term": lambda test: spelled(test.name, motion),
-            **{f"{f:.4g} Hz": partial(estimate, at=at) for at, f in enumerate(tests[0].frequencies)},
+            **{f"{f:.4g} Hz": partial(at_frequency, at=at) for at, f in enumerate(tests[0].frequencies)},
             "Q": lambda test: f"{test.q:.1f}",
             "I²": lambda test: f"{100 * test.i_squared:.0f} %",
             "τ / mean": lambda test: _percent(test.tau / abs(test.mean)),
-            "trend over band": _trend,
+            "trend over band": lambda test: signed_percent(test.change),
             "p": lambda test: f"{test.p_value:.2g}",
             "at most": lambda test: _percent(test.change_bound),
             "answer": answer,
         },
     )
-
-
-def _trend(test: FrequencyTest) -> str:
-    """Return the change over the tested band, of the mean."""
-    return f"{100 * test.change:+.1f} %".replace("-", "−")
 
 
 def folds_table(result: Comparison) -> TextTable:
@@ -213,10 +204,6 @@ def _difference(result: Comparison, choice: Choice) -> str:
     return list_some(parts, "terms") if parts else "the same"
 
 
-def _value(value: float, error: float) -> str:
-    return superscripted(rounded(value, error)) if np.isfinite(error) else f"{value:.4g}".replace("-", "−")
-
-
 def _percent(value: float, error: float = float("nan")) -> str:
     if np.isfinite(value) and np.isfinite(error) and error > 0:
         return f"{rounded(100 * value, 100 * error)} %"
@@ -237,12 +224,11 @@ def inclusion(result: Comparison, ax: Axes) -> None:
     from matplotlib.patches import Rectangle
 
     terms, rows = result.shown_ids, _inclusion_rows(result)
-    for y, (_, values) in enumerate(rows):
-        for x, value in enumerate(values):
-            # Area shows the share of replicates; a full square is a certain choice.
-            side, colour = 0.86 * np.sqrt(value), PALETTE[0] if terms[x] in result.reference else PALETTE[1]
-            if value > 0:
-                ax.add_patch(Rectangle((x - side / 2, y - side / 2), side, side, color=colour, linewidth=0))
+    for (y, x), value in np.ndenumerate(np.array([values for _, values in rows], dtype=float)):
+        # Area shows the share of replicates; a full square is a certain choice.
+        side, colour = 0.86 * np.sqrt(value), PALETTE[0] if terms[x] in result.reference else PALETTE[1]
+        if value > 0:
+            ax.add_patch(Rectangle((x - side / 2, y - side / 2), side, side, color=colour, linewidth=0))
     for end in np.cumsum([1, *map(len, result.groups.values())])[:-1]:
         ax.axhline(end - 0.5, color=MUTED, linewidth=0.6)
     ax.axvline(len(result.reference) - 0.5, color=INK, linewidth=0.8)

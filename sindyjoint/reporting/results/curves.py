@@ -48,13 +48,11 @@ def over_amplitude(data: JointCurves, ax: Axes, measure: str, name: str) -> None
         curves += _parts(
             x, y, (curve.tested, look | {"label": f"{curve.frequency:.3g} Hz"}), (~curve.tested, dotted)
         )
-    if data.tested_angle > 0:
-        up_to = {"color": INK, "lw": 0.7, "ls": (0, (4, 2)), "label": "tested up to"}
-        curves.append((data.tested_angle, None, up_to))
+    up_to = {"color": INK, "lw": 0.7, "ls": (0, (4, 2)), "label": "tested up to"}
+    storage = {"color": MUTED, "lw": 0.8, "ls": DASHES[2], "label": "storage stiffness"}
     beside = measure == "secant"
-    if beside:
-        look = {"color": MUTED, "lw": 0.8, "ls": DASHES[2], "label": "storage stiffness"}
-        curves.append((data.curves[0].amplitude, data.curves[0].storage, look))
+    curves.append((data.tested_angle or None, None, up_to))
+    curves += [(data.curves[0].amplitude, data.curves[0].storage, storage)] * beside
     largest = data.tested_angle or data.curves[0].amplitude[-1]
     across = scaled(f"{quantities(data.motion).angle} amplitude", largest, angle)
     up = scaled(name, [float(np.max(getattr(curve, measure))) for curve in data.curves], unit)
@@ -116,9 +114,7 @@ def mode_over_amplitude(data: StructureCurves, ax: Axes, mode: ModeCurve, dampin
             curves.append((slip, None, mark | {"ls": DASHES[1 + place % (len(DASHES) - 1)]}))
     what = f"Damping ratio of mode {mode.number} (%)" if damping else f"Frequency of mode {mode.number} (Hz)"
     across = scaled(f"Deflection at {shortened(mode.point, 14)}", mode.amplitude[-1], "m")
-    plot(ax, across, what, curves, legend="best", xscale="log")
-    if damping:
-        ax.set_ylim(bottom=0)
+    plot(ax, across, what, curves, legend="best", xscale="log", ylim=(0, None) if damping else None)
 
 
 def _measure(name: str, measure: str, title: str, caption: str) -> Kind:

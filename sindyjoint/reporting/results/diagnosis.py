@@ -14,7 +14,7 @@ from sindyjoint.judgement.headlines import judge_diagnosis
 from sindyjoint.reporting.equation import model_table
 from sindyjoint.reporting.mathml import effect_mathml, mathml
 from sindyjoint.reporting.page import Blocks, Page, markup, number, section, sentence
-from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, STRUCTURE_KINDS, thinned
+from sindyjoint.reporting.results.diagnosis_pictures import CAMPAIGN_KINDS, PARTS, STRUCTURE_KINDS, thinned
 from sindyjoint.reporting.style import pretty_unit
 from sindyjoint.reporting.tables import (
     DASH,
@@ -26,7 +26,6 @@ from sindyjoint.reporting.tables import (
 from sindyjoint.reporting.view import View
 from sindyjoint.text import in_words_of, percent, quantities, spelled
 
-PARTS = ("state", "history", "run", "processing", "noise")
 VERDICTS = {
     "named": ("confirmed", "What was missing has a name, and the gap shrank when it was added."),
     "ambiguous": (
@@ -168,16 +167,17 @@ def _details(result: Diagnosis) -> Iterator[str]:
 def _notes(result: Diagnosis) -> list[str]:
     """Return which terms no longer count, and advice that is no next step."""
     motion = result.model.joint.motion
-    needless = [spelled(term, motion) for step in result.steps for term in step.terms_dropped]
-    notes = [f"no longer needed beside the effects: {', '.join(needless)}"] if needless else []
-    notes += [
-        advice_words(each, f"{each.level:.3g} {result.level_unit}", motion)
-        for place, each in enumerate(result.advice)
-        if place or not each.frequency
+    needless = ", ".join(spelled(term, motion) for step in result.steps for term in step.terms_dropped)
+    unsought = result.search.status == NOT_SOUGHT and any(len(step.members) > 1 for step in result.steps)
+    return [
+        *[f"no longer needed beside the effects: {needless}"] * bool(needless),
+        *(
+            advice_words(each, f"{each.level:.3g} {result.level_unit}", motion)
+            for place, each in enumerate(result.advice)
+            if place or not each.frequency
+        ),
+        *["runs that would tell rivals apart have not been sought"] * unsought,
     ]
-    if any(len(step.members) > 1 for step in result.steps) and result.search.status == NOT_SOUGHT:
-        notes.append("runs that would tell rivals apart have not been sought")
-    return notes
 
 
 def advice_words(advice: Advice, level: str, motion: str) -> str:
@@ -202,17 +202,14 @@ def _step_rows(result: Diagnosis) -> tuple[tuple[str, ...], ...]:
             )
             gap = _gap(step.gap_after) if step is group[-1] else (DASH, DASH)
             rows.append((named, *gap, f"{step.probability:.2f}", others or DASH))
-    floor, first = result.noise_floor, result.initial
+    floor, first, unsure = result.noise_floor, result.initial, result.uncertainty
     pairs = (floor.moment, first.moment), (floor.response, first.response)
     # A floor that could not be measured is unknown, where there is a gap beside it.
     shown = (percent(x) if np.isfinite(x) else "unknown" if np.isfinite(gap) else DASH for x, gap in pairs)
     rows.append(("noise floor", *shown, "", ""))
-    unsure = result.uncertainty.moment, result.uncertainty.response
-    if any(unsure):
-        rows.append(
-            ("uncertainty of numbers and drive", *(percent(x) if x else DASH for x in unsure), "", "")
-        )
-    return tuple(rows)
+    left = [percent(x) if x else DASH for x in (unsure.moment, unsure.response)]
+    told = ("uncertainty of numbers and drive", *left, "", "")
+    return (*rows, *[told] * bool(unsure.moment or unsure.response))
 
 
 def _gap(gap: Gap) -> tuple[str, str]:

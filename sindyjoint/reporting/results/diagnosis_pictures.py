@@ -35,6 +35,8 @@ from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.states.surface import MAP_CELLS, ForceStateMap, force_state_map
 from sindyjoint.text import percent, quantities, spelled
 
+PARTS = ("state", "history", "run", "processing", "noise")
+SHARE = "share of the mean square gap (%)"
 MOST_RIVALS = 4
 FAR = 30  # a noise floor so many times below the gap is drawn on a logarithmic scale
 
@@ -83,31 +85,29 @@ def gap_by_step(result: Diagnosis, ax: Axes) -> None:
 
 def budget_parts(result: Diagnosis, ax: Axes) -> None:
     """Draw what the first gap is made of, in mean square."""
-    names = ("state", "history", "run", "processing", "noise")
-    total = result.budget.total or 1.0
-    shares = [100 * getattr(result.budget, name) / total for name in names]
-    bars(ax, names, shares, 112, "share of the mean square gap (%)", [*PALETTE[:4], MUTED], "{:.1f} %")
-    ax.set_title("Budget of the first gap")
+    shares = [100 * getattr(result.budget, name) / (result.budget.total or 1.0) for name in PARTS]
+    bars(ax, PARTS, shares, 112, SHARE, [*PALETTE[:4], MUTED], "{:.1f} %", title="Budget of the first gap")
 
 
 def rivals(result: Diagnosis, ax: Axes) -> None:
     """Draw the probability of the named effect of each step and of its rivals."""
-    rows, motion = [], result.model.joint.motion
-    for index, step in enumerate(result.steps):
-        rows.append((f"{index + 1}. {spelled(step.effect, motion)}", step.probability, PALETTE[0]))
-        rows += [(f"    {spelled(name, motion)}", p, MUTED) for name, p in step.rivals[:MOST_RIVALS]]
+    rows = [
+        (f"{before}{spelled(name, result.model.joint.motion)}", probability, colour)
+        for number, step in enumerate(result.steps, 1)
+        for before, name, probability, colour in (
+            (f"{number}. ", step.effect, step.probability, PALETTE[0]),
+            *(("    ", *rival, MUTED) for rival in step.rivals[:MOST_RIVALS]),
+        )
+    ]
     labels, values, colours = zip(*rows, strict=True)
-    bars(ax, labels, values, 1.2, "probability", colours, "{:.2f}", 0.6)
-    ax.set_title("Named effects and their rivals")
+    bars(ax, labels, values, 1.2, "probability", colours, "{:.2f}", 0.6, "Named effects and their rivals")
 
 
 def where(result: Diagnosis, ax: Axes) -> None:
     """Draw the regions that hold more of the gap than their share of the samples."""
-    regions = list(result.where)
-    labels = [plain(fill(shortened(region.words.partition(":")[0], 60), 26)) for region in regions]
-    shares = [100 * region.share for region in regions]
-    bars(ax, labels, shares, 100, "share of the mean square gap (%)", PALETTE[0], height=0.6)
-    ax.set_title("Where the gap lies")
+    labels = [plain(fill(shortened(region.words.partition(":")[0], 60), 26)) for region in result.where]
+    shares = [100 * region.share for region in result.where]
+    bars(ax, labels, shares, 100, SHARE, PALETTE[0], height=0.6, title="Where the gap lies")
 
 
 def maps(result: Diagnosis) -> list[Panel]:
@@ -161,13 +161,13 @@ def _loop(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> 
 def _residual(result: Diagnosis, ax: Axes, before: RunGap, after: RunGap | None) -> None:
     """Draw the residuals of a run together with its noise."""
     of = "noise of the mean period" if before.repeats else "noise"
-    band = (None, (-2 * before.noise, 2 * before.noise))
-    curves = [(before, before.residual, BEFORE | {"label": "residual of the model alone"})]
-    if after is not None:
-        curves.append((after, after.residual, AFTER | {"label": "residual with the effects"}))
     look = {"color": MUTED, "alpha": 0.2, "lw": 0, "label": f"{of}, ±2σ"}
+    curves = [(before, before.residual, BEFORE | {"label": "residual of the model alone"})]
+    curves += (
+        [] if after is None else [(after, after.residual, AFTER | {"label": "residual with the effects"})]
+    )
     up = moment_scale(result.model.joint.motion, before.residual, "Measured less model")
-    _drawn(result, ax, up, curves, [(*band, look)])
+    _drawn(result, ax, up, curves, [(None, (-2 * before.noise, 2 * before.noise), look)])
 
 
 def _drawn(

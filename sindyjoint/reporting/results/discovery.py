@@ -160,16 +160,13 @@ def _page(result: Discovery | ReportData, data: ReportData, show: Blocks, folder
 
 def _about(result: Discovery) -> str:
     """Return the joint and its runs, and the question of the paper's terms where that leads."""
-    model, fitted = result.model, result.model.fitted
-    shown = dict.fromkeys(f"{frequency:.4g}" for frequency in fitted.frequencies)
-    at = f" at {', '.join(shown)} Hz" if shown else ""
-    title = f"[bold]{escape(model.joint.name + ' (simulated)' * fitted.simulated)}[/]"
+    fitted, verdict = result.model.fitted, result.verdict
+    frequencies = ", ".join(dict.fromkeys(f"{frequency:.4g}" for frequency in fitted.frequencies))
+    tested = f"{fitted.runs} run(s)" + f" at {frequencies} Hz" * bool(frequencies)
     moving = f"{fitted.samples} moving samples, {100 * fitted.moving_fraction:.0f} % of all"
-    line = f"{title}: {fitted.runs} run(s){at}, {moving}"
-    if not result.leads_with_paper:
-        return line
-    verdict = result.verdict
-    return f"{line}\n\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}"
+    paper = f"\n\n[bold]paper's term set {verdict.verdict}[/]: {escape(verdict.reason)}"
+    name = escape(result.model.joint.name + " (simulated)" * fitted.simulated)
+    return f"[bold]{name}[/]: {tested}, {moving}{paper * result.leads_with_paper}"
 
 
 def _printed(result: Discovery, console: Console) -> list[Any]:

@@ -161,13 +161,12 @@ def gather(result: Discovery) -> ReportData:
         state.transfer_moment(inertia) - model.moment(state.angle, state.rate, inputs=state.inputs)
         for state in states
     ]
-    moving = [state.moving for state in states]
     ids = result.regressor.evidence_.ids
     surface = map_of_states(states, inertia, MAP_CELLS)
     residual_map = force_state_map(
-        np.concatenate([s.angle[k] for s, k in zip(states, moving, strict=True)]),
-        np.concatenate([s.rate[k] for s, k in zip(states, moving, strict=True)]),
-        np.concatenate([r[k] for r, k in zip(residuals, moving, strict=True)]),
+        np.concatenate([state.angle[state.moving] for state in states]),
+        np.concatenate([state.rate[state.moving] for state in states]),
+        np.concatenate([each[state.moving] for state, each in zip(states, residuals, strict=True)]),
         MAP_CELLS,
     )
     upper, lower = model_sheets(model, surface)

@@ -13,7 +13,7 @@ from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, ru
 from sindyjoint.planning.search import PAPER
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence
-from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, legend_above, pretty_unit
+from sindyjoint.reporting.style import INK, MUTED, PALETTE, amount, pretty_unit
 from sindyjoint.reporting.tables import DASH, TextTable, csv_columns, tabulate
 from sindyjoint.reporting.view import View
 from sindyjoint.text import list_some, percent, spelled
@@ -46,11 +46,8 @@ def draw_runs(data: Plan, ax: Axes) -> None:
     grid = [run.frequency for run in data.grid_runs], [run.level for run in data.grid_runs]
     crosses = {"color": MUTED, "marker": "x", "ls": "none", "ms": 5, "label": "plain grid"}
     named = {**DOTS, "ls": "none", "ms": 4.5, "label": "plan, larger: made more often"}
-    ax.margins(x=0.16, y=0.1)
     curves = [(*grid, crosses)] * bool(data.grid_runs) + [([], [], named)]
-    plot(ax, "Frequency (Hz)", up, curves, legend="none")
-    ax.set_ylim(bottom=0)
-    legend_above(ax, 2)
+    plot(ax, "Frequency (Hz)", up, curves, xmargin=0.16, ymargin=0.1, ylim=(0, None))
 
 
 def _spans(numbers: Sequence[int]) -> str:
@@ -75,19 +72,17 @@ def draw_curve(data: Plan, ax: Axes) -> None:
     if data.now is not None and np.isfinite(data.now.widest):
         look = {"color": INK, "marker": "D", "ms": 4, "ls": "none", "label": "now", "clip_on": False}
         curves.append(([0], [100 * data.now.widest], look))
-    if data.until is not None:
-        enough = {"color": PALETTE[1], "ls": "--", "lw": 0.9, "label": "enough"}
-        curves.append((None, 100 * data.until, enough))
-    plot(ax, "Time of all runs (s)", f"{GOALS[data.goal].capitalize()} (%)", curves, yscale="log")
-    ax.set_xlim(left=0)
+    until = None if data.until is None else 100 * data.until
+    curves.append((None, until, {"color": PALETTE[1], "ls": "--", "lw": 0.9, "label": "enough"}))
+    label = f"{GOALS[data.goal].capitalize()} (%)"
+    plot(ax, "Time of all runs (s)", label, curves, yscale="log", xlim=(0, None))
 
 
 def draw_complete(data: Plan, ax: Axes) -> None:
     """Draw the share of the joints of which a discovery takes every term that matters, over the time of the runs."""
     steps = [step.seconds for step in data.curve], [100 * step.complete for step in data.curve]
     label = "Joints with every term found (%)"
-    plot(ax, "Time of all runs (s)", label, [(*steps, DOTS | {"ms": 3.5})], ylim=(0, 104))
-    ax.set_xlim(left=0)
+    plot(ax, "Time of all runs (s)", label, [(*steps, DOTS | {"ms": 3.5})], ylim=(0, 104), xlim=(0, None))
 
 
 def draw_separation(data: Plan, ax: Axes) -> None:
