@@ -100,12 +100,16 @@ def _gather_run(check: Check[Any], run: Run | Record, segments: int) -> CheckedR
         Trace(name, places / run.sample_rate, run.channels[name][places], units.get(name, ""))
         for name, places in extremes.items()
     )
-    marks = []
-    for finding in check.soundness.findings:
-        if finding.run == run.name:
-            spans = np.array(finding.spans, dtype=float).reshape(-1, 2) / run.sample_rate
-            where = _widen(spans[:, 0], spans[:, 1], run.duration)
-            marks.append(Mark(finding.id, finding.severity, finding.channel, *where))
+    marks = (
+        Mark(
+            each.id,
+            each.severity,
+            each.channel,
+            *_widen(np.divide(each.spans, run.sample_rate), run.duration),
+        )
+        for each in check.soundness.findings
+        if each.run == run.name
+    )
     return CheckedRun(run.name, run.duration, tuple(traces), tuple(marks), run.quasi_static)
 
 
@@ -123,8 +127,9 @@ def find_extremes(signal: Array, segments: int) -> NDArray[np.intp]:
     return np.unique(np.minimum(places, signal.size - 1))
 
 
-def _widen(starts: Array, ends: Array, duration: float) -> tuple[Array, Array]:
+def _widen(spans: Array, duration: float) -> tuple[Array, Array]:
     """Return spans wide enough to be seen, those that then overlap joined, and no more than a picture can show."""
+    starts, ends = spans.reshape(-1, 2).T
     short = 0.5 * np.maximum(0.006 * duration - (ends - starts), 0.0)
     starts, ends = np.maximum(starts - short, 0.0), np.minimum(ends + short, duration)
     order = np.argsort(starts)
@@ -143,8 +148,9 @@ def draw_run(data: CheckData, ax: Axes, run: CheckedRun) -> None:
         "angle": q.angle_unit,
         "rate": q.rate_unit,
         "acceleration": f"{q.rate_unit}/s",
+        MEASURED_ANGLE: q.angle_unit,
+        MEASURED_RATE: q.rate_unit,
     }
-    units |= {MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit}
     colours = {"stops": ACCENT, "biases": PALETTE[4], "note": PALETTE[5]}
     base = {trace.channel: -index * (ROW + GAP) for index, trace in enumerate(run.traces)}
     bottom = min(base.values())

@@ -155,9 +155,9 @@ _RECORDS: dict[str, Callable[[RecordGap], str]] = {
 def _details(result: Diagnosis) -> Iterator[str]:
     """Yield the rivals of each step, the budget in numbers, and the gap of each record."""
     for step in result.steps:
-        rows = ((step.effect, step.probability), *step.rivals)
-        written = tuple((name, f"{p:.3g}") for name, p in rows)
-        yield from aligned(TextTable("rivals", "", (f"step {step.effect}", "probability"), written))
+        rows = [(step.effect, step.probability), *step.rivals]
+        shown = {f"step {step.effect}": lambda row: row[0], "probability": lambda row: f"{row[1]:.3g}"}
+        yield from aligned(tabulate("rivals", "", rows, shown))
     parts = ", ".join(f"{name} {getattr(result.budget, name):.3g}" for name in PARTS)
     yield f"mean square of the first gap: {parts}"
     if result.records:

@@ -12,7 +12,7 @@ from rich.markup import escape
 from sindyjoint.judgement.paper_tables import TableCheck
 from sindyjoint.numeric import Array
 from sindyjoint.paper import FREQUENCIES, PULSE, SYMBOLS, TERMS, UNITS
-from sindyjoint.reporting.figure import Axes, Kind, Panel, by_name, cycled, fixed, plot
+from sindyjoint.reporting.figure import Axes, Kind, by_name, cycled, each, fixed, plot
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.results.discovery import state_lines
 from sindyjoint.reporting.results.verification import amplitude, period, response_payload, thinned
@@ -84,19 +84,20 @@ def one_period(state: ForceStates) -> Array:
     return np.array([np.append(mean, mean[0]) for mean in means])
 
 
-def loops(result: ReproductionFigures, ax: Axes, joint: JointFigures) -> None:
+def loops(joint: JointFigures, ax: Axes) -> None:
     """Draw moment over angle at 3 Hz for some of the levels: one period each (Figure 5)."""
     shown = joint.loops[:7:2]
     curves = [(1e3 * theta, moment, cycled(place, lw=0.9)) for place, (theta, moment) in enumerate(shown)]
     plot(ax, "Angle $\\theta$ (mrad)", "Moment $M$ (N·m)", curves, f"{joint.name}, 3 Hz")
 
 
-def surface(result: ReproductionFigures, ax: Any, joint: JointFigures | None = None) -> Any:
-    """Draw averaged cells as a surface: of a joint, one on each side of zero rate (Figure 7), or of the linear one."""
+def surface(of: JointFigures | ForceStateMap, ax: Any) -> None:
+    """Draw averaged cells as a surface: of a joint, one on each side of zero rate (Figure 7), or of a linear joint."""
     from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
 
-    given = joint.surface if joint else result.linear
+    joint = of if isinstance(of, JointFigures) else None
+    given = of.surface if isinstance(of, JointFigures) else of
     limit = float(np.nanmax(np.abs(given.moment)))
     width = [float(edges[1] - edges[0]) for edges in (given.angle_edges, given.rate_edges)]
     for side in (given.rate > 0, given.rate < 0) if joint else (given.filled,):
@@ -151,10 +152,6 @@ def half_cycles(result: ReproductionFigures, ax: Axes, truth: str, draw: Callabl
     ax.set_title(TRUTHS[truth])
 
 
-def _per_joint(panel: Callable[..., Any]) -> Callable[[Any], list[Panel]]:
-    return lambda result: [partial(panel, joint=joint) for joint in result.joints]
-
-
 _SOLID: dict[str, Any] = {"height": lambda _: 3.2, "projection": "3d"}
 
 KINDS = by_name(
@@ -162,20 +159,20 @@ KINDS = by_name(
         "figure-05",
         "Figure 5",
         "Figure 5: moment over angle at 3 Hz; four of nine levels, periods averaged.",
-        _per_joint(loops),
+        each(lambda result: result.joints, loops),
     ),
     Kind(
         "figure-06",
         "Figure 6",
         "Figure 6: force–state map of a linear spring, mass and damper: an oblique plane.",
-        fixed(surface),
+        each(lambda result: [result.linear], surface),
         **_SOLID,
     ),
     Kind(
         "figure-07",
         "Figure 7",
         "Figure 7: force–state maps at 3 Hz; moving samples averaged in 24 × 24 cells.",
-        _per_joint(surface),
+        each(lambda result: result.joints, surface),
         **_SOLID,
     ),
     Kind("figure-09", "Figure 9", "Figure 9: the exciting force.", fixed(force)),
