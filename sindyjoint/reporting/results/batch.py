@@ -189,7 +189,7 @@ def joints_table(result: Batch) -> TextTable:
     declared = {"serial": "serial", "°C": "temperature"}
     empty = {name for name, key in declared.items() if not any(record.joint.get(key) for record in records)}
     shown = {name: cell for name, cell in columns.items() if name not in empty}
-    return tabulate("joints", "All joints", range(len(records)), shown)
+    return tabulate("joints", "All joints", range(len(records)), shown, text=("joint",))
 
 
 def scatter_table(result: Batch) -> TextTable:
