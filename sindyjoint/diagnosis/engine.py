@@ -25,7 +25,6 @@ from sindyjoint.diagnosis.verdict import (
     UNDECIDED,
     UNKNOWN,
     Gaps,
-    Residual,
     discount,
     grows,
     judge,
@@ -105,7 +104,6 @@ class Explained(Generic[P]):
     straight : Problem
         The problem of that start, its channels put right.
     progress : Progress
-    residual : Residual
     gaps : Gaps
     verdict, reason : str
     start : str
@@ -114,7 +112,6 @@ class Explained(Generic[P]):
 
     straight: P
     progress: Progress[P]
-    residual: Residual
     gaps: Gaps
     verdict: str
     reason: str
@@ -246,7 +243,7 @@ def _explain(first: P, start: Start[P], most: int, stages: Stages) -> Explained[
     initial, straight = first.initial_gap, start.problem
     before = start.steps[-1].gap_after if start.steps else initial
     begun = Progress(straight, before, start.steps)
-    progress = straight.searched(begun, most + start.free, stages.say, stages.search)
+    progress = straight.searched(begun, most + len(start.steps), stages.say, stages.search)
     if grows(initial, progress.gap, first.policy.trivial_share):
         progress = begun  # what predicts the runs left out worse than nothing is no answer
     return _judged(first, start, progress, stages)
@@ -266,9 +263,8 @@ def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) ->
             problem.floor_is_bound,
             problem.moves_freely,
         )
-        residual = problem.residual(straight)
-        verdict, reason = judge(progress.steps, residual, gaps, first.policy)
-        return Explained(straight, progress, residual, gaps, verdict, reason, start.words)
+        verdict, reason = judge(progress.steps, problem.residual(straight), gaps, first.policy)
+        return Explained(straight, progress, gaps, verdict, reason, start.words)
 
     stages.say("the verdict")
     found = stages.verdict.do(judged, None, "the verdict")
@@ -276,7 +272,7 @@ def _judged(first: P, start: Start[P], progress: Progress[P], stages: Stages) ->
         return found
     gaps = Gaps(first.initial_gap, final, problem.noise_floor)
     reason = "what a verdict rests on was not computed to its end"
-    return Explained(straight, progress, Residual(1.0, 0.0), gaps, UNDECIDED, reason, start.words)
+    return Explained(straight, progress, gaps, UNDECIDED, reason, start.words)
 
 
 def _compare_starts(best: Explained[P], ends: Sequence[Explained[P]]) -> str:

@@ -25,7 +25,7 @@ class Start(Generic[P]):
     ----------
     problem : Problem
     steps : tuple of Step
-        What it has found before.
+        What it has found before: they do not count among the effects that may be added.
     words : str
         How it differs from the model as it was given.
     before : Problem, optional
@@ -36,11 +36,6 @@ class Start(Generic[P]):
     steps: tuple[Step, ...] = ()
     words: str = ""
     before: P | None = None
-
-    @property
-    def free(self) -> int:
-        """Number of its steps: they do not count among the effects that may be added."""
-        return len(self.steps)
 
 
 class Problem(Protocol):
@@ -101,6 +96,7 @@ class Problem(Protocol):
 
     def searched(self, begun: Any, most: int, say: Say, search: Portion) -> Any:
         """Return the progress with the effects that the data show, at most so many, as far as the portion goes."""
+        return add_effects(begun, most, say, search)
 
     def cost(self) -> float:
         """Return what the set of effects found costs, the less the better the data are predicted."""

@@ -143,14 +143,19 @@ def draw_models(model: JointModel, count: int, generator: np.random.Generator) -
     """Draw models from the normal distribution of their numbers; negative friction is set to zero."""
     root = root_of(model.covariance_matrix)
     draws = model.numbers + generator.standard_normal((count, model.numbers.size)) @ root.T
-    for index, term in enumerate(model.terms):
-        if term.id == "coulomb_friction" and term.coefficient >= 0:
-            draws[:, index] = np.maximum(draws[:, index], 0.0)
-    inner = slice(len(model.terms), None)
-    # Numbers of an element that are positive stay so: yield angles, times, slider stiffness.
-    least = np.where(model.numbers[inner] > 0, LEAST_DRAWN * model.numbers[inner], -np.inf)
-    draws[:, inner] = np.maximum(draws[:, inner], least)
-    return [model.with_numbers(draw) for draw in draws]
+    return [model.with_numbers(draw) for draw in physical_numbers(model, draws)]
+
+
+def physical_numbers(model: JointModel, numbers: Array) -> Array:
+    """Return other numbers of a model, shape (..., n), with friction that does not become negative.
+
+    Numbers of an element that are positive stay so: yield angles, times, slider stiffness.
+    """
+    own = model.numbers
+    rubs = [term.id == "coulomb_friction" and term.coefficient >= 0 for term in model.terms]
+    least = np.where(own > 0, LEAST_DRAWN * own, -np.inf)
+    least[: len(rubs)] = np.where(rubs, 0.0, -np.inf)
+    return np.maximum(numbers, least)
 
 
 def _build_formula_law(model: JointModel, terms: Sequence[ModelTerm]) -> FormulaLaw:

@@ -24,7 +24,7 @@ def test_without_noise_the_chain_is_what_is_left(kind):
         assert chain.shape == row.target.shape and 0 < np.std(chain) < 0.02 * np.std(target)
     # The budget's share for processing is the mean square of that.
     whole, left = (np.concatenate(parts) for parts in ([row.target for row in work.rows], again))
-    assert processing_error(work.runs, work.rows, work.model, work.policy) == pytest.approx(
+    assert processing_error(work.runs, work.states, work.rows, work.model) == pytest.approx(
         np.mean(left**2) / np.mean(whole**2), rel=0.05
     )
 

@@ -29,8 +29,7 @@ def runs_of(frequencies=(3.0, 4.0, 5.0, 6.0), levels=(1.0, 0.5)):
                 np.zeros(PHASES), np.zeros(PHASES), np.arange(PHASES), True,
             )  # fmt: skip
             name = f"{frequency:g}-{level:g}"
-            ones = np.ones(PHASES)
-            made.append(GapRun(name, name, str(level), motion, np.zeros(PHASES), np.eye(PHASES), ones, True))
+            made.append(GapRun(name, name, str(level), motion, np.zeros(PHASES), np.eye(PHASES), True))
     return made
 
 

@@ -9,12 +9,13 @@ from sindyjoint import diagnose
 from sindyjoint.diagnosis import FittedEffect, load_effects, select_effects
 from sindyjoint.diagnosis.campaign import repair
 from sindyjoint.diagnosis.campaign.explain import counted_from_zero
-from sindyjoint.diagnosis.campaign.gap import response_gap
+from sindyjoint.diagnosis.campaign.gap import simulated_runs
 from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.mechanics import FunctionLaw, transfer_moment
 from sindyjoint.record import Run
 from sindyjoint.response import rest_of
+from sindyjoint.response.compared import pooled_errors
 from sindyjoint.states import campaign_states, force_states, group_labels
 from tests.diagnosis.hidden_effects import hide
 
@@ -43,7 +44,7 @@ def fitted_beside(campaign, name, numbers, zero="constant_moment"):
         work = Work.build(campaign, campaign.identification_runs, states, groups, model, effects)
         work, repaired = counted_from_zero(work, refit(work.rows, work.model, effects))
         model = repaired.model
-    return repaired, response_gap(work, model, repaired.effects)
+    return repaired, pooled_errors(simulated_runs(work, model, repaired.effects))[1]
 
 
 def follows_the_taylor_shift(before, after, shift):

@@ -6,6 +6,7 @@ carry what differs between them.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -108,13 +109,8 @@ def steady_before(run: Run, states: ForceStates, policy: DiagnosisPolicy = CAMPA
     # A start-up is over sooner. What was left out for longer, and was steady, was another joint.
     if end < policy.large_part * run.n_samples:
         return None
-    cut = {name: getattr(run, name)[:end] for name in ("moment", "angle")}
-    rate = None if run.rate is None else run.rate[:end]
-    valid = None if run.valid is None else run.valid[:end]
-    try:
-        start = replace(run, rate=rate, valid=valid, source=None, **cut)
-        early = force_states(start, "periodic", None, STATES.passing_rate_share)
-    except SindyJointError:
+    early = _states_between(run, 0, end)
+    if early is None:
         return None
     lasting = early.n_samples / run.sample_rate
     long = lasting * states.frequency >= 2 * LEAST_PERIODS and early.n_samples >= policy.mostly * end
@@ -163,19 +159,24 @@ def _stretches(run: Run, states: ForceStates, most: int, number: int = 0) -> tup
     for index, (low, high) in enumerate(zip(edges[:-1], np.minimum(edges[1:], run.n_samples), strict=True)):
         name = f"{run.name}{MEMBER}{number + index + 1}"
         straight = _straight(run, low, high, states.frequency, name)
-        cut = {n: getattr(straight, n)[low:high] for n in ("moment", "angle")}
-        rate = None if straight.rate is None else straight.rate[low:high]
-        valid = None if straight.valid is None else straight.valid[low:high]
-        inputs = {name: values[low:high] for name, values in straight.inputs.items()}
-        try:
-            stretch = replace(straight, rate=rate, valid=valid, inputs=inputs, **cut)
-            part = force_states(stretch, "periodic", None, STATES.passing_rate_share)
-        except SindyJointError:
+        part = _states_between(straight, low, high)
+        if part is None:
             return ()
         late = low / run.sample_rate
         part = replace(part, time=part.time + late, dropped=part.dropped + late, began=states.began)
         parts.append(Segment(straight, part))
     return tuple(parts)
+
+
+def _states_between(run: Run, low: int, high: int) -> ForceStates | None:
+    """Return the states of a periodic run between two samples; None where these are too few, or none of it repeats."""
+    known = {name: getattr(run, name) for name in ("moment", "angle", "rate", "valid")}
+    cut: dict[str, Any] = {name: v[low:high] for name, v in known.items() if v is not None}
+    inputs = {name: values[low:high] for name, values in run.inputs.items()}
+    with suppress(SindyJointError):
+        stretch = replace(run, source=None, inputs=inputs, **cut)
+        return force_states(stretch, "periodic", None, STATES.passing_rate_share)
+    return None
 
 
 def _straight(run: Run, low: int, high: int, frequency: float, name: str) -> Run:

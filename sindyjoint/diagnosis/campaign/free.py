@@ -36,12 +36,7 @@ def on_response(work: Work, repaired: Repaired) -> Repaired:
     result = None if law is None else _refinement(work, law)
     if result is None or not result.refined:
         return repaired
-    # A whole model has the numbers of one element after the other; here those of all columns come first.
-    places = [np.zeros(len(repaired.model.terms))]
-    places += [np.repeat([0, 1], [len(e.variant.columns), e.values.size]) for e in repaired.effects]
-    order = np.argsort(np.concatenate(places), kind="stable")
-    covariance = np.array(result.model.covariance)[np.ix_(order, order)]
-    later = with_numbers(repaired, result.model.numbers[order], covariance)
+    later = with_numbers(repaired, result.model.numbers, np.array(result.model.covariance))
     return replace(later, residual=result.residual)
 
 

@@ -1,6 +1,7 @@
 """The gaps of a model with effects on runs it never saw, beside what noise alone leaves: size, place, pictures."""
 
 from collections.abc import Collection, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,6 @@ from sindyjoint.diagnosis.campaign.numbers import number_columns
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.repair import (
     about_zero,
-    coefficients_of,
     held_out_gap,
     modelled,
     refit,
@@ -49,13 +49,14 @@ def gap_of(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> Ga
     """
     adding = [e for e in effects if not e.shifts]
     free = work.campaign.moves_freely
-    if work.campaign.validation_runs:
-        moment, response = pooled_errors(kept_runs(work, model, effects))
-        # A law that no simulation can follow has a moment along the measured motion.
-        moment = _kept_moment(work, model, effects) if np.isnan(moment) else moment
-    else:
+    if free and not work.campaign.validation_runs:
+        return Gap(np.nan, continuation_gap(work, model, effects))
+    moment, response = pooled_errors(simulated_runs(work, model, effects))
+    if not work.campaign.validation_runs:
         moment = moment_gap(work, model, adding)
-        response = (continuation_gap if free else response_gap)(work, model, effects)
+    elif np.isnan(moment):
+        # A law that no simulation can follow has a moment along the measured motion.
+        moment = _kept_moment(work, model, effects)
     # The moment of a free motion is that of its inertia, and decides nothing.
     return Gap(np.nan if free else moment, response)
 
@@ -135,8 +136,16 @@ def _response_floor(states: Sequence[ForceStates], inertia: float) -> float:
     return pooled_nrmse(floors)
 
 
-def kept_runs(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> list[SimulatedRun]:
-    """Return the runs kept for validation beside their simulation; without those that no simulation can follow."""
+def simulated_runs(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> list[SimulatedRun]:
+    """Return the runs of which gaps are reported beside their simulation: those kept for validation, or else all.
+
+    The angle answers where the moment drives, the moment where the motion does. Runs that the model cannot follow (it
+    snaps through, say) are left out: the gap says so by having no figure.
+    """
+    if not work.campaign.validation_runs:
+        pairs = zip(work.runs, work.states, strict=True)
+        made = [simulated(run, states, model, effects) for run, states in pairs]
+        return [each for each in made if each is not None and np.isfinite(each.response_nrmse)]
     campaign = corrected(_channels(effects), work.campaign)
     runs = {run.name: run for run in campaign.validation_runs}
     timed = any(each.variant.uses & {"time", "elapsed"} for each in effects if each.effect.enters == "moment")
@@ -146,10 +155,8 @@ def kept_runs(work: Work, model: JointModel, effects: Sequence[FittedEffect]) ->
 
     found = []
     for states in compared_states(campaign, list(runs.values()), timed):
-        try:
+        with suppress(SindyJointError):
             found.append(compare_run(law, runs[states.run], states))
-        except SindyJointError:
-            continue  # a law that no simulation can follow: the gap says so by having no figure
     return found
 
 
@@ -287,46 +294,23 @@ def _noise(run: GapRun) -> float:
     return float(np.sqrt(np.mean(np.sum(lower**2, axis=1))))
 
 
-def response_gap(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
-    """Return the relative RMS of measured less simulated response, over all runs of the fit.
-
-    The angle where the moment drives, the moment where the motion does. Runs that the model cannot follow (it snaps
-    through, say) are left out; NaN if it can follow none.
-    """
-    errors = []
-    for run, state in zip(work.runs, work.states, strict=True):
-        result = simulated(run, state, model, effects)
-        if result is not None and np.isfinite(result.response_nrmse):
-            errors.append((result.channel, result.response_nrmse, result.response_scale))
-    return pooled_nrmse(errors)
-
-
 def response_error(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> float:
     """Return by how much simulations of the same law differ: other numbers within their errors, other noise."""
     rng = np.random.default_rng(0)
     adding = [e for e in effects if not e.shifts]
     covariance = _covariance(work.rows, model, adding)
-    given = _simulations(work, model, effects)
+    given = {each.run: each for each in simulated_runs(work, model, effects)}
     errors = []
     for _ in range(DRAWS):
         drawn = _drawn(model, effects, covariance, rng)
-        for name, other in _simulations(_noisier(work, rng), *drawn).items():
-            one = given[name].simulated_response if name in given else None
-            two = other.simulated_response
-            if one is None or two is None or not np.isfinite(error := rms(two - one)):
+        for other in simulated_runs(_noisier(work, rng), *drawn):
+            one, two = given.get(other.run), other.simulated_response
+            if one is None or one.simulated_response is None or two is None:
                 continue
-            scale = given[name].response_scale
-            errors.append((given[name].channel, error / scale, scale))
+            error, scale = rms(two - one.simulated_response), one.response_scale
+            if np.isfinite(error):
+                errors.append((one.channel, error / scale, scale))
     return pooled_nrmse(errors) if errors else 0.0
-
-
-def _simulations(work: Work, model: JointModel, effects: Sequence[FittedEffect]) -> dict[str, SimulatedRun]:
-    """Return the runs of which the response gap is reported, simulated, by name."""
-    if work.campaign.validation_runs:
-        return {each.run: each for each in kept_runs(work, model, effects)}
-    pairs = zip(work.runs, work.states, strict=True)
-    made = [simulated(run, states, model, effects) for run, states in pairs]
-    return {each.run: each for each in made if each is not None}
 
 
 def _noisier(work: Work, rng: np.random.Generator) -> Work:
@@ -364,22 +348,18 @@ def _drawn(
     model: JointModel, effects: Sequence[FittedEffect], covariance: Array, rng: np.random.Generator
 ) -> tuple[JointModel, list[FittedEffect]]:
     """Return the law with other numbers, as its covariance allows; nonlinear parameters stay positive."""
-    adding = [e for e in effects if not e.shifts]
     values, vectors = np.linalg.eigh(covariance)
     step = vectors @ (np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(values.size))
-    linear = coefficients_of(model, adding)
-    size, numbers = model.coefficients.size, linear + step[: linear.size]
-    block = covariance[:size, :size]
-    later, at, inner = [], size, linear.size
+    at, later = model.coefficients.size, []
+    drawn = with_coefficients(model, model.coefficients + step[:at], covariance[:at, :at])
     for each in effects:
-        if each.shifts:
-            later.append(each)
-            continue
-        width, count = len(each.variant.columns), each.values.size
-        values_now = each.values * np.exp(np.clip(step[inner : inner + count] / each.values, -1.0, 1.0))
-        later.append(replace(each, coefficients=numbers[at : at + width], values=values_now))
-        at, inner = at + width, inner + count
-    return with_coefficients(model, numbers[:size], block), later
+        if not each.shifts:
+            linear, inner = np.split(step[at : at + each.numbers.size], [each.coefficients.size])
+            at += each.numbers.size
+            moved = each.values * np.exp(np.clip(inner / each.values, -1.0, 1.0))
+            each = replace(each, coefficients=each.coefficients + linear, values=moved)
+        later.append(each)
+    return drawn, later
 
 
 def _covariance(runs: Sequence[GapRun], model: JointModel, adding: Sequence[FittedEffect]) -> Array:

@@ -87,7 +87,7 @@ def _folded(states: ForceStates, model: JointModel, group: str, error: float) ->
     sigma = np.sqrt(states.noise.moment**2 / np.maximum(count, 1)[keep] + error**2)
     factor = folded_whitener(states, model, motion, sigma, np.arange(size)[keep] / size)
     target = moment[keep] - (model.joint.inertia or 0.0) * motion.acceleration[keep]
-    return GapRun(states.run, group, states.level, motion, target, factor, sigma, True)
+    return GapRun(states.run, group, states.level, motion, target, factor, True)
 
 
 def _mean_period(
@@ -161,7 +161,6 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
         motion,
         moments[rows],
         factor,
-        sigma,
         False,
         noise,
         band,
@@ -272,10 +271,9 @@ def _free_decay(states: ForceStates, model: JointModel, group: str, policy: Diag
     rows = np.arange(size - first)
     motion = replace(_motion(states, model, (angle, rate, acceleration), step, rows, False), lead=lead)
     target = moment - (model.joint.inertia or 0.0) * acceleration
-    sigma = np.full(rows.size, model.inertia * states.noise.acceleration)
     kernel = smoothing_kernels(states.bandwidth, states.sample_rate / every)[0]
     return GapRun(
-        states.run, group, states.level, motion, target, np.empty((0, 0)), sigma, False, 0.0,
+        states.run, group, states.level, motion, target, np.empty((0, 0)), False, 0.0,
         Band(kernel, rows), half_cycles,
     )  # fmt: skip
 

@@ -2,25 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import count
 from typing import cast
 
 import numpy as np
 
+from sindyjoint.diagnosis.campaign.gap_rows import base_columns
 from sindyjoint.diagnosis.campaign.regression import stack
-from sindyjoint.diagnosis.campaign.repair import (
-    Repaired,
-    all_columns,
-    coefficients_of,
-    scaled_covariance,
-    unique_shares,
-)
+from sindyjoint.diagnosis.campaign.repair import Repaired, modelled, scaled_covariance, unique_shares
 from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.campaign.start import ChannelDrift
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.test_record import Drift, Enters, Nuisance, TestNuisances
+from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.response.laws import with_coefficients
 
@@ -32,16 +26,15 @@ class Numbers:
     Parameters
     ----------
     values : ndarray, shape (n,)
-        Coefficients of the terms, of the effects' columns, then nonlinear parameters of the effects.
+        Coefficients of the terms, then of each effect the coefficients and the nonlinear parameters.
     covariance : ndarray, shape (n, n)
-    coefficients, inner : dict of str to slice
+    places : dict of str to range
         Where those of an effect stand.
     """
 
     values: Array
     covariance: Array
-    coefficients: dict[str, slice]
-    inner: dict[str, slice]
+    places: dict[str, range]
 
     def value(self, at: int) -> tuple[float, float]:
         """Return one of them with its standard error."""
@@ -55,46 +48,26 @@ def numbers_of(repaired: Repaired, runs: Sequence[GapRun]) -> Numbers:
     1989, section 2.1.2); s² is the reduced χ² where that is above one.
     """
     model, effects = repaired.model, repaired.effects
-    adding = tuple(e for e in effects if not e.shifts)
-    size = len(model.terms)
-    at = count(size)
-    columns = {e.name: _slice(at, len(e.variant.columns)) for e in adding}
-    # A delay is out of the states already: its column is the derivative by what is left of it.
-    columns |= {e.name: _slice(at, 1) for e in effects if e.shifts}
-    inner = {e.name: _slice(at, e.values.size) for e in adding}
-    shifts = [float(e.coefficients[0]) for e in effects if e.shifts]
-    values = np.concatenate([coefficients_of(model, adding), shifts, *(e.values for e in adding)])
+    values = np.concatenate([model.coefficients, *(each.numbers for each in effects)])
+    ends = np.cumsum([len(model.terms), *(each.numbers.size for each in effects)])
+    places = {e.name: range(a, b) for e, a, b in zip(effects, ends[:-1], ends[1:], strict=True)}
     covariance = repaired.covariance
     if covariance is None or covariance.shape[0] != values.size:
-        covariance = _joint_covariance(runs, model, effects, adding)
-    return Numbers(values, covariance, columns, inner)
+        columns = stack(runs, lambda run: number_columns(run, model, effects))
+        residual = [run.white(run.target - modelled(run, model, effects)) for run in runs]
+        covariance = scaled_covariance(columns, np.concatenate(residual))
+    return Numbers(values, covariance, places)
 
 
-def _slice(at: "count[int]", size: int) -> slice:
-    places = [next(at) for _ in range(size)]
-    return slice(places[0], places[0] + size) if places else slice(0, 0)
+def number_columns(run: GapRun, model: JointModel, effects: Sequence[FittedEffect]) -> Array:
+    """Return the derivatives of a run's moment by all numbers, in their order.
 
-
-def _joint_covariance(
-    runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect], adding: Sequence[FittedEffect]
-) -> Array:
-    shifts = [e for e in effects if e.shifts]
-    whole = stack(runs, lambda run: number_columns(run, model, adding, shifts))
-    target = np.concatenate([run.white(run.target) for run in runs])
-    linear = coefficients_of(model, adding)
-    residual = target - whole[:, : linear.size] @ linear
-    return scaled_covariance(whole, residual)
-
-
-def number_columns(
-    run: GapRun, model: JointModel, adding: Sequence[FittedEffect], shifts: Sequence[FittedEffect] = ()
-) -> Array:
-    """Return the derivatives of a run's moment by all numbers: columns, delays, then nonlinear parameters."""
-    parts = [all_columns(run, model, adding)]
-    parts += [e.variant.along(run.motion, e.values) for e in shifts]
-    for each in adding:
-        for k in range(each.values.size):
-            parts.append(_slope_by(run, each, k)[:, None])
+    A delay is out of the states already: its column is the derivative by what is left of it.
+    """
+    parts = [base_columns(model, run)]
+    for each in effects:
+        parts.append(each.variant.along(run.motion, each.values))
+        parts += [_slope_by(run, each, k)[:, None] for k in range(each.values.size)]
     return np.hstack(parts)
 
 
@@ -160,36 +133,21 @@ def _parts_of_whole(repaired: Repaired, numbers: Numbers) -> list[list[int]]:
     """Return which numbers each number of the whole model is the sum of: its terms, then its elements."""
     parts = {term.id: [i] for i, term in enumerate(repaired.model.terms)}
     for each in repaired.effects:
-        if each.is_term:
-            for k, at in enumerate(_indices(numbers.coefficients[each.name])):
-                parts.setdefault(each.name if k == 0 else f"{each.name}_{k + 1}", []).append(at)
-    places = [
-        place[e.name]
-        for e in repaired.effects
-        if is_element(e)
-        for place in (numbers.coefficients, numbers.inner)
-    ]
-    return [*parts.values(), *([at] for place in places for at in _indices(place))]
+        for k, at in enumerate(numbers.places[each.name][: each.coefficients.size] if each.is_term else ()):
+            parts.setdefault(each.name if k == 0 else f"{each.name}_{k + 1}", []).append(at)
+    elements = (each for each in repaired.effects if is_element(each))
+    return [*parts.values(), *([at] for each in elements for at in numbers.places[each.name])]
 
 
 def with_numbers(repaired: Repaired, values: Array, covariance: Array) -> Repaired:
-    """Return a repaired model with other numbers, in the order of :func:`numbers_of`; delays stay as they are."""
-    size = len(repaired.model.terms)
-    adding = [e for e in repaired.effects if not e.shifts]
-    at = size
-    places = {}
-    for each in adding:
-        places[each.name] = slice(at, at + len(each.variant.columns))
-        at += len(each.variant.columns)
-    at += len(repaired.effects) - len(adding)
+    """Return a repaired model with other numbers, in the order of :class:`Numbers`; delays stay as they are."""
+    sizes = [len(repaired.model.terms), *(each.numbers.size for each in repaired.effects)]
+    own, *parts = np.split(values, np.cumsum(sizes)[:-1])
     later = []
-    for each in repaired.effects:
-        if not each.shifts:
-            inner = slice(at, at + each.values.size)
-            at = inner.stop
-            each = replace(each, coefficients=values[places[each.name]], values=values[inner])
-        later.append(each)
-    model = with_coefficients(repaired.model, values[:size], covariance[:size, :size])
+    for each, part in zip(repaired.effects, parts, strict=True):
+        coefficients, inner = np.split(part, [each.coefficients.size])
+        later.append(each if each.shifts else replace(each, coefficients=coefficients, values=inner))
+    model = with_coefficients(repaired.model, own, covariance[: own.size, : own.size])
     return replace(repaired, model=model, effects=tuple(later), covariance=covariance)
 
 
@@ -227,19 +185,14 @@ def nuisances_of(
         if enters != "moment":
             symbol = each.variant.columns[0].symbol
             blank = Value(symbol, 0.0, 0.0, (0.0, 0.0), each.variant.units(motion)[symbol])
-            number = blank.renewed(*numbers.value(numbers.coefficients[each.name].start))
+            number = blank.renewed(*numbers.value(numbers.places[each.name][0]))
             found.append(Nuisance(each.name, cast(Enters, enters), number))
         elif not each.is_term and not is_element(each):
-            places = (numbers.coefficients[each.name], numbers.inner[each.name])
-            sure = [numbers.value(at) for place in places for at in _indices(place)]
+            sure = [numbers.value(at) for at in numbers.places[each.name]]
             moments.append(each.element(motion).with_numbers(sure))
     return TestNuisances(
         campaign="",
         nuisances=tuple(found),
-        drift=None if drift is None else Drift(drift.effect, dict(drift.slopes)),
+        drift=None if drift is None else drift.drift,
         moments=tuple(moments),
     )
-
-
-def _indices(places: slice) -> range:
-    return range(places.start, places.stop)

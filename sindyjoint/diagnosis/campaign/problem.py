@@ -331,12 +331,12 @@ class CampaignProblem(Problem):
     def budget(self, first: Self, last: Self) -> Budget:
         """Return the parts of the first gap, which differs from this one by the drift of a channel."""
         moments = GapRegression.build(self.work.moment_rows(), self.work.model, (), self.policy)
-        total = first.moment_gap**2
+        total, work = first.moment_gap**2, first.work
         return make_budget(
             moments,
             total,
             float(np.nan_to_num(first.noise_floor.moment)) ** 2,
-            processing_error(first.work.runs, first.work.rows, first.work.model, first.work.policy),
+            0.0 if self.moves_freely else processing_error(work.runs, work.states, work.rows, work.model),
             total - self.moment_gap**2,
             measured=first.work.campaign.quasi_static,
         )

@@ -6,22 +6,23 @@ itself is taken off what it leaves of the measurement. Where runs repeat, the ha
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.gap_rows import along_replicate, gap_runs
-from sindyjoint.diagnosis.campaign.regression import GapRegression
+from sindyjoint.diagnosis.campaign.gap_rows import along_replicate
 from sindyjoint.diagnosis.campaign.repair import as_recorded, modelled, simulated
 from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
-from sindyjoint.errors import SindyJointError
+from sindyjoint.errors import InputError, SindyJointError
 from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, convolve, delayed
 from sindyjoint.record import Run
-from sindyjoint.states import ForceStates, force_states, group_labels, smoothing_kernels
+from sindyjoint.response.completion import completed_states
+from sindyjoint.states import ForceStates, force_states, smoothing_kernels
 
 
 def processing_errors(
@@ -124,35 +125,25 @@ def _low_passed(moment: Array, sample_rate: float, band: float) -> Array:
 
 
 def processing_error(
-    runs: Sequence[Run], rows: Sequence[GapRun], model: JointModel, policy: DiagnosisPolicy
+    runs: Sequence[Run], states: Sequence[ForceStates], rows: Sequence[GapRun], model: JointModel
 ) -> float:
     """Return what the processing leaves of the model's own simulation: mean square over that of the moment.
 
-    The measured moment drives the model; its angle, with no noise of its own, goes through the same processing. Rows of
-    runs that do not repeat know it already.
+    Rows of runs that do not repeat know it already. Elsewhere the moment of the law differs by so much along states
+    that are completed by its simulated motion.
     """
-    known = [row.processing for row in rows if row.processing is not None]
+    known = [row for row in rows if row.processing is not None]
     if known:
-        own = np.concatenate([row.target for row in rows if row.processing is not None])
-        return float(np.mean(np.concatenate(known) ** 2) / np.mean(own**2))
-    # A few runs show what the processing leaves.
-    chosen = [runs[i] for i in np.unique(np.linspace(0, len(runs) - 1, min(4, len(runs))).astype(int))]
-    made = []
-    for run in chosen:
-        result = simulated(run, force_states(run), model, ())
-        if result is None or result.simulated_angle is None:
-            return 0.0
-        made.append(
-            replace(
-                run, moment=result.moment, angle=result.simulated_angle, rate=None, source=None, valid=None
-            )
+        own, part = (
+            np.concatenate([getattr(row, name) for row in known]) for name in ("target", "processing")
         )
-    try:
-        states = [force_states(run) for run in made]
-    except SindyJointError:
-        return 0.0
-    own_rows = gap_runs(states, model, group_labels(states), policy)
-    problem = GapRegression.build(own_rows, model, (), policy)
-    excess = max(problem.chi_square / problem.degrees - 1.0, 0.0)
-    noise = float(np.mean(np.concatenate([r.sigma**2 for r in own_rows])))
-    return excess * noise / model.fitted.moment_rms**2
+        return float(np.mean(part**2) / np.mean(own**2))
+    errors = [np.zeros(1)]
+    with suppress(InputError):  # of a law that an input moves within a run
+        for cut, whole in zip(states, completed_states(model, runs, states), strict=True):
+            one, other = (
+                model.moment(s.angle, s.rate, inputs=s.inputs) + model.inertia * s.acceleration
+                for s in (cut, whole)
+            )
+            errors.append((other - one)[cut.moving & whole.moving])
+    return float(np.mean(np.concatenate(errors) ** 2)) / model.fitted.moment_rms**2

@@ -76,11 +76,6 @@ class GapRegression:
         return float(self.residual @ self.residual)
 
     @property
-    def degrees(self) -> int:
-        """Rows less fitted columns."""
-        return self.target.size - self._basis.shape[1]
-
-    @property
     def repeats(self) -> bool:
         """Whether every row is of a mean period, whose noise repetition has measured."""
         return all(run.folded for run in self.runs)
@@ -89,10 +84,6 @@ class GapRegression:
     def samples(self) -> float:
         """Samples that a trial of nonlinear parameters goes along."""
         return float(sum(run.motion.angle.size / run.motion.follow for run in self.runs) + self.target.size)
-
-    def projected(self, columns: Array) -> Array:
-        """Return whitened columns projected onto the orthogonal complement of those that are there already."""
-        return columns - self._basis @ (self._basis.T @ columns)
 
     def gain(self, variant: Variant, values: Array) -> tuple[float, Array]:
         """Return by how much χ² falls with a variant's columns, and their coefficients."""
@@ -106,7 +97,8 @@ class GapRegression:
         parts = zip(self.runs, np.split(columns, ends), strict=True)
         columns = np.vstack([run.white(part) for run, part in parts])
         size = np.linalg.norm(columns, axis=0)
-        projected = self.projected(columns)
+        # Onto the orthogonal complement of what is there already.
+        projected = columns - self._basis @ (self._basis.T @ columns)
         norm = np.linalg.norm(projected, axis=0)
         # A column inside the span of what is there already explains nothing, only rounding.
         if np.any(norm <= 1e-6 * size) or np.any(size == 0):

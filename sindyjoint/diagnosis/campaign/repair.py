@@ -23,7 +23,7 @@ from sindyjoint.numeric import Array, delayed, norms_of, rising_zero
 from sindyjoint.record import Run
 from sindyjoint.response.drive import Drive, choose_drive, prescribed
 from sindyjoint.response.laws import with_coefficients
-from sindyjoint.response.run import SUBSTEPS, SimulatedRun, simulate_run
+from sindyjoint.response.run import SimulatedRun, simulate_run
 from sindyjoint.states import ForceStates
 from sindyjoint.text import spelled
 
@@ -71,8 +71,10 @@ def refit(
     dropped: list[str] = []
     drops = bool(effects) if drops is None else drops
     shifted = any(each.name in ZERO_ERRORS for each in effects)
+    target = np.concatenate([run.white(run.target) for run in runs])
     while True:
-        coefficients, covariance = _solve(runs, model, effects)
+        columns = whitened(runs, np.vstack([all_columns(run, model, effects) for run in runs]))
+        coefficients, covariance = least_squares(columns, target)
         size = model.coefficients.size
         ratio = np.abs(coefficients[:size]) / np.sqrt(np.diag(covariance)[:size])
         share = np.abs(coefficients[:size]) * _own_rms(runs, model) / model.fitted.moment_rms
@@ -87,18 +89,12 @@ def refit(
         least = int(min(weak, key=lambda i: ratio[i]))
         dropped.append(model.terms[least].id)
         model = without(model, {model.terms[least].id})
-    model = with_coefficients(model, coefficients[:size], covariance[:size, :size])
-    later, k = [], size
-    for each in effects:
-        width = len(each.variant.columns)
-        later.append(replace(each, coefficients=coefficients[k : k + width]))
-        k += width
-    return Repaired(model, tuple(later), tuple(dropped), covariance)
-
-
-def _solve(runs: Sequence[GapRun], model: JointModel, effects: Sequence[FittedEffect]) -> tuple[Array, Array]:
-    columns = stack(runs, lambda run: all_columns(run, model, effects))
-    return least_squares(columns, np.concatenate([run.white(run.target) for run in runs]))
+    own, *parts = np.split(
+        coefficients, size + np.cumsum([0, *(len(e.variant.columns) for e in effects)])[:-1]
+    )
+    model = with_coefficients(model, own, covariance[:size, :size])
+    later = tuple(replace(e, coefficients=part) for e, part in zip(effects, parts, strict=True))
+    return Repaired(model, later, tuple(dropped), covariance)
 
 
 def least_squares(columns: Array, target: Array) -> tuple[Array, Array]:
@@ -350,21 +346,16 @@ def simulated(
     states: ForceStates,
     model: JointModel,
     effects: Sequence[FittedEffect],
-    substeps: int = SUBSTEPS,
-    response_only: bool = False,
-    spurious: bool = False,
     by: Drive | None = None,
 ) -> SimulatedRun | None:
-    """Return a run beside its simulation with the channel errors that were found put right; None where it failed.
+    """Return a run beside its simulation with the channel errors that were found put right.
 
-    Of the response alone: under a moment the simulated moment is not filled where nothing needs it.
-    With ``spurious`` a motion whose few harmonics may be noise was the drive, too. None also where the drive is
-    another than it has to be.
+    None where it failed, or the drive is another than it has to be.
     """
     spend(STEP_SAMPLES * states.n_samples)
     found = Corrections.of(effects)
     shift, zero, drift = found.shift, found.zero, found.drift
-    motion = prescribed(states, spurious, inertia=model.inertia)
+    motion = prescribed(states, inertia=model.inertia)
     if shift and not motion:
         # The states were moved to meet the late moment; here the moment is moved, so they go back to their own time.
         run = replace(run, moment=np.interp(run.time + shift, run.time, run.moment), source=None)
@@ -381,9 +372,7 @@ def simulated(
         if by not in (None, drive):
             return None
         most = STEPS_PER_SAMPLE * states.n_samples
-        return simulate_run(
-            law, run, states, drive=drive, substeps=substeps, response_only=response_only, most_steps=most
-        )
+        return simulate_run(law, run, states, drive=drive, most_steps=most)
     except SindyJointError:
         # Snap-through, a negative inertia, or a law that no simulation can follow: the gap says so by having no figure.
         return None

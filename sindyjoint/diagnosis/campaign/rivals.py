@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -86,9 +87,10 @@ def separating_runs(
         return without(none, step.probability), 0, 0
     others = tuple(f for f in found if f is not mine and not f.shifts)
     known = {step.effect: step.probability, **dict(step.rivals)}
-    apart = search.do(lambda: Rivals.of(work, others, members, known), None, "")
-    tried = [] if apart is None else _factors(apart, runs, search, say)
-    if apart is None or not tried:
+    weights = np.array([max(known.get(each.name, 0.0), 1e-3) for each in members])
+    apart = Rivals(work, others, members, weights / weights.sum())
+    tried = [] if search.do(lambda: apart.factor, None, "") is None else _factors(apart, runs, search, say)
+    if not tried:
         return (), len(tried), len(runs)
     chosen = _chosen(apart, tried, actuator is not None and not channels)
     names = tuple(each.name for each in members)
@@ -154,28 +156,17 @@ class Rivals:
     members : tuple of FittedEffect
     weights : ndarray, shape (members,)
         Probability of each by what was measured.
-    factor : ndarray, shape (k, k)
-        Triangular: the same products as the measured rows of all columns.
     """
 
     work: Work
     others: tuple[FittedEffect, ...]
     members: tuple[FittedEffect, ...]
     weights: Array
-    factor: Array
 
-    @classmethod
-    def of(
-        cls,
-        work: Work,
-        others: tuple[FittedEffect, ...],
-        members: tuple[FittedEffect, ...],
-        known: dict[str, float],
-    ) -> Rivals:
-        """Return members that are as likely as known."""
-        weights = np.array([max(known.get(each.name, 0.0), 1e-3) for each in members])
-        empty = cls(work, others, members, weights / weights.sum(), np.empty((0, 0)))
-        return replace(empty, factor=empty.condensed(work.rows))
+    @cached_property
+    def factor(self) -> Array:
+        """The same products as the measured rows of all columns; triangular, shape (k, k)."""
+        return self.condensed(self.work.rows)
 
     def condensed(self, runs: Sequence[GapRun]) -> Array:
         """Return the factor of whitened rows: the columns that are there in any case, then those of each member."""

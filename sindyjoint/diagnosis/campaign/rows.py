@@ -276,8 +276,6 @@ class GapRun:
         Transfer moment at the kept samples (moment at the sensor where the inertia is identified), N·m.
     factor : ndarray, shape (m, m) or (bands + 1, m)
         Where folded the inverse of the Cholesky factor of the rows' covariance; else that factor, banded, lower.
-    sigma : ndarray, shape (m,)
-        Standard error of each row's moment by the moment's own noise, N·m.
     folded : bool
         Whether the rows are a mean period, whose noise repetition has measured.
     variance : float
@@ -302,7 +300,6 @@ class GapRun:
     motion: MeasuredMotion
     target: Array
     factor: Array
-    sigma: Array
     folded: bool
     variance: float = 0.0
     band: Band | None = None

@@ -24,15 +24,15 @@ from sindyjoint.equation.candidates import is_rate_free, rate_free
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.model import Fitted, JointModel
+from sindyjoint.equation.test_record import Drift, TestNuisances
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.limits import STATES
 from sindyjoint.record import Campaign, Run
+from sindyjoint.response.compared import corrected
 from sindyjoint.states import (
     ForceStates,
-    HarmonicBasis,
     campaign_states,
     group_labels,
-    kept_harmonics,
     mean_slope,
     moment_floor,
     one_after_another,
@@ -108,11 +108,6 @@ class Work:
         kept = self.campaign.validation_runs
         states = states_of(self.campaign, kept, rate_share=STATES.passing_rate_share)
         return one_after_another(self.campaign, states)
-
-    @cached_property
-    def harmonics(self) -> tuple[HarmonicBasis, ...]:
-        """What the angles of runs that repeat are reduced to."""
-        return tuple(map(kept_harmonics, self.states))
 
     @property
     def noise(self) -> dict[str, float]:
@@ -245,15 +240,12 @@ class ChannelDrift:
 
     Parameters
     ----------
-    effect : {"moment_drift", "angle_drift"}
-    slopes : dict of str to float
-        Per run, N·m/s or rad/s.
+    drift : Drift
     significance : float
         Median over runs of slope over standard error.
     """
 
-    effect: str
-    slopes: dict[str, float]
+    drift: Drift
     significance: float
 
 
@@ -265,55 +257,50 @@ def find_drift(
     The mean of each whole period is regressed on time; a drift is a significant slope that moves the channel by a
     notable share of its RMS over the run, in the median run.
     """
-    periodic = [(r, s) for r, s in zip(runs, states, strict=True) if s.method == "periodic" and s.frequency]
-    if not periodic:
-        return None
-    found = {}
-    for name, signal in (("moment_drift", "moment"), ("angle_drift", "angle")):
-        fits = {run.name: mean_slope(getattr(run, signal), run.sample_rate, s) for run, s in periodic}
+    found = []
+    for channel in ("moment_drift", "angle_drift"):
+        fits = _slopes(channel, runs, states)
+        if not fits:
+            return None
         ratio = float(np.median([abs(f[0]) / f[1] for f in fits.values()]))
         moved = float(np.median([abs(f[0]) * f[2] for f in fits.values()]))
         if ratio > policy.stands_out and moved > policy.trivial_share:
-            found[name] = ChannelDrift(name, {k: f[3] for k, f in fits.items()}, ratio)
+            found.append(ChannelDrift(Drift(channel, {k: f[3] for k, f in fits.items()}), ratio))
     # A moment and an angle that move together are the joint's own creep.
-    return next(iter(found.values())) if len(found) == 1 else None
+    return found[0] if len(found) == 1 else None
+
+
+def _slopes(
+    channel: str, runs: Sequence[Run], states: Sequence[ForceStates]
+) -> dict[str, tuple[float, float, float, float]]:
+    """Return what :func:`mean_slope` says of a channel that may drift, by periodic run."""
+    signal = channel.removesuffix("_drift")
+    return {
+        run.name: mean_slope(getattr(run, signal), run.sample_rate, s)
+        for run, s in zip(runs, states, strict=True)
+        if s.method == "periodic" and s.frequency
+    }
 
 
 def without_drift_found(problem: Problem) -> tuple[Problem, tuple[Step, ...]]:
     """Return the problem with a drifting channel put right, and the step that this is."""
-    work, policy = problem.work, problem.policy
-    if problem.drift is None:
+    work, policy, found = problem.work, problem.policy, problem.drift
+    if found is None:
         return problem, ()
-    drift = _with_kept_runs(problem.drift, work.campaign.validation_runs, work.kept_states)
-    runs = tuple(_without_drift(run, drift) for run in work.runs)
-    campaign = work.campaign.with_runs(tuple(_without_drift(run, drift) for run in work.campaign.runs))
+    # Of runs kept out of the fit the means give the drift, too, and no model.
+    kept = _slopes(found.drift.channel, work.campaign.validation_runs, work.kept_states)
+    slopes = {**found.drift.slopes, **{name: fit[3] for name, fit in kept.items()}}
+    drift = ChannelDrift(Drift(found.drift.channel, slopes), found.significance)
+    campaign = corrected(TestNuisances("", drift=drift.drift), work.campaign)
     states = campaign_states(campaign, rate_share=STATES.passing_rate_share)
     own = gap_runs(states, work.model, work.groups, policy)
     repaired = refit(own, work.model, problem.found)
+    runs = campaign.identification_runs
     later = Work.build(campaign, runs, states, work.groups, repaired.model, repaired.effects, policy)
     straight = replace(problem, work=later, repaired=repaired, drift=drift)
     if grows(problem.gap, straight.gap):
         return problem, ()
-    return straight, (_drift_step(drift, problem.gap, straight.gap, campaign.joint.motion, policy),)
-
-
-def _with_kept_runs(drift: ChannelDrift, runs: Sequence[Run], states: Sequence[ForceStates]) -> ChannelDrift:
-    """Return a drift with the slopes of runs kept out of the fit, too: their means give them, and no model."""
-    signal = drift.effect.removesuffix("_drift")
-    own = {
-        run.name: mean_slope(getattr(run, signal), run.sample_rate, s)[3]
-        for run, s in zip(runs, states, strict=True)
-        if s.method == "periodic" and s.frequency
-    }
-    return replace(drift, slopes={**drift.slopes, **own})
-
-
-def _without_drift(run: Run, drift: ChannelDrift) -> Run:
-    """Return the run with its drifting channel put right; the drift is zero at the first sample."""
-    ramp = drift.slopes.get(run.name, 0.0) * run.time
-    if drift.effect == "moment_drift":
-        return replace(run, moment=run.moment - ramp)
-    return replace(run, angle=run.angle - ramp)
+    return straight, (_drift_step(drift, problem.gap, straight.gap, campaign.joint.motion),)
 
 
 def belief_in(ratio: float) -> float:
@@ -321,20 +308,11 @@ def belief_in(ratio: float) -> float:
     return float(1 / (1 + np.exp(-0.5 * min(ratio**2, 1e3))))
 
 
-def _drift_step(drift: ChannelDrift, before: Gap, after: Gap, motion: str, policy: DiagnosisPolicy) -> Step:
+def _drift_step(found: ChannelDrift, before: Gap, after: Gap, motion: str) -> Step:
     """Return the step that a drifting channel put right is."""
-    slope = float(np.median(list(drift.slopes.values())))
-    unit = "N*m/s" if drift.effect == "moment_drift" else "rad/s"
+    name = found.drift.channel
+    slope = float(np.median(list(found.drift.slopes.values())))
+    unit = "N*m/s" if name == "moment_drift" else "rad/s"
     units = {"slope": unit if motion == "rotation" else unit_for(unit, motion)}
-    return Step(
-        drift.effect,
-        "run",
-        (drift.effect,),
-        belief_in(drift.significance),
-        (),
-        {"slope": slope},
-        (),
-        before,
-        after,
-        units,
-    )
+    belief = belief_in(found.significance)
+    return Step(name, "run", (name,), belief, (), {"slope": slope}, (), before, after, units)

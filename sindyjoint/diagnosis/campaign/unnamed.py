@@ -221,7 +221,10 @@ class Prediction:
         """Return X'X and X'y of every set of blocks that others are predicted from."""
         square, product, _ = self._products
         sets = dict.fromkeys(fold.known for fold in self.folds)
-        return {known: (_sum_of(square, known), _sum_of(product, known)) for known in sets}
+        return {
+            known: (np.sum([square[i] for i in known], axis=0), np.sum([product[i] for i in known], axis=0))
+            for known in sets
+        }
 
     @cached_property
     def base(self) -> float:
@@ -268,14 +271,6 @@ class Prediction:
                 parts.append((LEAST_SHRINKAGE if name == BASE else shrinkage) * identity)
         penalty: Array = scipy.linalg.block_diag(*parts)
         return penalty
-
-
-def _sum_of(arrays: Sequence[Array], places: Sequence[int]) -> Array:
-    """Return the sum of some of several arrays of one shape."""
-    total = np.zeros_like(arrays[0])
-    for place in places:
-        total += arrays[place]
-    return total
 
 
 def _columns(problem: GapRegression) -> dict[str, Array]:

@@ -173,13 +173,9 @@ class JointLaws:
         self._built: dict[tuple[str, ...], FormulaLaw] = {}
 
     def numbers(self) -> dict[str, float]:
-        """Return the model's own coefficients by the names they have in the law."""
-        return {place_of(term.id): term.coefficient for term in self.terms} | self.fixed
-
-    @property
-    def fixed(self) -> dict[str, float]:
-        """Numbers of the model's elements, which stay as they are, by the names they have in the law."""
-        return {f"{place_of(e.id)}_{n.name}": n.value for e in self.elements for n in e.numbers}
+        """Return the model's numbers by the names they have in the law: of its terms, then of its elements."""
+        elements = {f"{place_of(e.id)}_{n.name}": n.value for e in self.elements for n in e.numbers}
+        return {place_of(term.id): term.coefficient for term in self.terms} | elements
 
     def law(self, setup: Setup) -> FormulaLaw:
         """Return the law of a setup's joint."""

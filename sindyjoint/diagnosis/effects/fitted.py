@@ -61,11 +61,6 @@ class FittedEffect:
         return self.effect.family
 
     @property
-    def contains(self) -> tuple[str, ...]:
-        """Ids of effects that are special cases of it."""
-        return self.effect.contains
-
-    @property
     def shifts(self) -> bool:
         """Whether it is a time delay between the channels, which is removed from the states."""
         return self.effect.enters == "time shift"
@@ -77,13 +72,15 @@ class FittedEffect:
         return self.effect.enters == "moment" and not self.variant.states and self.variant.uses <= known
 
     @property
+    def numbers(self) -> Array:
+        """Coefficients, then nonlinear parameters, SI."""
+        return np.append(self.coefficients, self.values)
+
+    @property
     def parameters(self) -> dict[str, float]:
-        """Nonlinear parameters and coefficients by name."""
-        inner = dict(zip(self.variant.names, map(float, self.values), strict=True))
-        return {
-            **{c.symbol: float(v) for c, v in zip(self.variant.columns, self.coefficients, strict=True)},
-            **inner,
-        }
+        """Coefficients and nonlinear parameters by name."""
+        names = (*(column.symbol for column in self.variant.columns), *self.variant.names)
+        return dict(zip(names, map(float, self.numbers), strict=True))
 
     def terms(self, motion: str = "rotation") -> list[ModelTerm]:
         """Return it as terms of a law of ``"rotation"`` or ``"translation"``; errors are not yet known."""

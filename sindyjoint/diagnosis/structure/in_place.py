@@ -9,14 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.clock import Portion
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.change import Change, joint_changes, structure_changes
 from sindyjoint.diagnosis.effects.setup import Scales
-from sindyjoint.diagnosis.evidence.score import Ranking
 from sindyjoint.diagnosis.parts import Place
-from sindyjoint.diagnosis.problem import Say
-from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, InPlace, RecordGap, Step
+from sindyjoint.diagnosis.problem import Problem
+from sindyjoint.diagnosis.result import Diagnosis, Gap, InPlace, RecordGap
 from sindyjoint.diagnosis.structure.gap import (
     UNITS,
     cells_of_gap,
@@ -25,7 +23,7 @@ from sindyjoint.diagnosis.structure.gap import (
     segment_gaps,
 )
 from sindyjoint.diagnosis.structure.kinds import with_slopes
-from sindyjoint.diagnosis.structure.output_error import FittedChange, fit
+from sindyjoint.diagnosis.structure.output_error import fit
 from sindyjoint.diagnosis.structure.problem import StructureProblem
 from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
 from sindyjoint.diagnosis.structure.runs import RunsProblem
@@ -145,22 +143,7 @@ class RunsDiagnosis(StructureProblem):
             sorted(found, key=lambda each: -each.gap_after if each.gap_after == each.gap_after else 0.0)
         )
 
-    @property
-    def initial_gap(self) -> Gap:
-        """Relative RMS of what the sensors show, of the models as they were given."""
-        return self._pooled("gap_before")
-
-    @property
-    def gap(self) -> Gap:
-        """The same, fitted."""
-        return self._pooled("gap_after")
-
-    @property
-    def noise_floor(self) -> Gap:
-        """Noise of the sensors relative to what they show."""
-        return self._pooled("noise_floor")
-
-    def _pooled(self, name: str) -> Gap:
+    def pooled(self, name: str) -> Gap:
         """Return the RMS of gaps that are relative to each record, each record counting as its own square."""
         size = np.array([float(np.sum(record.measured**2)) for record in self.records])
         values = np.array([getattr(record, name) for record in self.records])
@@ -192,11 +175,8 @@ class RunsDiagnosis(StructureProblem):
                 ("harmonic", "at harmonic", 2, [str(order) for order in range(1, count + 1)]))  # fmt: skip
         return cells_of_gap(np.array([each[:, :count] for each in square]), "harmonics", axes, self.policy)
 
-    def separating_runs(
-        self, step: Step, ranking: Ranking[FittedChange], search: Portion, say: Say
-    ) -> tuple[tuple[Advice, ...], int, int]:
-        """Return none: further runs of a structure are not searched for."""
-        return (), 0, 0
+    # Further runs of a structure are not searched for.
+    separating_runs = Problem.separating_runs
 
     def diagnosis(self, first: "RunsDiagnosis", found: Mapping[str, Any]) -> Diagnosis:
         """Return the result: the model of each kind of joint, and the structure's numbers."""

@@ -14,7 +14,7 @@ from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import DIFFERENCE, Array, root_of
-from sindyjoint.response.laws import LEAST_DRAWN, model_law
+from sindyjoint.response.laws import model_law, physical_numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,16 +53,10 @@ class JointKind:
 
     def setup(self, u: Array) -> Setup:
         """Return the law's numbers as the setup of such a joint."""
-        own = self.laws.numbers()
-        numbers = {}
-        for (name, value), shift in zip(own.items(), self.root @ u, strict=True):
-            moved = value + float(shift)
-            if name == place_of(FRICTION) and value >= 0:
-                moved = max(moved, 0.0)
-            elif name in self.laws.fixed and value > 0:
-                moved = max(moved, LEAST_DRAWN * value)
-            numbers[name] = moved
-        return Setup((), 0.0, numbers)
+        kept, moved = kept_numbers(self.model), self.model.numbers.copy()
+        moved[kept] += self.root @ u
+        moved = physical_numbers(self.model, moved)[kept]
+        return Setup((), 0.0, dict(zip(self.laws.numbers(), moved.tolist(), strict=True)))
 
     def with_numbers(self, u: Array, covariance: Array) -> JointModel:
         """Return the model with its numbers moved by L·u, and the covariance of u as theirs."""

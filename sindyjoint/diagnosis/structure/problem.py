@@ -14,7 +14,7 @@ from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.evidence.score import Ranking, rise
 from sindyjoint.diagnosis.parts import Budget, Place, divide_gap, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
-from sindyjoint.diagnosis.problem import Problem, Say, add_effects
+from sindyjoint.diagnosis.problem import Problem, Say
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.kinds import assemble_model, with_slopes
@@ -131,21 +131,22 @@ class StructureProblem(Problem):
     @property
     def initial_gap(self) -> Gap:
         """Relative RMS of the response on what was held out, of the model as it was given."""
-        return _gap([record.gap_before for record in self.records])
+        return self.pooled("gap_before")
 
     @property
     def gap(self) -> Gap:
         """The same, of the model fitted to what was not held out; no moment is measured in a structure."""
-        return _gap([record.gap_after for record in self.records])
+        return self.pooled("gap_after")
 
     @property
     def noise_floor(self) -> Gap:
         """Noise of the records relative to their RMS over what was held out."""
-        return _gap([record.noise_floor for record in self.records])
+        return self.pooled("noise_floor")
 
-    def searched(self, begun: Any, most: int, say: Say, search: Portion) -> Any:
-        """Return the progress with the effects that the record shows, added one by one."""
-        return add_effects(begun, most, say, search)
+    def pooled(self, name: str) -> Gap:
+        """Return the RMS of a figure over all records."""
+        figures = [getattr(record, name) for record in self.records]
+        return Gap(float("nan"), float(np.sqrt(np.mean(np.square(figures)))))
 
     def propose(self, refused: Collection[str], say: Say) -> Ranking[FittedChange] | None:
         """Return the candidates in order of probability."""
@@ -242,10 +243,6 @@ class StructureProblem(Problem):
             rig=self.pulse.rig.name,
             records=self.records,
         )
-
-
-def _gap(figures: Sequence[float]) -> Gap:
-    return Gap(float("nan"), float(np.sqrt(np.mean(np.square(figures)))))
 
 
 def _part_of_budget(change: Change) -> str:
