@@ -223,10 +223,10 @@ def _best_search(
         ends.append(_explain(first, zero, most, stages))
     last = _best_of(first, ends)
     if not last.whole:
-        starts = search.do(
-            lambda: list(first.other_starts(straight, last.progress.problem, say)), (), "other starts"
+        other = search.do(
+            lambda: first.other_start(straight, last.progress.problem, say), None, "other starts"
         )
-        ends += [_explain(first, start, most, stages) for start in starts]
+        ends += [_explain(first, each, most, stages) for each in (other,) if each is not None]
     best = _best_of(first, ends)
     return best, _compare_starts(best, ends)
 

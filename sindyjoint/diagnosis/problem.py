@@ -1,6 +1,6 @@
 """What a diagnosis asks of its data, campaign or pulse record; steps of a search; the greedy one that simulates."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Protocol, Self, TypeVar
 
@@ -126,9 +126,9 @@ class Problem(Protocol):
         """Return the problem after a last refinement of its numbers."""
         return self
 
-    def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
-        """Yield other starts worth a search, where that from the model as it was given left a remainder in ``last``."""
-        return iter(())
+    def other_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
+        """Return another start worth a search, where those so far left a remainder in ``last``; None without one."""
+        return None
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
         """Return the start with displacements counted from the joint's own zero; None where no zero error was found."""

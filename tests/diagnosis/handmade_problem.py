@@ -94,8 +94,8 @@ class Based(Made):
     def zero_start(self, straight, last, say):
         return None
 
-    def other_starts(self, straight, last, say):
-        return iter([Start(self.other, (), "another base", self)] if self.other else [])
+    def other_start(self, straight, last, say):
+        return Start(self.other, (), "another base", self) if self.other else None
 
     def residual(self, straight):
         return Residual(0.0, 1.0)

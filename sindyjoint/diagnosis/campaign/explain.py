@@ -218,7 +218,7 @@ def find_effects(problem: Problem, most: int, say: Say) -> Found:
     begun = Begun(problem.work, problem.candidates, given).without(known)
     settled = problem.work.campaign.moves_freely or len(given) < len(problem.found)
     delayed = None if settled else with_delay(problem)
-    own, straight = (begun.work,) * 2 if delayed is None else _in_common(begun.work, delayed.problem.work)
+    own, straight = (begun.work,) * 2 if delayed is None else _in_common(begun.work, delayed[0])
     plain = _found(replace(begun, work=own), most, say)
     found = [plain]
     if plain.shifts:
@@ -226,19 +226,19 @@ def find_effects(problem: Problem, most: int, say: Say) -> Found:
             _found(replace(begun, work=own).without([each.name for each in plain.shifts]), most, say)
         )
     if delayed is not None:
-        before = replace(begun, work=own).alone()
+        before, ranking = replace(begun, work=own).alone(), delayed[1]
         aligned_ = replace(
-            begun.without([delayed.delay.name]),
+            begun.without([each.name for each in ranking.fitted]),
             work=straight,
-            shifts=(delayed.delay,),
-            rankings=(Ranking((delayed.delay,), (delayed.belief,), 1 - delayed.belief, (delayed.delay,)),),
+            shifts=ranking.fitted,
+            rankings=(ranking,),
             before=float(before.chi_square.sum()),
         )
         aligned_ = replace(aligned_, won=max(aligned_.alone().total - before.total, 0.0))
         found.append(_found(aligned_, most, say))
     best = min(found, key=lambda each: each.cost(plain.rows))
     if delayed is not None and best is found[-1]:
-        return replace(best, work=delayed.problem.work)
+        return replace(best, work=delayed[0])
     return best if best.shifts else replace(best, work=problem.work)
 
 

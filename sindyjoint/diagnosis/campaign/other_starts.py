@@ -14,8 +14,8 @@ there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.campaign.start import Work, belief_in, first_model
 from sindyjoint.diagnosis.effects.catalogue import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.problem import Say
+from sindyjoint.diagnosis.evidence.score import Ranking
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, competing_delay, find_delay, shifted
 from sindyjoint.discovery.regression import TermRegression
@@ -53,48 +53,18 @@ from sindyjoint.states import ForceStates, moment_floor, regression_rows
 Problem = Any
 
 
-def other_starts(
-    straight: Problem, last: Problem, say: Say
-) -> Iterator[tuple[Problem, tuple[Step, ...], str]]:
-    """Yield the terms that discovery finds as a start, with steps and words.
-
-    Only where the gap is not far above that of ``last``, where the search ended so far, another one is worth it.
-    """
-    say("discovering the terms")
-    found = discovered(straight)
-    if found and found[0].gap.moment <= (1 + straight.policy.minor_share) * last.gap.moment:
-        yield *found, "the terms that discovery finds"
-
-
-@dataclass(frozen=True, eq=False)
-class Aligned:
-    """A problem whose channels were aligned first.
-
-    Parameters
-    ----------
-    problem : Problem
-    delay : FittedEffect
-    belief : float
-        Probability that there is one.
-    """
-
-    problem: Problem
-    delay: FittedEffect
-    belief: float
-
-
-def with_delay(problem: Problem) -> Aligned | None:
-    """Return the problem with the delay between its channels removed; None if there is no delay."""
+def with_delay(problem: Problem) -> tuple[Work, Ranking[FittedEffect]] | None:
+    """Return the rows with the delay between the channels removed, and that delay; None if there is none."""
     effect = next((e for e in problem.candidates if e.enters == "time shift"), None)
     work = problem.work
     lag = None if effect is None else _delay(problem)
     if effect is None or lag is None:
         return None
     delay = FittedEffect(effect, effect.variants[0], np.empty(0), np.array([lag.time]), 0.0)
+    belief = belief_in(lag.time / lag.standard_error)
     aligned = work.again(work.model, (), tuple(shifted(s, lag.time) for s in work.states))
     model = refit(aligned.rows, work.model, ()).model
-    later = replace(problem, work=replace(aligned, model=model), repaired=Repaired(model, (delay,)))
-    return Aligned(later, delay, belief_in(lag.time / lag.standard_error))
+    return replace(aligned, model=model), Ranking((delay,), (belief,), 1 - belief, (delay,))
 
 
 def _delay(problem: Problem) -> ChannelDelay | None:

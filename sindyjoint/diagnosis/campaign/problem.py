@@ -1,6 +1,6 @@
 """A campaign as a problem: its runs as rows, the model with the effects so far, the effects that it can show."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
@@ -28,7 +28,7 @@ from sindyjoint.diagnosis.campaign.gap import (
     run_gaps,
 )
 from sindyjoint.diagnosis.campaign.numbers import from_whole, is_element, nuisances_of, whole_model
-from sindyjoint.diagnosis.campaign.other_starts import ZERO, other_starts, zero_start
+from sindyjoint.diagnosis.campaign.other_starts import ZERO, discovered, zero_start
 from sindyjoint.diagnosis.campaign.processing import processing_error
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit
@@ -292,11 +292,18 @@ class CampaignProblem(Problem):
         repaired = from_whole(self.repaired, self.work.rows, whole)
         return replace(self, repaired=repaired, refined=whole)
 
-    def other_starts(self, straight: Self, last: Self, say: Say) -> Iterator[Start[Self]]:
-        """Yield the starts of discovery, where the terms to start from were not chosen."""
-        if self.drift is None and self.may_start_anew:
-            for problem, steps, words in other_starts(straight, last, say):
-                yield Start(problem, steps, words, straight)
+    def other_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
+        """Return the terms that discovery finds as a start, where the terms to start from were not chosen.
+
+        Only where the gap is not far above that of ``last``, where the search ended so far, another one is worth it.
+        """
+        if self.drift is not None or not self.may_start_anew:
+            return None
+        say("discovering the terms")
+        found = discovered(straight)
+        if found is None or not found[0].gap.moment <= (1 + self.policy.minor_share) * last.gap.moment:
+            return None
+        return Start(*found, "the terms that discovery finds", straight)
 
     def zero_start(self, straight: Self, last: Self, say: Say) -> Start[Self] | None:
         """Return the start from the joint's own zero, where the search found a zero error."""
