@@ -20,6 +20,9 @@ from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, moment_floor, regression_rows
 
+# Samples of all runs up to which a response is fitted without being asked for.
+SIMULATED = 50_000
+
 
 @dataclass(frozen=True, eq=False)
 class TermSearch:
@@ -112,8 +115,13 @@ def _on_response(
     return found, np.inf
 
 
-def with_omissions(found: TermSearch) -> JointModel:
-    """Return the model of a search, its covariance with what leaving out each of the paper's terms does.
+def with_omissions(found: TermSearch) -> TermSearch:
+    """Return a search whose model's covariance holds what leaving out each of the paper's terms does."""
+    return replace(found, model=widened(found.model, _omissions(found)))
+
+
+def _omissions(found: TermSearch) -> Array:
+    """Return the covariance that the paper's terms make which were left out.
 
     What does not stand out is left out, though nearly every joint has it, and the others make up for it. Its size is
     counted as far as it is not that of its own error.
@@ -121,13 +129,33 @@ def with_omissions(found: TermSearch) -> JointModel:
     model, evidence = found.model, found.regressor.evidence_
     fitted = [place for place, name in enumerate(model.ids) if name in evidence.ids]
     columns = [evidence.ids.index(model.ids[place]) for place in fitted]
-    without = {*model.ids, *found.regressor.forbidden}
+    without, total = {*model.ids, *found.regressor.forbidden}, np.zeros((len(model.ids),) * 2)
     for name in (each for each in PAPER_TERMS if each in evidence.ids and each not in without):
         fuller = fit_columns(evidence, [*columns, evidence.ids.index(name)])
-        beside = found.model.coefficients
+        beside = model.coefficients
         beside[fitted] = fuller.coefficients[:-1]
-        model = widened(model, _omission(found.model, beside, fuller.t_ratios[-1]))
-    return model
+        total += _omission(model, beside, fuller.t_ratios[-1])
+    return total
+
+
+def on_response(found: TermSearch, campaign: Campaign, say: Callable[[str], None]) -> TermSearch:
+    """Return a search whose numbers are fitted to the simulated response, where no run repeats.
+
+    Noise of force states that nothing averages is correlated from sample to sample, that of an angle with its rate and
+    acceleration, and a regression on few samples knows less than it says. The response is compared with the angle as
+    it was measured. As found where the simulation leaves clearly more than noise, and of more samples than are
+    simulated in some seconds: so many know enough of their states.
+    """
+    from sindyjoint.response.refinement import refine
+
+    samples = sum(state.n_samples for state in found.states)
+    if samples > SIMULATED or not found.model.terms or any(s.method != "broadband" for s in found.states):
+        return found
+    say("fitting the simulated response")
+    result = refine(found.model, campaign, states=found.states)
+    if not result.refined or result.misfit > JUDGEMENT.clearly**2 * result.residual.size:
+        return found
+    return replace(found, model=widened(result.model, _omissions(found)))
 
 
 def _omission(model: JointModel, fuller: ArrayLike, sureness: float) -> Array:

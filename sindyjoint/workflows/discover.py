@@ -26,6 +26,7 @@ from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.term_search import (
     TermSearch,
     campaign_model,
+    on_response,
     search_completed,
     search_response,
     with_delay_uncertainty,
@@ -170,7 +171,7 @@ def discover(
             best = search_completed(first, prepared.moved, say) if correct and not long else first
             free = correct and not long and best.model.terms and prepared.campaign.moves_freely
             by_response = search_response(best, prepared.moved, say) if free else best
-            best = replace(best, model=with_omissions(best)) if by_response is best else by_response
+            best = with_omissions(best) if by_response is best else by_response
             return best, *_judge_terms(best, prepared)
 
         best, verdict, left_in = find(regressor, prepared)
@@ -184,6 +185,8 @@ def discover(
             alone = leaves_noise(again[0].model) and fewer
             if align or alone:
                 prepared, (best, verdict, left_in) = without, again
+        if correct and not long:
+            best = on_response(best, prepared.moved, say)
     delay = prepared.delay if prepared.lag else left_in
     model = with_delay_uncertainty(best, delay) if prepared.lag and delay is not None else best.model
     model = with_gain_uncertainty(model, prepared.campaign.gain_uncertainty)
