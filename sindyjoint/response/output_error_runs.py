@@ -25,6 +25,7 @@ from sindyjoint.response.compared import added_law, law_of_test
 from sindyjoint.response.drive import SETTLED, Drive, choose_drive, prescribed
 from sindyjoint.response.laws import law_terms
 from sindyjoint.response.run import (
+    above_noise,
     along_motion,
     angle_limits,
     averaged,
@@ -181,7 +182,8 @@ class Record:
         if self.excitation is None:
             return replace(self, moment=moment)
         if not self.excitation.periodic:
-            return replace(self, moment=moment, excitation=sampled(moment, self.run.sample_rate))
+            drive = above_noise(moment, self.run.sample_rate)
+            return replace(self, moment=moment, excitation=sampled(drive, self.run.sample_rate))
         mean = self.excitation.pieces[:, 0]
         periods = self.moment.size / mean.size
         noisy = mean + level / np.sqrt(periods) * generator.standard_normal(mean.size)

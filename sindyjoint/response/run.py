@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import RESPONSE, STATES
+from sindyjoint.measurement.noise import signal_end
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.segments import simulate_segments
@@ -21,7 +22,7 @@ from sindyjoint.mechanics.stickslip import (
     simulate,
     slip_direction,
 )
-from sindyjoint.numeric import Array, rms
+from sindyjoint.numeric import Array, convolve, rms, smoothing_kernels
 from sindyjoint.record import Run
 from sindyjoint.response.drive import (
     Drive,
@@ -410,16 +411,29 @@ def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     return (least - reach, most + reach)
 
 
+def above_noise(moment: Array, sample_rate: float) -> Array:
+    """Return a moment low-passed where it ends in white noise; as it is where it has no such end.
+
+    Noise above acts on a joint as a dither: it smooths the friction's step, and the fit makes up by more friction.
+    """
+    end = signal_end(moment, sample_rate)
+    kernel = smoothing_kernels(end.cutoff, sample_rate)[0]
+    half = kernel.size // 2
+    if not end.flat or half >= moment.size:
+        return moment
+    return convolve(np.pad(moment, half, mode="reflect", reflect_type="odd"), kernel)
+
+
 @lru_cache(maxsize=1)
 def measured_drive(run: Run, states: ForceStates) -> Excitation:
     """Return the measured moment over the span of the states as an excitation.
 
     A run that repeats is driven by the mean of its periods: its response repeats, too, so noise of the moment
-    channel does not belong in the simulation.
+    channel does not belong in the simulation. Any other by what of the moment stands out of that noise.
     """
     moment = run.moment[span_of(run, states)]
     if states.method != "periodic" or states.frequency is None:
-        return sampled(moment, run.sample_rate)
+        return sampled(above_noise(moment, run.sample_rate), run.sample_rate)
     per = run.sample_rate / states.frequency
     nodes, periods = round(per), int((moment.size - 1) / per + 1e-9)
     positions = (np.arange(periods)[:, None] + np.arange(nodes) / nodes) * per
