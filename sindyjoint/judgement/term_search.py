@@ -143,13 +143,14 @@ def on_response(found: TermSearch, campaign: Campaign, say: Callable[[str], None
 
     Noise of force states that nothing averages is correlated from sample to sample, that of an angle with its rate and
     acceleration, and a regression on few samples knows less than it says. The response is compared with the angle as
-    it was measured. As found where the simulation leaves clearly more than noise, and of more samples than are
+    it was measured. As found where moment or simulation leave clearly more than noise, and of more samples than are
     simulated in some seconds: so many know enough of their states.
     """
     from sindyjoint.response.refinement import refine
 
     samples = sum(state.n_samples for state in found.states)
-    if samples > SIMULATED or not found.model.terms or any(s.method != "broadband" for s in found.states):
+    repeats = any(state.method != "broadband" for state in found.states)
+    if repeats or samples > SIMULATED or not (found.model.terms and leaves_noise(found.model)):
         return found
     say("fitting the simulated response")
     result = refine(found.model, campaign, states=found.states)
