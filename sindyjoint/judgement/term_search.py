@@ -150,7 +150,7 @@ def on_response(found: TermSearch, campaign: Campaign, say: Callable[[str], None
 
     samples = sum(state.n_samples for state in found.states)
     repeats = any(state.method != "broadband" for state in found.states)
-    if repeats or samples > SIMULATED or not (found.model.terms and leaves_noise(found.model)):
+    if repeats or samples > SIMULATED or not leaves_noise(found.model):
         return found
     say("fitting the simulated response")
     result = refine(found.model, campaign, states=found.states)

@@ -109,7 +109,8 @@ def discover(
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     correct : bool
         Choose the terms again on force states that are completed, by a simulation of the model, with the part of the
-        motion that their processing cuts off; of a free motion then on the simulated response.
+        motion that their processing cuts off; of a free motion then on the simulated response, to which the numbers
+        of all runs that do not repeat are fitted in the end.
     paper : bool
         Put the question of the paper's five terms first, as for the paper's joints.
     rng : int, Generator or None
