@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import RESPONSE, STATES
-from sindyjoint.measurement.noise import signal_end
+from sindyjoint.measurement.noise import WIDEST, signal_end
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
 from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.segments import simulate_segments
@@ -411,15 +411,19 @@ def angle_limits(law: Law, states: ForceStates, drive: Drive) -> Any:
     return (least - reach, most + reach)
 
 
+# Cut-off for a moment, in parts of where it ends: a kernel falls from 0.8 of that on, and shall take nothing of it.
+BEYOND = 1.5
+
+
 def above_noise(moment: Array, sample_rate: float) -> Array:
     """Return a moment low-passed where it ends in white noise; as it is where it has no such end.
 
     Noise above acts on a joint as a dither: it smooths the friction's step, and the fit makes up by more friction.
     """
     end = signal_end(moment, sample_rate)
-    kernel = smoothing_kernels(end.cutoff, sample_rate)[0]
+    kernel = smoothing_kernels(BEYOND * end.bandwidth, sample_rate)[0]
     half = kernel.size // 2
-    if not end.flat or half >= moment.size:
+    if not end.flat or half >= moment.size or BEYOND * end.bandwidth > WIDEST * sample_rate:
         return moment
     return convolve(np.pad(moment, half, mode="reflect", reflect_type="odd"), kernel)
 
