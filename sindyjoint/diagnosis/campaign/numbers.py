@@ -102,7 +102,11 @@ def whole_model(repaired: Repaired, runs: Sequence[GapRun]) -> JointModel:
         for new in each.terms(motion):
             terms.setdefault(new.id, new)
     parts = _parts_of_whole(repaired, numbers)
-    shares = unique_shares(runs, model, [e for e in effects if not e.shifts])
+    adding = [each for each in effects if not each.shifts]
+    columns = [*range(len(model.terms))]
+    for each in adding:
+        columns += numbers.places[each.name][: each.coefficients.size]
+    shares = dict(zip(columns, unique_shares(runs, model, adding), strict=True))
     known = tuple(
         replace(term, unique_share=float(shares[part[0]]))
         for term, part in zip(terms.values(), parts, strict=False)
