@@ -20,9 +20,6 @@ from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, moment_floor, regression_rows
 
-# Samples of all runs up to which a response is fitted without being asked for.
-SIMULATED = 50_000
-
 
 @dataclass(frozen=True, eq=False)
 class TermSearch:
@@ -141,16 +138,11 @@ def _omissions(found: TermSearch) -> Array:
 def on_response(found: TermSearch, campaign: Campaign, say: Callable[[str], None]) -> TermSearch:
     """Return a search whose numbers are fitted to the simulated response, where no run repeats.
 
-    Noise of force states that nothing averages is correlated from sample to sample, that of an angle with its rate and
-    acceleration, and a regression on few samples knows less than it says. The response is compared with the angle as
-    it was measured. As found where moment or simulation leave clearly more than noise, and of more samples than are
-    simulated in some seconds: so many know enough of their states.
+    As found where moment or simulation leave clearly more than noise; :func:`search_response` has fitted free motions.
     """
-    from sindyjoint.response.refinement import refine
+    from sindyjoint.response.refinement import refine, told_by_response
 
-    samples = sum(state.n_samples for state in found.states)
-    repeats = any(state.method != "broadband" for state in found.states)
-    if repeats or samples > SIMULATED or not leaves_noise(found.model):
+    if campaign.moves_freely or not (leaves_noise(found.model) and told_by_response(found.states)):
         return found
     say("fitting the simulated response")
     result = refine(found.model, campaign, states=found.states)

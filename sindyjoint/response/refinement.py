@@ -23,6 +23,8 @@ from sindyjoint.states import ForceStates, campaign_states
 MOST_EVALUATIONS, FEW_EVALUATIONS = 40, 8
 # Share of a sum of squares; a fit ends where a step lowers it by less.
 FINELY, ROUGHLY = 1e-7, 1e-2
+# Samples of all runs up to which a response is fitted without being asked for.
+SIMULATED = 50_000
 # Of a free motion, to which it is fitted first.
 FIRST_CYCLES = 2
 # Two ends whose numbers differ by less than this share of their scales are one.
@@ -168,6 +170,17 @@ def refine(
     return replace(refined, model=_update_residual(_without_stale(model, refined.model), states, test))
 
 
+def told_by_response(states: Sequence[ForceStates]) -> bool:
+    """Return whether the numbers of a law that leaves noise alone are better fitted to the simulated response.
+
+    Where no run repeats, noise of force states is correlated from sample to sample, that of an angle with its rate and
+    acceleration, and a regression on few samples knows less than it says. The response is compared with the angle as
+    it was measured. So many samples that they are not simulated in some seconds know enough of their states.
+    """
+    repeats = any(state.method != "broadband" or state.repeated for state in states)
+    return not repeats and sum(state.n_samples for state in states) <= SIMULATED
+
+
 def misfit_nearby(model: JointModel, runs: Sequence[Run], states: Sequence[ForceStates]) -> float:
     """Return the sum of squares that a few steps of a fit leave of the responses, in units of noise."""
     problem = OutputError.of(model, runs, states, (), None)
@@ -261,7 +274,7 @@ def _summarise_refinement(
     }
     at_bound = [
         parameter.name
-        for parameter, value in zip(problem.parameters, found, strict=True)
+        for parameter, value in zip(lasting, found, strict=False)
         if min(value - parameter.low, parameter.high - value) <= 1e-6 * parameter.scale
         and not (parameter.name == "coulomb_friction" and value < 1e-6 * parameter.scale)
     ]

@@ -160,7 +160,7 @@ def diagnose(
         def refined(last: CampaignProblem, explained: bool) -> tuple[CampaignProblem, tuple[str, ...]]:
             from sindyjoint.diagnosis.campaign.refined import refined_problem
 
-            if not (refine or (explained and last.rounded)):
+            if not (refine or (explained and last.better_simulated)):
                 return last, ()
             return refined_problem(last, checked.usable, tested.nuisances(last.test), say)
 

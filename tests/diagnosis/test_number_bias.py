@@ -36,7 +36,7 @@ def test_intervals_of_an_element_with_corners_hold_its_numbers(play, monkeypatch
     found = numbers(campaign)
     assert all(found[n].interval95[0] <= value <= found[n].interval95[1] for n, value in truth.items())
     # Numbers along the mean period, corners rounded off, lie more than three standard errors off.
-    monkeypatch.setattr(CampaignProblem, "rounded", False)
+    monkeypatch.setattr(CampaignProblem, "better_simulated", False)
     biased = numbers(campaign)
     assert max(abs(biased[n].value - truth[n]) / biased[n].standard_error for n in truth) > 3
 

@@ -99,7 +99,7 @@ def test_a_diagnosis_is_refined_unless_its_response_gap_would_grow(monkeypatch):
     effects = select_effects(load_effects(), ["jenkins_element"])
     asked = diagnose(runs, effects=effects, advise=False)
     # Runs that repeat have rounded off the slider's corners: a law with one is refined unasked.
-    monkeypatch.setattr(CampaignProblem, "rounded", False)
+    monkeypatch.setattr(CampaignProblem, "better_simulated", False)
     before = diagnose(runs, effects=effects, advise=False)
     after = diagnose(runs, effects=effects, advise=False, refine=True)
     assert asked.whole.numbers.tolist() == after.whole.numbers.tolist()

@@ -56,6 +56,7 @@ from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.limits import STATES
 from sindyjoint.mechanics.excitation import Actuator
 from sindyjoint.record import Campaign
+from sindyjoint.response.refinement import told_by_response
 from sindyjoint.soundness.warnings import (
     identifiability_notes,
     warn_of_negative_damping,
@@ -272,9 +273,13 @@ class CampaignProblem(Problem):
         return replace(self, repaired=on_response(self.work, self.repaired))
 
     @property
-    def rounded(self) -> bool:
-        """Whether mean periods have rounded off the corners of an element, so that its numbers along them are wrong."""
-        return any(map(is_element, self.found)) and all(run.folded for run in self.work.rows)
+    def better_simulated(self) -> bool:
+        """Whether numbers along the measured motion are wrong or too sure.
+
+        Mean periods round off the corners of an element; where no run repeats, the noise of states is correlated.
+        """
+        corners = any(map(is_element, self.found)) and all(run.folded for run in self.work.rows)
+        return corners or (not self.moves_freely and told_by_response(self.work.states))
 
     @cached_property
     def whole(self) -> JointModel:
