@@ -233,6 +233,7 @@ def test_the_guide_names_files_that_exist():
             assert (ROOT / name).exists(), f"{page.name}: {name}"
 
 
+@pytest.mark.slow  # tests/docs/fresh_clone.py types the same in a fresh clone, in every run of .ci/run
 def test_a_newcomer_gets_there_in_three_commands_and_on_in_two(tmp_path, monkeypatch, sindyjoint):
     from sindyjoint.files import load_campaign
 
