@@ -113,12 +113,12 @@ def _on_response(
 
 
 def with_omissions(found: TermSearch) -> TermSearch:
-    """Return a search whose model's covariance holds what leaving out each of the paper's terms does."""
+    """Return a search whose model's covariance holds what leaving out the inertia or a term of the paper does."""
     return replace(found, model=widened(found.model, _omissions(found)))
 
 
 def _omissions(found: TermSearch) -> Array:
-    """Return the covariance that the paper's terms make which were left out.
+    """Return the covariance that the inertia and the paper's terms make which were left out.
 
     What does not stand out is left out, though nearly every joint has it, and the others make up for it. Its size is
     counted as far as it is not that of its own error.
@@ -127,7 +127,8 @@ def _omissions(found: TermSearch) -> Array:
     fitted = [place for place, name in enumerate(model.ids) if name in evidence.ids]
     columns = [evidence.ids.index(model.ids[place]) for place in fitted]
     without, total = {*model.ids, *found.regressor.forbidden}, np.zeros((len(model.ids),) * 2)
-    for name in (each for each in PAPER_TERMS if each in evidence.ids and each not in without):
+    expected = (INERTIA, *PAPER_TERMS)
+    for name in (each for each in expected if each in evidence.ids and each not in without):
         fuller = fit_columns(evidence, [*columns, evidence.ids.index(name)])
         beside = model.coefficients
         beside[fitted] = fuller.coefficients[:-1]
