@@ -63,23 +63,13 @@ class Excitation:
 
     def __call__(self, time: ArrayLike) -> Array:
         """Return the value at the times, s."""
-        if isinstance(time, float) and self._is_over(time):
-            return self._last
         return self.derivative(time, 0)
 
-    def _is_over(self, time: float) -> bool:
-        # Integrators ask for single instants, most of them after a pulse has passed.
-        return not (self.periodic or self.ramp) and time >= self.step * len(self.pieces)
-
     @cached_property
-    def _integrated(self) -> tuple[Array, Array]:
-        """The pieces at their scale, and the integral up to the beginning of each."""
+    def integrated(self) -> tuple[Array, Array, float]:
+        """The pieces at their scale, the integral up to the beginning of each, and their length."""
         c = self.pieces * self.scale
-        return c, np.concatenate([[0.0], np.cumsum(c @ [1, 1 / 2, 1 / 3, 1 / 4])]) * self.step
-
-    @cached_property
-    def _last(self) -> Array:
-        return np.asarray(self.pieces[-1].sum() * self.scale)
+        return c, np.concatenate([[0.0], np.cumsum(c @ [1, 1 / 2, 1 / 3, 1 / 4])]) * self.step, self.step
 
     def derivative(self, time: ArrayLike, order: int = 1) -> Array:
         """Return the value (order 0), first or second derivative at the times, ramp included."""
@@ -110,9 +100,7 @@ class Excitation:
             raise InputError(
                 "means are known of excitations without a period and without a ramp; sample it first"
             )
-        if isinstance(start, float) and self._is_over(start):
-            return self._last
-        c, whole = self._integrated
+        c, whole, _ = self.integrated
         last = c[-1].sum()
 
         def integral(t: ArrayLike) -> Array:

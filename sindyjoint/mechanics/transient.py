@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import sindyjoint.mechanics.transient_kernel as kernel
+import sindyjoint.mechanics.crossing as crossing
 from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import SimulationError, refuse
-from sindyjoint.mechanics.crossing import Crossing, Stepper, not_converged, side_of
 from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.structure import Structure, craig_bampton
 from sindyjoint.numeric import Array
@@ -134,10 +133,9 @@ def respond(
     """
     parts = _check_step(structure, step, duration, sample_rate)
     reduced = craig_bampton(structure, [at, *points], modes)
-    stepper = Stepper(reduced, reduced.point(at).copy(), 1 / (sample_rate * parts))
-    record = _Record(stepper, excitation, round(duration * sample_rate) * parts)
-    events = _advance(stepper, excitation, record, limits is not None)
-    return _collect_response(stepper, points, parts, record, events)
+    motion = _Motion(reduced, at, excitation, 1 / (sample_rate * parts), round(duration * sample_rate) * parts)
+    events = motion.fill(limits is not None)
+    return _collect_response(motion, points, parts, events)
 
 
 #: Coordinates of a reduced structure, their rates, and the internal states of its joints, at one instant or several.
@@ -160,66 +158,70 @@ def trajectory(
         As :func:`respond`.
     """
     _check_step(reduced, 1 / sample_rate, duration, sample_rate)
-    stepper = Stepper(reduced, reduced.point(at).copy(), 1 / sample_rate)
-    record = _Record(stepper, excitation, round(duration * sample_rate))
+    motion = _Motion(reduced, at, excitation, 1 / sample_rate, round(duration * sample_rate))
     if initial is not None:
-        record.q[0], record.v[0], record.z[0] = initial
-    _advance(stepper, excitation, record)
-    return record.q, record.v, record.z
+        motion.q[0], motion.v[0], motion.z[0] = initial
+    motion.fill()
+    return motion.q, motion.v, motion.z
 
 
-class _Record:
-    """One row per step: force, its value before a jump, its mean over the next step; motion and joints.
+class _Motion:
+    """A reduced structure under a force, one row per step: the force, motion and joints.
 
     `moments` holds what each joint transfers and the bounds of its friction, `work` that of all steps and of the last.
     """
 
-    def __init__(self, stepper: Stepper, excitation: Excitation, count: int):
-        joints, n = stepper.structure.n_joints, len(stepper.mass)
-        self.grid = stepper.step * np.arange(count + 1, dtype=np.float64)
-        self.force, before_jump = excitation(self.grid), excitation(self.grid * (1 - 1e-12))
-        self.forces = excitation.mean(self.grid[:-1], self.grid[1:]), before_jump
+    def __init__(self, structure: Structure, at: str, excitation: Excitation, step: float, count: int):
+        self.structure, self.step, self.excitation = structure, step, excitation
+        self.load = structure.point(at).copy()
+        self.compiled = [hinge.law.compiled() for hinge in structure.hinges]
+        joints, n = structure.n_joints, len(structure.mass)
+        states = max(1, *(law.n_states for law in self.compiled), 1)
+        self.grid = step * np.arange(count + 1, dtype=np.float64)
         self.q, self.v = np.zeros((2, count + 1, n))
-        self.z = np.zeros((count + 1, joints, stepper.n_states))
+        self.z = np.zeros((count + 1, joints, states))
         self.moments, self.stuck = np.zeros((count + 1, joints, 3)), np.zeros((count + 1, joints), np.bool_)
         self.work = np.zeros((2, joints, 2))
 
-
-def _advance(stepper: Stepper, excitation: Excitation, record: _Record, limited: bool = True) -> int:
-    """Fill the record from its first row on; return the number of events."""
-    grid, q, v, z = record.grid, record.q, record.v, record.z
-    hinges, joints, last = stepper.structure.hinges, stepper.structure.n_joints, len(grid) - 1
-    ends = [hinge.law.softening_limit if limited else (-np.inf, np.inf) for hinge in hinges]
-    bounds, direction = np.array(ends, dtype=np.float64).reshape(-1, 2), np.sign(v[0, :joints])
-    still = direction == 0
-    start = stepper.moments(direction, record.force[0], q[0], v[0], z[0])
-    direction[still] = [side_of(row) for row in start[still]]
-    start[still, 0] = np.clip(start[still, 0], start[still, 1], start[still, 2])
-    record.moments[0] = start
-    record.stuck[0] = direction == 0
-    reached, events = 0, 0
-    spend(STEP_SAMPLES * last * q.shape[1])
-    while reached < last:
-        rows = q, v, z, record.moments, record.stuck
-        reached, reason, j = stepper.march(reached, last, direction, bounds, record.forces, rows, record.work)
-        if reason == kernel.NOT_CONVERGED:
-            raise not_converged(grid[reached], stepper.step)
-        if reason == kernel.PAST_LIMIT:
-            raise _limit_error(hinges[j].name, bounds[j], grid[reached])
-        if reason == kernel.CHANGE:
-            scale = max(1e-12, float(np.abs(v[: reached + 1, :joints]).max(initial=0.0)))
-            state = q[reached], v[reached], z[reached]
-            crossing = Crossing(stepper, excitation, grid[reached], state, direction, record.work[0], scale)
-            crossing.run(stepper.step)
-            reached += 1
-            q[reached], v[reached], z[reached] = crossing.q, crossing.v, crossing.z
-            now = stepper.moments(direction, record.forces[1][reached], q[reached], v[reached], z[reached])
-            record.moments[reached], record.stuck[reached] = now, direction == 0
-            events += crossing.events
-            past = (q[reached, :joints] < bounds[:, 0]) | (q[reached, :joints] > bounds[:, 1])
-            if past.any():
-                raise _limit_error(hinges[np.argmax(past)].name, bounds[np.argmax(past)], grid[reached])
-    return events
+    def fill(self, limited: bool = True) -> int:
+        """Fill the rows from the first one on; return how often joints changed."""
+        hinges, structure, grid = self.structure.hinges, self.structure, self.grid
+        ends = [hinge.law.softening_limit if limited else (-np.inf, np.inf) for hinge in hinges]
+        bounds = np.array(ends, dtype=np.float64).reshape(-1, 2)
+        parameters = np.zeros((len(hinges), max([law.numbers.size for law in self.compiled], default=0) or 1))
+        for row, law in zip(parameters, self.compiled, strict=True):
+            row[: law.numbers.size] = law.numbers
+        addresses, counts = (
+            np.array([getattr(law, name) for law in self.compiled], dtype=np.int64)
+            for name in ("address", "n_states")
+        )
+        mean, before_jump = self.excitation.mean(grid[:-1], grid[1:]), self.excitation(grid * (1 - 1e-12))
+        # With room for the inverses of a step.
+        spare = np.zeros_like(structure.mass)
+        matrices = np.stack([spare, spare, structure.mass, structure.damping, structure.stiffness])
+        room = np.zeros(crossing.room_for(len(self.load), len(hinges), self.z.shape[2]))
+        spend(STEP_SAMPLES * (len(grid) - 1) * self.q.shape[1])
+        reached, reason, j, changes = crossing.march(
+            self.step, matrices, self.load, (addresses, parameters, counts), bounds,
+            self.excitation.integrated, (mean, before_jump), (self.q, self.v, self.z), self.moments, self.stuck,
+            self.work, room,
+        )  # fmt: skip
+        time = float(grid[reached])
+        if reason == crossing.PAST_LIMIT:
+            raise _limit_error(hinges[j].name, bounds[j], time)
+        if reason == crossing.NOT_CONVERGED:
+            raise SimulationError(
+                f"the joint's moment was not found at t = {time:.6g} s: the step of {self.step:.3g} s is too large for "
+                "this law; reduce the step",
+                time=time,
+            )
+        if reason == crossing.RESTLESS:
+            raise SimulationError(
+                f"a joint changed between stick and slip over {crossing.CHANGES} times in one step at t = {time:.6g} s; "
+                "reduce the step",
+                time=time,
+            )
+        return int(changes)
 
 
 def _limit_error(name: str, bounds: Array, time: float) -> SimulationError:
@@ -230,12 +232,10 @@ def _limit_error(name: str, bounds: Array, time: float) -> SimulationError:
     )
 
 
-def _collect_response(
-    stepper: Stepper, points: Sequence[str], parts: int, record: _Record, events: int
-) -> Response:
-    structure, joints = stepper.structure, stepper.structure.n_joints
+def _collect_response(record: _Motion, points: Sequence[str], parts: int, events: int) -> Response:
+    structure, joints = record.structure, record.structure.n_joints
     middle = (record.v[1:] + record.v[:-1]) / 2
-    lost = float(np.sum((middle @ stepper.damping) * middle)) * stepper.step
+    lost = float(np.sum((middle @ structure.damping) * middle)) * record.step
     keep = slice(None, None, parts)
     q, v = record.q[keep], record.v[keep]
     energy = 0.5 * (
@@ -246,9 +246,9 @@ def _collect_response(
     rows = {name: structure.point(name) for name in points}
     return Response(
         time=record.grid[keep], displacement={name: q @ row for name, row in rows.items()},
-        force=record.force[keep], joints=tuple(hinge.name for hinge in structure.hinges),
+        force=record.excitation(record.grid)[keep], joints=tuple(hinge.name for hinge in structure.hinges),
         angle=q[:, :joints].T, rate=v[:, :joints].T, moment=record.moments[keep, :, 0].T, stuck=record.stuck[keep].T,
-        energy=energy, joint_dissipation=record.work[0, :, 1], beam_dissipation=lost, step=stepper.step, events=events,
+        energy=energy, joint_dissipation=record.work[0, :, 1], beam_dissipation=lost, step=record.step, events=events,
         velocity={name: v @ row for name, row in rows.items()},
     )  # fmt: skip
 

@@ -9,26 +9,21 @@ import math
 import numpy as np
 from numba import njit
 
-from sindyjoint.equation.operations import pointer, shifted
+from sindyjoint.equation.operations import shifted
 from sindyjoint.mechanics.kernels import call_law
 
-END, CHANGE, NOT_CONVERGED, PAST_LIMIT = range(4)
-
-# Width of a friction interval, relative to its bounds, below which there is no friction.
-FRICTIONLESS = 1e-12
-
-# Everything below `march` works on pointers and is called from compiled code only: bounds, strides and wrappers of
-# arrays would take longer to compile than the arithmetic.
-_options = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-_inner = njit(**_options, no_cpython_wrapper=True)
+# All of it works on pointers and is called from compiled code only: bounds, strides and wrappers of arrays would take
+# longer to compile than the arithmetic.
+OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+inner = njit(**OPTIONS, no_cpython_wrapper=True)
 
 
-def room_for(coordinates, joints, states):
-    """Numbers of working space that `march` wants."""
+def room_of_step(coordinates, joints, states):
+    """Numbers of working space that a step wants."""
     return 2 * coordinates + joints * (joints + 8 + states) + 3 * states + 1
 
 
-@_inner
+@inner
 def _midpoint_states(address, theta, omega, direction, h, p, n, z, middle, out):
     """Find z_mid = z + h/2·ż(z_mid), each state by Newton with the others as they are; whether that worked."""
     for _ in range(15):
@@ -48,7 +43,7 @@ def _midpoint_states(address, theta, omega, direction, h, p, n, z, middle, out):
     return False
 
 
-@_inner
+@inner
 def _bisected_states(address, theta, omega, direction, h, p, n, z, answer, out):
     """Find y = z + h·ż(y) by bisection and leave it in `answer`; whether that worked.
 
@@ -76,7 +71,7 @@ def _bisected_states(address, theta, omega, direction, h, p, n, z, answer, out):
     return good
 
 
-@_inner
+@inner
 def _end_states(law, theta, omega, direction, h, z, z_mid, z_end, out):
     """Fill the states at the end of a step: 2·z_mid − z, or the yield where a slider yielded on the way."""
     address, p, n = law
@@ -91,7 +86,7 @@ def _end_states(law, theta, omega, direction, h, z, z_mid, z_end, out):
             return
 
 
-@_inner
+@inner
 def _joint_moment(law, theta, omega, direction, h, z, z_mid, out):
     """Moment of a joint at the middle of a step, with the states there in z_mid; NaN when there is no answer."""
     address, p, n = law
@@ -105,7 +100,7 @@ def _joint_moment(law, theta, omega, direction, h, z, z_mid, out):
     return out[0]
 
 
-@_inner
+@inner
 def _solve_small(matrix, right, n):
     """Solve matrix·x = right in place by elimination; the answer is in `right`.
 
@@ -123,7 +118,7 @@ def _solve_small(matrix, right, n):
         right[c] /= matrix[c * n + c]
 
 
-@_inner
+@inner
 def _invert_moving(matrix, n, joints, direction):
     """Replace a positive definite matrix by its inverse over what moves, zero elsewhere; the joints come first.
 
@@ -148,18 +143,43 @@ def _invert_moving(matrix, n, joints, direction):
                     matrix[i * n + c] -= factor * matrix[k * n + c]
 
 
-@_inner
+@inner
 def _law_of(j, laws):
     """Address, parameters and number of states of joint j."""
     addresses, parameters, width, counts = laws
     return addresses[j], shifted(parameters, j * width), counts[j]
 
 
-@_inner
-def _step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, room):
+@inner
+def prepare(h, sizes, system, direction):
+    """Fill the inverse of M + h/2·C + h²/4·K over the coordinates that move."""
+    n, joints, _ = sizes
+    inverse, _, mass, damping, stiffness, _ = system
+    for i in range(n * n):
+        inverse[i] = mass[i] + 0.5 * h * damping[i] + 0.25 * h * h * stiffness[i]
+    _invert_moving(inverse, n, joints, direction)
+
+
+@inner
+def prepare_holding(sizes, system, direction):
+    """Fill the inverse of M over the coordinates that move; whether a joint sticks, and it is of use."""
+    n, joints, _ = sizes
+    _, inverse, mass, _, _, _ = system
+    sticks = False
+    for j in range(joints):
+        sticks = sticks or direction[j] == 0.0
+    if sticks:
+        for i in range(n * n):
+            inverse[i] = mass[i]
+        _invert_moving(inverse, n, joints, direction)
+    return sticks
+
+
+@inner
+def step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, room):
     """One step of the implicit midpoint rule under the step's mean `force`; returns whether Newton converged.
 
-    `work` is filled with the work done on each joint's elastic part (its moment at standstill with its states at zero)
+    The inverse is prepared for it. `work` is filled with the work done on each joint's elastic part (its moment at standstill with its states at zero)
     and on the remainder.
     """
     n, joints, most = sizes
@@ -251,16 +271,17 @@ def _step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, r
     return converged
 
 
-@_inner
-def _holding_moments(sizes, system, laws, direction, force, q, v, z, moments, room):
+@inner
+def holding_moments(sticks, sizes, system, laws, direction, force, q, v, z, moments, room):
     """Fill what each joint transfers now, and the bounds of its friction interval at standstill.
 
-    A slipping joint transfers its law's moment, a sticking one what holds it.
+    A slipping joint transfers its law's moment, a sticking one what holds it: where one `sticks` the inverse of M is
+    prepared.
     """
     n, joints, most = sizes
     _, inverse_mass, mass, damping, stiffness, load = system
     right, a, out = room, shifted(room, n), shifted(room, 2 * n)
-    for i in range(n):
+    for i in range(n if sticks else joints):
         total = force * load[i]
         for k in range(n):
             total -= damping[i * n + k] * v[k] + stiffness[i * n + k] * q[k]
@@ -276,6 +297,8 @@ def _holding_moments(sizes, system, laws, direction, force, q, v, z, moments, ro
             call_law(address, q[j], v[j], direction[j], row, p, out)
             answer[0] = out[0]
             right[j] -= out[0]
+    if not sticks:
+        return
     for i in range(n):
         total = 0.0
         for k in range(n):
@@ -287,84 +310,3 @@ def _holding_moments(sizes, system, laws, direction, force, q, v, z, moments, ro
             for k in range(n):
                 total -= mass[j * n + k] * a[k]
             moments[3 * j] = total
-
-
-@njit(**_options)
-def march(
-    first, last, h, matrices, load, laws, direction, limits, forces, motion, moments, stuck, work, room
-):
-    """Take whole steps from sample `first` until a joint changes, fails, or `last` is reached.
-
-    Where `last` is `first`, no step is taken and the moments of that sample are filled.
-
-    Parameters
-    ----------
-    matrices : ndarray, shape (5, n, n)
-        Space for the inverses of M + h/2·C + h²/4·K and of M over the coordinates that move; M, C, K.
-    load : ndarray, shape (n,)
-        How the force acts on the coordinates.
-    laws : (addresses, parameters, counts)
-        Of the joints; parameters have shape (joints, width), counts are numbers of internal states.
-    direction : ndarray, shape (joints,)
-        −1, 0 (stuck) or +1; a joint without friction reverses on the way.
-    limits : ndarray, shape (joints, 2)
-    forces : (mean, now)
-        Mean over the step that begins at each sample, and value at the sample just before a jump.
-    motion : (q, v, z)
-        One row per sample; z has shape (samples, joints, states).
-    moments : ndarray, shape (samples, joints, 3)
-        What each joint transfers, and the bounds of its friction interval at standstill.
-    stuck : ndarray of bool, shape (samples, joints)
-    work : ndarray, shape (2, joints, 2)
-        The work of the accepted steps is added to the first, the second holds that of the last step tried.
-    room : ndarray, shape (room_for(…),)
-
-    Returns
-    -------
-    sample reached, reason (a joint changes in the next step, for one), joint
-    """
-    q, v, z = pointer(motion[0]), pointer(motion[1]), pointer(motion[2])
-    n, joints, most = load.size, direction.size, motion[2].shape[2]
-    sizes, square, base = (n, joints, most), n * n, pointer(matrices)
-    system = (base, shifted(base, square), shifted(base, 2 * square), shifted(base, 3 * square),
-              shifted(base, 4 * square), pointer(load))  # fmt: skip
-    table = (pointer(laws[0]), pointer(laws[1]), laws[1].shape[1], pointer(laws[2]))
-    mean_force, force = pointer(forces[0]), pointer(forces[1])
-    side, bound, total, space = pointer(direction), pointer(limits), pointer(work), pointer(room)
-    done, step = shifted(total, 2 * joints), joints * most
-    _, inverse_mass, mass, damping, stiffness, _ = system
-    for i in range(square):
-        base[i] = mass[i] + 0.5 * h * damping[i] + 0.25 * h * h * stiffness[i]
-        inverse_mass[i] = mass[i]
-    _invert_moving(base, n, joints, side)
-    _invert_moving(inverse_mass, n, joints, side)
-    now = shifted(pointer(moments), 3 * joints * first)
-    at = first
-    while True:
-        q0, v0, z0 = shifted(q, at * n), shifted(v, at * n), shifted(z, at * step)
-        if first == last:
-            _holding_moments(sizes, system, table, side, force[at], q0, v0, z0, now, space)
-        if at >= last:
-            return at, END, 0
-        q1, v1, z1, now = shifted(q0, n), shifted(v0, n), shifted(z0, step), shifted(now, 3 * joints)
-        if not _step(h, sizes, system, table, side, mean_force[at], q0, v0, z0, q1, v1, z1, done, space):
-            return at, NOT_CONVERGED, 0
-        # The force just before the next sample's jump, should there be one, still belongs to this step.
-        _holding_moments(sizes, system, table, side, force[at + 1], q1, v1, z1, now, space)
-        for j in range(joints):
-            held, low, high = now[3 * j], now[3 * j + 1], now[3 * j + 2]
-            changed = side[j] == 0.0 and not low <= held <= high
-            if v1[j] * side[j] < 0.0:
-                # A friction interval without width: the joint may reverse without sticking.
-                changed = high - low > FRICTIONLESS * (abs(low) + abs(high))
-            if changed:
-                return at, CHANGE, j
-        at += 1
-        for j in range(joints):
-            total[2 * j] += done[2 * j]
-            total[2 * j + 1] += done[2 * j + 1]
-            stuck[at, j] = side[j] == 0.0
-            if v1[j] * side[j] < 0.0:
-                side[j] = -side[j]
-            if not bound[2 * j] <= q1[j] <= bound[2 * j + 1]:
-                return at, PAST_LIMIT, j
