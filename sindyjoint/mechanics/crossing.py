@@ -128,7 +128,7 @@ def _let(j, problem, time, side, state, moments, room):
 
 @inner
 def _least(joints, rooms, wrong):
-    """The least room of those joints that are wrong, and whose it is."""
+    """Return the least room of those joints that are wrong, and whose it is."""
     least, whose = math.inf, -1
     for j in range(joints):
         if wrong[j] != 0.0 and rooms[j] < least:
@@ -165,7 +165,9 @@ def _first_change(time, x, problem, side, scale, state, ahead, moments, rooms, w
         share = 0.5
         if rise**2 < width and (1.0 - rise) ** 2 < 1.0 - width:
             share = at_near / (at_far - at_near) * at_third / (at_far - at_third)
-            share += (third - near) / (far - near) * at_near / (at_third - at_near) * at_far / (at_third - at_far)
+            share += (
+                (third - near) / (far - near) * at_near / (at_third - at_near) * at_far / (at_third - at_far)
+            )
         share = min(1.0 - least, max(least, share))
     best = near if abs(at_near) < abs(at_far) else far
     if good and best != last:
@@ -211,7 +213,19 @@ def _cross(time, h, problem, side, scale, state, space, total, done, room):
                 side[j], held[j] = 0.0, 1.0
             continue
         away, good = _first_change(
-            time, x, problem, side, scale, state, ahead, moments, then, wrong, (first[0], later[0]), done, room
+            time,
+            x,
+            problem,
+            side,
+            scale,
+            state,
+            ahead,
+            moments,
+            then,
+            wrong,
+            (first[0], later[0]),
+            done,
+            room,
         )
         if not good:
             return NOT_CONVERGED, changes

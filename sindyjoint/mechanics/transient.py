@@ -133,7 +133,9 @@ def respond(
     """
     parts = _check_step(structure, step, duration, sample_rate)
     reduced = craig_bampton(structure, [at, *points], modes)
-    motion = _Motion(reduced, at, excitation, 1 / (sample_rate * parts), round(duration * sample_rate) * parts)
+    motion = _Motion(
+        reduced, at, excitation, 1 / (sample_rate * parts), round(duration * sample_rate) * parts
+    )
     events = motion.fill(limits is not None)
     return _collect_response(motion, points, parts, events)
 
@@ -217,8 +219,8 @@ class _Motion:
             )
         if reason == crossing.RESTLESS:
             raise SimulationError(
-                f"a joint changed between stick and slip over {crossing.CHANGES} times in one step at t = {time:.6g} s; "
-                "reduce the step",
+                f"a joint changed between stick and slip over {crossing.CHANGES} times in one step at "
+                f"t = {time:.6g} s; reduce the step",
                 time=time,
             )
         return int(changes)

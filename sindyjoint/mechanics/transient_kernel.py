@@ -179,8 +179,8 @@ def prepare_holding(sizes, system, direction):
 def step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, room):
     """One step of the implicit midpoint rule under the step's mean `force`; returns whether Newton converged.
 
-    The inverse is prepared for it. `work` is filled with the work done on each joint's elastic part (its moment at standstill with its states at zero)
-    and on the remainder.
+    The inverse is prepared for it. `work` is filled with the work done on each joint's elastic part (its moment at
+    standstill with its states at zero) and on the remainder.
     """
     n, joints, most = sizes
     inverse, _, _, damping, stiffness, load = system
@@ -281,7 +281,7 @@ def holding_moments(sticks, sizes, system, laws, direction, force, q, v, z, mome
     n, joints, most = sizes
     _, inverse_mass, mass, damping, stiffness, load = system
     right, a, out = room, shifted(room, n), shifted(room, 2 * n)
-    for i in range(n if sticks else joints):
+    for i in range(n if sticks else 0):
         total = force * load[i]
         for k in range(n):
             total -= damping[i * n + k] * v[k] + stiffness[i * n + k] * q[k]
@@ -296,7 +296,8 @@ def holding_moments(sticks, sizes, system, laws, direction, force, q, v, z, mome
         if direction[j] != 0.0:
             call_law(address, q[j], v[j], direction[j], row, p, out)
             answer[0] = out[0]
-            right[j] -= out[0]
+            if sticks:
+                right[j] -= out[0]
     if not sticks:
         return
     for i in range(n):
