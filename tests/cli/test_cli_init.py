@@ -53,7 +53,8 @@ def test_a_unit_that_no_file_states_is_one_for_all_files(sindyjoint, tmp_path):
     told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
     assert "unsettled_guess" not in {f["id"] for f in told["findings"]}
     # Without --yes it is asked, once, with what the files hold.
-    asked = sindyjoint("init", tmp_path, "--force")
+    (tmp_path / "campaign.toml").unlink()
+    asked = sindyjoint("init", tmp_path)
     assert asked.status == 2
     assert asked.stderr.count("angle.unit:") == 1 and "column q, up to 9.0" in asked.stderr
 
@@ -142,8 +143,62 @@ def test_a_wrong_answer_is_asked_for_again_and_the_others_stay(tmp_path):
     assert [bool(complaint) for _, complaint in complaints] == [False, False, True, True]
     assert "mrad" in made.draft.channels["angle"]
     # A program that answers the same again is told, not asked for ever.
+    made.manifest.unlink()
     with pytest.raises(InputError, match="is not an angle"):
-        init(tmp_path, ask=lambda question: "N*m" if question.key == "moment.unit" else "N", force=True)
+        init(tmp_path, ask=lambda question: "N*m" if question.key == "moment.unit" else "N")
+
+
+def test_what_a_manifest_says_and_no_file_does_outlasts_another_init(sindyjoint, tmp_path):
+    for name in "ab":
+        table(tmp_path / f"{name}.csv", "time,torque,q,ch4", TIME, *swing(9.0), TIME)
+    answers = {
+        "inertia": "0.02 kg*m^2",
+        "moment.unit": "V",
+        "moment.gain": "5 N*m/V",
+        "angle.unit": "mrad",
+        "validate": "b",
+    }
+    settings = [word for key, value in answers.items() for word in ("--set", f"{key}={value}")]
+    assert sindyjoint("init", tmp_path, *settings).status == 0
+    before = manifest(tmp_path)
+    again = sindyjoint("init", tmp_path, "--force")
+    assert again.status == 0 and manifest(tmp_path) == before
+    assert "kept: angle.unit = mrad; --set angle.unit=... changes it" in again.stdout
+    assert json.loads(sindyjoint("init", tmp_path, "--force", "--json").stdout)["kept"] == answers
+    # What is set anew is; what hung on it is asked, not kept.
+    changed = sindyjoint("init", tmp_path, "--force", "--set", "moment.unit=N*m", "--set", "validate=a")
+    assert changed.status == 0 and manifest(tmp_path)["channels"]["moment"] == {
+        "column": "torque",
+        "unit": "N*m",
+    }
+    assert [run.use for run in load_campaign(tmp_path).runs] == ["validate", "identify"]
+    asked = sindyjoint("init", tmp_path, "--force", "--set", "angle=ch4")
+    assert asked.status == 2 and "--set angle.unit=deg" in asked.stderr and " --force" in asked.stderr
+    # A unit is that of its column, not of one that another file calls otherwise.
+    table(tmp_path / "c.csv", "t_s,M_Nm,phi_deg", TIME, *swing(0.1))
+    assert sindyjoint("init", tmp_path, "--force").status == 0
+    assert [run["channels"]["angle"]["unit"] for run in manifest(tmp_path)["run"]] == ["mrad", "mrad", "deg"]
+
+
+def test_a_guess_is_no_answer_when_a_manifest_is_drafted_anew(sindyjoint, tmp_path):
+    table(tmp_path / "a.csv", "time_s,torque_Nm,q", TIME, *swing(9.0))
+    assert sindyjoint("init", tmp_path, "--yes").status == 0
+    assert "kept" not in sindyjoint("init", tmp_path, "--yes", "--force").stdout
+    assert load_campaign(tmp_path).guessed == ("angle.unit = deg",)
+    # Where the files do not fit an answer it is named, with the way out.
+    text = (
+        (tmp_path / "campaign.toml")
+        .read_text()
+        .replace('column = "q"', 'column = "phi"')
+        .replace("guessed", "# ")
+    )
+    (tmp_path / "campaign.toml").write_text(text)
+    refused = sindyjoint("init", tmp_path, "--force")
+    assert (
+        refused.status == 2
+        and "campaign.toml says angle = 'phi', angle.unit = 'deg': change it with --set" in refused.stderr
+    )
+    assert sindyjoint("init", tmp_path, "--force", "--set", "angle=q", "--set", "angle.unit=deg").status == 0
 
 
 def test_a_free_decay_without_a_load_is_one_under_no_load(sindyjoint, tmp_path):
@@ -156,7 +211,8 @@ def test_a_free_decay_without_a_load_is_one_under_no_load(sindyjoint, tmp_path):
     assert written["channels"]["moment"] == {"constant": "0 N*m"}
     # Without a load the equation is known up to a factor: that of the inertia.
     assert written["joint"]["inertia"] == "1 kg*m^2"
-    done = sindyjoint("init", tmp_path, "--yes", "--force")
+    (tmp_path / "campaign.toml").unlink()
+    done = sindyjoint("init", tmp_path, "--yes")
     assert "free decay" in done.stdout and "guessed: moment = 0 N*m" in done.stdout
     assert sindyjoint("check", tmp_path).status == 0
 

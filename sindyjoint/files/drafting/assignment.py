@@ -321,14 +321,16 @@ def find_unit(
 ) -> tuple[str, str | None]:
     """Return unit and gain of a channel, stated or asked for.
 
-    A unit that no file states is one for all runs: that in which the largest of their values is usual.
+    A unit that no file states is one for all runs: that in which the largest of their values is usual. Where some state
+    theirs, the answer is that of the others.
     """
     key, si = KEYS[motion][quantity]
     counted = WORDS["counter"] & {word.lower() for word in re.split(r"[\W_]+", column.title)}
     stated = column.unit or (COUNTS[-1] if counted else "")
-    if f"{key}.unit" in dialogue.answers:
+    told = [bool(peer.unit and unit_ratio(peer.unit, si)) for peer in (column, *peers)]
+    if f"{key}.unit" in dialogue.answers and told[0] == all(told):
         unit: str = dialogue.answers[f"{key}.unit"]
-    elif column.unit and unit_ratio(column.unit, si):
+    elif told[0]:
         return column.unit, None
     elif quantity == "acceleration" and (column.unit == "g" or unit_ratio(column.unit or "1", "m/s**2")):
         text = f"one over the radius at which the acceleration (column {column.key}) is measured, such as '5 rad/m'?"

@@ -1,18 +1,21 @@
 """From a folder of files to its ``campaign.toml``."""
 
 import shlex
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 from sindyjoint.described import Described, same
+from sindyjoint.documents import parse_toml
 from sindyjoint.errors import InputError, OutputError, checks_options
 from sindyjoint.files.atomic import write_text
 from sindyjoint.files.drafting.assignment import Question
 from sindyjoint.files.drafting.draft import Draft, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
-from sindyjoint.files.manifest import MANIFEST_NAME
+from sindyjoint.files.manifest import MANIFEST_NAME, Channel, Manifest, TimeChannel
 
 
 @dataclass(frozen=True)
@@ -25,16 +28,19 @@ class Initialised(Described):
         What was written.
     draft : Draft
         What it says, and what of it is guessed.
+    kept : dict of str to str
+        Answers that stood in the manifest that was replaced, by the keys of questions.
     """
 
     SCHEMA: ClassVar = 1
     WRITTEN: ClassVar = {
         "manifest": "manifest",
         **{name: f"draft.{name}" for name in ("motion", "simulated", "channels", "columns", "runs")},
-        **same("guessed", "left_out"),
+        **same("guessed", "left_out", "kept"),
     }
     manifest: Path
     draft: Draft
+    kept: dict[str, str] = field(default_factory=dict)
 
     def __str__(self) -> str:
         return "\n".join(self.lines())
@@ -62,6 +68,7 @@ class Initialised(Described):
             lines.append(f"  {called}: {run.samples} samples{rate}, {run.course}, level {run.level}{again}")
         lines += _more(draft.runs, "")
         lines += [f"  left out: {file}: {why:.90}" for file, why in draft.left_out[: SHOWN // 2]]
+        lines += [f"  kept: {key} = {value}; --set {key}=... changes it" for key, value in self.kept.items()]
         runs = f" for all {len(draft.runs)} runs" if len(draft.runs) > 1 else ""
         for each in draft.questions[: SHOWN // 2]:
             lines.append(f"  guessed: {each.key} = {each.guess}{runs}; --set {each.key}=... sets it")
@@ -109,7 +116,8 @@ def init(
     guess : bool
         Whether questions that are left are answered by the likeliest guess, marked in the file.
     force : bool
-        Whether a ``campaign.toml`` that is there may be replaced.
+        Whether a ``campaign.toml`` that is there may be replaced. What it says otherwise than the files is kept, as far
+        as ``answers`` can say it and say nothing else.
 
     Returns
     -------
@@ -138,15 +146,20 @@ def init(
     if target.exists() and not force:
         raise OutputError(f"{target}: is there already; give --force (force=True) to replace it")
     files, left_out = survey_folder(place)
-    given = dict(answers or {})
+    given, kept = dict(answers or {}), dict[str, str]()
     name = place.resolve().name
 
     def draft(answers: Mapping[str, str]) -> Draft:
         try:
             return draft_manifest(name, files, left_out, answers)
         except InputError as error:
-            raise InputError(f"{place}: {error}") from error
+            said = ", ".join(f"{key} = {value!r}" for key, value in kept.items())
+            way = f"; {target} says {said}: change it with --set, or remove that file" if kept else ""
+            raise InputError(f"{place}: {error}{way}") from error
 
+    if target.exists():
+        kept = _kept(target, draft, given)
+    given = kept | given
     drafted = draft(given)
     question: Question | None = None
     while ask is not None and drafted.questions:
@@ -175,6 +188,60 @@ def init(
         settings = (f"--set {shlex.quote(f'{key}={value}')}" for key, value in values.items())
         raise InputError(
             f"{place}: the files do not tell all: {listed} {ways}: "
-            f"{' '.join(['sindyjoint', 'init', shlex.quote(str(place)), *settings])}"
+            f"{' '.join(['sindyjoint', 'init', shlex.quote(str(place)), *settings, *['--force'] * force])}"
         )
-    return Initialised(write_text(target, drafted.text), drafted)
+    return Initialised(write_text(target, drafted.text), drafted, kept)
+
+
+def _answers_in(manifest: str) -> dict[str, set[str | None]]:
+    """Return what a manifest says, of any of its runs, by the keys of questions, without its guesses."""
+    read = Manifest.model_validate(parse_toml(manifest, MANIFEST_NAME))
+    said = defaultdict[str, set[str | None]](set)
+    for key in read.joint.model_fields_set & {"name", "motion", "inertia", "mass"}:
+        said[key].add(getattr(read.joint, key))
+    for channels in filter(None, (read.channels, *(run.channels for run in read.run))):
+        rate = "none" if channels.time == "none" else channels.rate
+        said["rate"].add(f"{rate} Hz" if isinstance(rate, float) else rate)
+        for key, given in channels:
+            if isinstance(given, Channel):
+                said[key].add(given.constant or " - ".join(map(str, given.columns)))
+                said[f"{key}.gain"].add(given.gain)
+            if isinstance(given, TimeChannel):
+                said[key].add(str(given.column))
+            if isinstance(given, Channel | TimeChannel):
+                said[f"{key}.unit"].add(given.unit)
+    kept = [
+        run.name or str(PurePosixPath(run.file).with_suffix("")) for run in read.run if run.use == "validate"
+    ]
+    said["validate"].add(", ".join(kept))
+    said["inputs"].add(", ".join(str(each.column) for each in read.inputs.values() if each.column))
+    said["runs"].add("no" if len({run.file for run in read.run}) == len(read.run) else "yes")
+    return {
+        key: values
+        for key, values in said.items()
+        if not any(g.startswith(f"{key} = ") for g in read.guessed)
+    }
+
+
+def _kept(
+    target: Path, draft: Callable[[Mapping[str, str]], Draft], given: Mapping[str, str]
+) -> dict[str, str]:
+    """Return what a manifest says of all its runs that neither the files nor other answers do; of none, nothing."""
+    told: dict[str, set[str | None]] = {}
+    with suppress(InputError):
+        told = _answers_in(draft({}).text)
+    try:
+        said = _answers_in(target.read_text(encoding="utf-8"))
+    except ValueError:
+        return {}
+    of_all = {key: next(iter(values)) for key, values in said.items() if len(values) == 1}
+    own = {key: value for key, value in of_all.items() if value and value not in told.get(key, ())}
+    kept = {}
+    for key, value in own.items():
+        channel = key.partition(".")[0]
+        # Another column has another unit, another unit another gain.
+        above = {key, channel, key.replace(".gain", ".unit")}
+        same = channel in own or key not in told or told[channel] <= said[channel]
+        if same and not above & given.keys():
+            kept[key] = value
+    return kept
