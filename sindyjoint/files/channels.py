@@ -172,7 +172,7 @@ class RunReader:
         InputError
             For columns that are missing or unusable, an irregular time axis, or a dead channel.
         """
-        columns, present = self._columns()
+        columns, present, missing = self._columns()
         signals: dict[str, Array] = {}
         constants: dict[str, float] = {}
         for quantity, key, unit, channel in declared(self.channels, self.motion):
@@ -200,7 +200,7 @@ class RunReader:
             signals[VALID] = present.astype(float)
         signals, rate = self._timed(signals, columns)
         if present is not None:
-            signals = self._longest_part(signals, rate)
+            signals = self._longest_part(signals, rate, missing)
         self._refuse_dead(signals)
         signals = self._remove_delays(signals, rate)
         n = next(iter(signals.values())).size
@@ -244,10 +244,10 @@ class RunReader:
                     found.append(name)
         return tuple(found)
 
-    def _columns(self) -> tuple[dict[Column, Array], NDArray[np.bool_] | None]:
+    def _columns(self) -> tuple[dict[Column, Array], NDArray[np.bool_] | None, str]:
         """Return all columns that this run needs, read in one go, and which samples all of them have; None for all.
 
-        Straight lines run across what is missing.
+        Straight lines run across what is missing; the text says in which columns, and in how many samples.
         """
         columns = self._wanted()
         read = self.table.columns(columns, gaps=not self.part)
@@ -256,20 +256,19 @@ class RunReader:
         whole = [np.resize(values, size) if values.size == 1 else values for values in read]
         found = dict(zip(columns, whole, strict=True))
         if all(np.isfinite(values).all() for values in found.values()):
-            return found, None
+            return found, None, ""
         self._refuse_lengths({str(name): values.size for name, values in found.items()})
-        present = np.logical_and.reduce([np.isfinite(values) for values in found.values()])
-        step = step_of(present)
-        if step > 1 and isinstance(self.channels.time, TimeChannel):
+        finite = {name: np.isfinite(values) for name, values in found.items()}
+        present = np.logical_and.reduce(list(finite.values()))
+        blank = ", ".join(f"{n} in {np.sum(~each)}" for n, each in finite.items() if not each.all())
+        missing = f"{self.table.path.name}: of {size} samples no number in column {blank}"
+        step = step_of(present) if isinstance(self.channels.time, TimeChannel) else 1
+        if step > 1 or self.channels.time == "none":
             # No sample is made up; the faster channel has few above half of the slower one's rate.
-            self.notes.append(f"a channel holds a number in one of {step} rows: the others were left out")
-            return {name: values[present] for name, values in found.items()}, None
-        if self.channels.time == "none":
-            self.notes.append(
-                f"rows of {self.table.path.name} that lack a number were left out: {np.sum(~present)} of {size}"
-            )
-            return {name: values[present] for name, values in found.items()}, None
-        return {name: bridged(values) for name, values in found.items()}, present
+            seldom = f"one row of {step} is used: nothing faster than half of its rate is seen"
+            self.notes.append(f"{missing}; {seldom if step > 1 else 'these rows are left out'}")
+            return {name: values[present] for name, values in found.items()}, None, missing
+        return {name: bridged(values) for name, values in found.items()}, present, missing
 
     def _unwound(self, values: Array, unit: str, factor: float) -> Array:
         """Return the values of an angle or displacement without leaps by whole turns, and take note of it."""
@@ -345,8 +344,8 @@ class RunReader:
         self.notes.append(f"{self.table.path.name}: irregular samples were interpolated to {rate:g} Hz")
         return signals, rate
 
-    def _longest_part(self, signals: dict[str, Any], rate: float) -> dict[str, Any]:
-        """Return the longest part of a run in which nothing is missing that other samples do not show.
+    def _longest_part(self, signals: dict[str, Any], rate: float, missing: str) -> dict[str, Any]:
+        """Return the longest part of a run in which nothing is missing that other samples do not show, and say so.
 
         These are the other periods of a steady run, and the neighbours of a gap that is short against the motion.
         """
@@ -358,11 +357,10 @@ class RunReader:
             fastest = max(main_frequency(values, rate) for values in signals.values() if np.ptp(values) > 0)
             gap = int(SHARED.minor_share * rate / fastest)
         kept = longest_part(present, gap)
-        if kept != slice(0, present.size):
-            self.notes.append(
-                f"{self.table.path.name}: columns hold no number in {np.count_nonzero(~present)} of {present.size} "
-                f"samples; used from {kept.start / rate:.3g} s to {kept.stop / rate:.3g} s"
-            )
+        used = f"used from {kept.start / rate:.3g} s to {kept.stop / rate:.3g} s: the rest counts for nothing"
+        if kept == slice(0, present.size):
+            used = "these samples are left out"
+        self.notes.append(f"{missing}; {used}; look at its cable")
         return {name: values[kept] for name, values in signals.items()} | {VALID: present[kept]}
 
     def _declared_rate(self) -> float:

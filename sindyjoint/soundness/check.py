@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from sindyjoint.described import Shown
+from sindyjoint.described import Shown, same
 from sindyjoint.errors import SindyJointError, UnknownNameError, UnsoundError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.record import Campaign, Motion, Run
@@ -22,7 +22,7 @@ from sindyjoint.soundness.finding import (
     words_of_data,
 )
 from sindyjoint.soundness.law import filters, motions, odd_runs
-from sindyjoint.soundness.masking import fill_test, leave_out_standstill, mask_campaign
+from sindyjoint.soundness.masking import bridge_record, fill_test, leave_out_standstill, mask_campaign
 from sindyjoint.soundness.record import Record, record_of, record_of_structure
 from sindyjoint.states import force_states
 from sindyjoint.text import list_some, spelled
@@ -89,7 +89,7 @@ def _find_in_campaign(campaign: Campaign, words: Words) -> Iterator[Finding]:
         return
     samples = list(_find_in_samples(raw, words))
     yield from samples
-    records = [record.bridged(samples) for record in raw]
+    records = [bridge_record(record, samples) for record in raw]
     for record in records:
         yield from sizes.find_disagreement(record, words)
     lines = [finding for record in records for finding in sizes.find_lines(record, words)]
@@ -167,7 +167,11 @@ class Check(Shown, Generic[Data]):
     """
 
     SCHEMA: ClassVar = 1
-    WRITTEN: ClassVar = {"verdict": "soundness.verdict", "findings": "soundness.findings"}
+    WRITTEN: ClassVar = {
+        "verdict": "soundness.verdict",
+        "findings": "soundness.findings",
+        **same("notes"),
+    }
     measured: Data = field(repr=False)
     soundness: Soundness
     usable: Data
@@ -177,6 +181,11 @@ class Check(Shown, Generic[Data]):
     def campaign(self) -> Campaign | None:
         """As it was read; None of a structure."""
         return self.measured if isinstance(self.measured, Campaign) else None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was decided when a campaign was read."""
+        return self.measured.notes if isinstance(self.measured, Campaign) else ()
 
     @property
     def name(self) -> str:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from sindyjoint.inputs import Source
 from sindyjoint.limits import SOUNDNESS
-from sindyjoint.measurement.runs import white_noise, with_channels
+from sindyjoint.measurement.runs import white_noise
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import Run
-from sindyjoint.soundness.finding import Finding, Spans
+from sindyjoint.soundness.finding import Spans
 
 Mask = NDArray[np.bool_]
 
@@ -240,20 +240,6 @@ class Record:
         fastest = max(main_frequency(c.values, self.sample_rate, between_bins=True) for c in self.alive)
         longest = SOUNDNESS.minor_share * self.sample_rate / max(fastest, 1e-9)
         return self.declared is not None or max(b - a for a, b in spans) <= longest
-
-    def bridged(self, findings: Iterable[Finding]) -> "Record":
-        """Return the record of a joint with straight lines across the samples of findings that are to be left out."""
-        found: dict[str, list[tuple[int, int]]] = {}
-        for f in findings:
-            if f.run == self.name and f.channel and f.id != "saturation":
-                found.setdefault(f.channel, []).extend(f.spans)
-        changes = {name: _without(self.channels[name], spans) for name, spans in found.items() if spans}
-        return record_of(with_channels(self.run, changes)) if changes and self.run else self
-
-
-def _without(values: Array, spans: Iterable[tuple[int, int]]) -> Array:
-    marked, index = marked_of(spans, values.size), np.arange(values.size)
-    return values if marked.all() else np.interp(index, index[~marked], values[~marked])
 
 
 def record_of(run: Run) -> Record:

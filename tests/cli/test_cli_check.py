@@ -44,7 +44,7 @@ def stopping(monkeypatch):
 def test_json_has_exactly_the_promised_fields(written, sindyjoint):
     answer = sindyjoint("check", written, "--json")
     record = json.loads(answer.stdout)
-    assert answer.status == 0 and list(record) == ["schema", "verdict", "findings"]
+    assert answer.status == 0 and list(record) == ["schema", "verdict", "findings", "notes"]
     assert record["schema"] == 1 and record["verdict"] in ("sound", "doubtful")
     assert [list(finding) for finding in record["findings"]] == [FIELDS]
     (finding,) = record["findings"]
@@ -135,4 +135,5 @@ def test_without_a_campaign_the_virtual_test_is_checked(sindyjoint):
         "schema": 1,
         "verdict": "sound",
         "findings": [],
+        "notes": [],
     }

@@ -475,7 +475,15 @@ def test_of_a_channel_with_blanks_in_every_second_row_the_others_are_used(sindyj
     assert read.runs[0].sample_rate == RATE / 2
     np.testing.assert_allclose(read.runs[0].angle, 1e-3 * angle[::2], rtol=1e-5)
     np.testing.assert_allclose(read.runs[0].moment, moment[::2], rtol=1e-5)
-    assert read.notes == ("a channel holds a number in one of 2 rows: the others were left out",)
+    (said,) = read.notes
+    assert said.startswith(
+        "a.csv: of 2400 samples no number in column angle_mrad in 1200; one row of 2 is used"
+    )
+    # Wherever the data are judged, a person reads it.
+    assert said in json.loads(sindyjoint("check", tmp_path, "--json").stdout)["notes"]
+    checked = sindyjoint("check", tmp_path, "--out", tmp_path / "checked")
+    assert said[:60] in checked.stdout.replace("\n", " ")
+    assert said in (tmp_path / "checked" / "report.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("unit", ["deg", "counts"])

@@ -186,7 +186,8 @@ def test_a_sensor_that_drops_out_for_a_while_costs_that_while(bench):
     loaded = bench.column("m", values).load()
     assert loaded.runs[0].valid.all()
     np.testing.assert_array_equal(loaded.runs[0].moment, values[170:])
-    assert loaded.notes == ("run.csv: columns hold no number in 40 of 400 samples; used from 0.85 s to 2 s",)
+    said = "run.csv: of 400 samples no number in column m in 40; used from 0.85 s to 2 s: the rest counts for nothing"
+    assert loaded.notes == (f"{said}; look at its cable",)
 
 
 def test_a_sensor_that_is_silent_at_an_end_or_most_of_the_time(bench):

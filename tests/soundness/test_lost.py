@@ -54,6 +54,15 @@ def test_lost_samples_are_a_finding_and_left_out(lost, whole):
     assert np.allclose(run.moment[run.valid], whole.runs[0].moment[run.valid], rtol=1e-6)
 
 
+def test_a_gap_of_periods_is_no_other_fault(whole):
+    valid = np.ones(whole.runs[0].n_samples, dtype=bool)
+    valid[1400:2000] = False
+    moment = np.interp(whole.runs[0].time, whole.runs[0].time[valid], whole.runs[0].moment[valid])
+    gappy = replace(whole.runs[0], moment=moment, valid=valid)
+    found = check(replace(whole, runs=(gappy, *whole.runs[1:]))).soundness.findings
+    assert [f.id for f in found if f.severity != "note"] == ["lost_samples"]
+
+
 def test_what_is_left_out_moves_no_coefficient_beyond_its_interval(lost, whole):
     before, after = discover(whole), discover(load_campaign(lost))
     assert after.model.ids == before.model.ids

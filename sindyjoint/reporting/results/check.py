@@ -325,7 +325,8 @@ CHECK = View(
     campaign=lambda result: _check_of(result).campaign,
     files=_files,
     printed=_printed,
-    warnings=lambda result: _check_of(result).warnings,
+    # What was decided on reading stands at the end of the page.
+    warnings=lambda result: (*_check_of(result).warnings, *_check_of(result).notes),
 )
 
 
