@@ -231,6 +231,29 @@ def test_a_single_number_in_a_matlab_file_is_its_rate(sindyjoint, tmp_path, name
     assert done.status == 0
     assert manifest(tmp_path)["channels"]["rate"] == "200 Hz"
     assert f"the file's {name}" in done.stdout
+    assert "inputs=" not in done.stdout
+
+
+def test_each_file_keeps_the_rate_that_it_tells_and_others_have_theirs_asked(sindyjoint, tmp_path):
+    for name, rate in (("a", 200), ("b", 200), ("c", 100)):
+        values = [each[:: 200 // rate] for each in swing(9.0)]
+        head = f"Sampling rate: {rate} Hz\n\n" if name == "a" else ""
+        table(tmp_path / f"{name}.csv", head + "torque_Nm,angle_mrad", *values)
+    asked = sindyjoint("init", tmp_path)
+    assert asked.status == 2 and "how fast was b.csv sampled" in asked.stderr
+    assert "One rate is that of c.csv, too, or one for each: 'b.csv: 1 kHz, c.csv: ...'" in asked.stderr
+    # One rate is that of the files that tell none.
+    assert sindyjoint("init", tmp_path, "--set", "rate=100 Hz").status == 0
+    assert [run.sample_rate for run in load_campaign(tmp_path).runs] == [200, 100, 100]
+    done = sindyjoint("init", tmp_path, "--force", "--set", "rate=b.csv: 200 Hz, c.csv: 100 Hz")
+    assert done.status == 0 and "kept" not in done.stdout
+    assert [(run.sample_rate, run.frequency) for run in load_campaign(tmp_path).runs] == [
+        (200, 2),
+        (200, 2),
+        (100, 2),
+    ]
+    refused = sindyjoint("init", tmp_path, "--force", "--set", "rate=b.csv: 200 Hz")
+    assert refused.status == 2 and "expected FILE: RATE for each of b.csv, c.csv" in refused.stderr
 
 
 def test_sweeps_and_repeated_runs_are_told(sindyjoint, tmp_path):

@@ -23,6 +23,7 @@ from sindyjoint.files.drafting.run import (
     input_lines,
     name_levels,
     offer_inputs,
+    untold_rates,
 )
 from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files, split_runs
 from sindyjoint.files.manifest import NONE
@@ -170,10 +171,11 @@ def draft_manifest(
         quantity: [columns[quantity] for _, columns in assigned if quantity in columns]
         for quantity in KEYS[motion]
     }
-    offered = offer_inputs(bundles)
+    offered, (untold, rates) = offer_inputs(bundles), untold_rates(assigned, dialogue)
     for bundle, columns in assigned:
         try:
-            runs.append(_draft_run(bundle, columns, motion, dialogue, peers, offered))
+            rate = rates.get(bundle.name)
+            runs.append(_draft_run(bundle, columns, motion, dialogue, peers, offered, rate))
         except InputError as error:
             left.append((bundle.name, str(error).removeprefix(f"{bundle.name}: ")))
     if not runs:
@@ -193,6 +195,11 @@ def draft_manifest(
     text = _write(
         dialogue.answers.get("name", name), motion, drafted, channels, simulated, dialogue, left, inputs
     )
+    if len(untold) > 1 and "rate" in dialogue.questions:
+        asked = dialogue.questions["rate"]
+        each = f"or one for each: '{untold[0]}: 1 kHz, {untold[1]}: ...'"
+        more = f"{asked.text} One rate is that of {list_some(untold[1:], 'files')}, too, {each}"
+        dialogue.questions["rate"] = replace(asked, text=more)
     questions = tuple(dialogue.questions.values())
     used = _list_used(runs)
     return Draft(text, motion, channels[0], tuple(drafted), questions, tuple(left), simulated, used)
@@ -221,9 +228,10 @@ def _draft_run(
     dialogue: Dialogue,
     peers: Mapping[str, Sequence[Column]],
     offered: Mapping[str, str],
+    given: str | None,
 ) -> _Run:
     channels: dict[str, str] = {}
-    rate = draft_time(bundle, columns.get("time"), channels, dialogue)
+    rate = draft_time(bundle, columns.get("time"), channels, dialogue, given)
     used = [_used_time(bundle.name, columns.get("time"), channels, dialogue)]
     units: dict[str, tuple[str, str | None]] = {}
     for quantity, column in columns.items():
@@ -280,7 +288,7 @@ def _used_time(file: str, column: Column | None, channels: dict[str, str], dialo
         return UsedColumn(file, column.key, "time", unit, _why(column, "time", unit, dialogue))
     key = "rate" if "rate" in channels else "time"
     value, _, comment = channels.get(key, '"?"').partition("  # ")
-    return UsedColumn(file, None, key, value.strip('"'), dialogue.why("rate", comment or "stamps"))
+    return UsedColumn(file, None, key, value.strip('"'), comment or dialogue.why("rate", "stamps"))
 
 
 def _why(column: Column, key: str, unit: str, dialogue: Dialogue) -> str:

@@ -3,7 +3,8 @@
 import re
 import shlex
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from sindyjoint.files.writers import toml_string
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.policy import SHARED
 from sindyjoint.record import MINIMUM_SAMPLES
-from sindyjoint.text import printable
+from sindyjoint.text import list_some, printable
 
 # The sampling rate, or interval, as instruments write it above their tables.
 _RATE = re.compile(
@@ -59,11 +60,40 @@ _LEVEL_SIZE = re.compile(
 )
 
 
+def untold_rates(
+    assigned: Sequence[tuple[Bundle, Mapping[str, Column]]], dialogue: Dialogue
+) -> tuple[list[str], dict[str, str]]:
+    """Return the files that do not tell how they were sampled, and what was answered, by file.
+
+    An answer without names is that of these; of all files where each tells its own.
+    """
+    untold, files = dict[str, None](), {bundle.name: None for bundle, _ in assigned}
+    for bundle, columns in assigned:
+        probe = Dialogue({key: answer for key, answer in dialogue.answers.items() if key != "rate"})
+        with suppress(InputError):
+            draft_time(bundle, columns.get("time"), {}, probe)
+        if "rate" in probe.questions:
+            untold[bundle.name] = None
+    answer = dialogue.answers.get("rate")
+    if answer is None or ":" not in answer:
+        return list(untold), dict.fromkeys(untold or files, answer) if answer else {}
+    parts = (part.rpartition(":") for part in answer.split(","))
+    rates = {file.strip(): rate.strip() for file, _, rate in parts}
+    if not untold.keys() <= rates.keys() <= files.keys():
+        raise InputError(
+            f"rate = {answer!r}; expected FILE: RATE for each of {list_some(list(untold or files))}"
+        )
+    return list(untold), rates
+
+
 def draft_time(
-    bundle: Bundle, column: Column | None, channels: dict[str, str], dialogue: Dialogue
+    bundle: Bundle,
+    column: Column | None,
+    channels: dict[str, str],
+    dialogue: Dialogue,
+    given: str | None = None,
 ) -> float | None:
-    """Write how the run was sampled, and return its rate, Hz."""
-    given = dialogue.answers.get("rate")
+    """Write how the run was sampled, as was answered or as its file tells, and return its rate, Hz."""
     if given == "none":
         channels["time"] = toml_string("none") + "  # quasi-static samples, in their order"
         return None
@@ -241,8 +271,10 @@ def offer_inputs(bundles: Sequence[Bundle]) -> dict[str, str]:
         for column in bundle.columns:
             if column.role not in ("time", "counter"):
                 found[column.title].append((float(np.mean(column.values)), float(np.std(column.values))))
+        rates = {title for title, _ in _named_rates(bundle.scalars)}
         for title, value in bundle.scalars:
-            found[title].append((value, 0.0))
+            if title not in rates:
+                found[title].append((value, 0.0))
     offered = {}
     for title, values in found.items():
         levels, within = np.transpose(values)
