@@ -195,7 +195,7 @@ class Progress:
         self._start = time.perf_counter()
         self._first: tuple[str, int, float] = ("", 0, 0.0)
         self._timer: threading.Timer | None = None
-        self._interrupted = False
+        self.interrupted = False
         self._restore: Any = None
 
     def begin(self) -> Progress:
@@ -222,7 +222,7 @@ class Progress:
 
         Of a stage that counts ("simulating: 3 of 12") a terminal shows how long it will take, by the time so far.
         """
-        if self._interrupted:
+        if self.interrupted:
             raise KeyboardInterrupt
         self._stage = stage
         if self._status is not None:
@@ -232,7 +232,7 @@ class Progress:
 
     def _interrupt(self, number: int, frame: object) -> None:
         # An error that is raised while Python clears an object, or calls back, ends there with a word on stderr.
-        self._interrupted = True
+        self.interrupted = True
         raise KeyboardInterrupt
 
     def _speak(self) -> None:

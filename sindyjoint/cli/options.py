@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sindyjoint.cli.answer import Output, Progress
+from sindyjoint.cli.answer import Interrupted, Output, Progress
 from sindyjoint.errors import InputError
 
 if TYPE_CHECKING:
@@ -270,6 +270,11 @@ def with_blocks(command: Callable[..., None]) -> Callable[..., None]:
         try:
             shown.begin()
             command(**made, **given)
+        except Exception as error:
+            # Where a class is made, Python 3.11 makes another error of Ctrl-C.
+            if shown.interrupted and not isinstance(error, Interrupted):
+                raise KeyboardInterrupt from None
+            raise
         finally:
             shown.end()
 

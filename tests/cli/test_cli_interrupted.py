@@ -115,3 +115,15 @@ def test_ctrl_c_that_comes_while_an_object_is_cleared_is_not_lost(folder, sindyj
     assert [raised.exc_type for raised in lost] == [KeyboardInterrupt]
     assert answer.status == 130 and answer.stderr.splitlines()[-1] == "sindyjoint: interrupted"
     assert not answer.stdout
+
+
+def test_ctrl_c_that_comes_while_a_class_is_made_is_no_error_of_the_command(folder, sindyjoint, monkeypatch):
+    class Named:
+        def __set_name__(self, owner, name):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr(
+        "sindyjoint.workflows.check.load_campaign", lambda *_: type("Made", (), {"x": Named()})
+    )
+    answer = sindyjoint("check", folder.path)
+    assert answer.status == 130 and answer.stderr.splitlines() == ["sindyjoint: interrupted"]
