@@ -270,8 +270,8 @@ def with_blocks(command: Callable[..., None]) -> Callable[..., None]:
         try:
             shown.begin()
             command(**made, **given)
+        # Where a class is made, Python 3.11 makes another error of Ctrl-C.
         except Exception as error:
-            # Where a class is made, Python 3.11 makes another error of Ctrl-C.
             if shown.interrupted and not isinstance(error, Interrupted):
                 raise KeyboardInterrupt from None
             raise

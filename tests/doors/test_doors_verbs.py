@@ -134,7 +134,7 @@ def test_trust_is_good_where_all_is_well(record):
     trust = record["discover"]["trust"]
     assert trust["answer"] == "good"
     assert {trust[light]["colour"] for light in ("data", "explained", "predicts", "determined")} == {"good"}
-    assert record["check"] == {"schema": 1, "verdict": "sound", "findings": []}
+    assert record["check"] == {"schema": 1, "verdict": "sound", "findings": [], "notes": []}
     assert all(record[verb]["soundness"]["verdict"] == "sound" for verb in ("discover", "verify", "diagnose"))
 
 
