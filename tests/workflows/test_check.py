@@ -39,7 +39,7 @@ def test_the_virtual_test_is_sound():
     result = sindyjoint.check()
     assert (result.soundness.verdict, result.stopping, result.reason) == ("sound", (), "")
     assert result.usable is result.campaign and result.warnings == ()
-    assert result.to_dict() == {"schema": 1, "verdict": "sound", "findings": []}
+    assert result.to_dict() == {"schema": 1, "verdict": "sound", "findings": [], "notes": []}
 
 
 def test_findings_become_sentences_with_all_their_parts(campaign, faults):
