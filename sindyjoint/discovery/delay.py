@@ -116,7 +116,7 @@ def law_of_channels(inertia: float | None, inputs: Sequence[Input]) -> Columns:
     moved = [each.name for each in inputs if each.levels > 1]
 
     def columns(angle: Array, rate: Array, acceleration: Array, values: Mapping[str, Array]) -> Array:
-        law = np.column_stack([angle, angle**2, angle**3, rate, np.sign(rate)])
+        law = np.column_stack([angle, angle**2, angle**2 * angle, rate, np.sign(rate)])
         others = [np.ones(angle.size), *([acceleration] if inertia is None else [])]
         return np.column_stack([law, *others, *((values[n] - zero[n])[:, None] * law for n in moved)])
 

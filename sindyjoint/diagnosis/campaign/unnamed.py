@@ -8,7 +8,7 @@ runs.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import scipy
@@ -50,6 +50,7 @@ def surface_columns(run: GapRun, reference: Reference) -> Array:
     )
 
 
+@cache
 def surface_roughness() -> Array:
     """Return the quadratic form c'Rc ≈ ∫|∂²f|² of the surface's coefficients, shape (k, k)."""
     angle, rate, fine_angle, fine_rate = _knots()

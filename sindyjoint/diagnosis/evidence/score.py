@@ -309,8 +309,8 @@ def _left_out(product: Array, right: Array) -> tuple[Array, Array]:
     product, right : ndarray, shapes (…, g, sets, k, k) and (…, g, sets, k)
         X'X and X'y of the rows of each group, whitened.
     """
-    others = product.sum(axis=-4, keepdims=True) - product + RIDGE * np.eye(product.shape[-1])
-    together = others + product
+    whole, ridge = product.sum(axis=-4, keepdims=True), RIDGE * np.eye(product.shape[-1])
+    others, together = whole - product + ridge, whole + ridge
     inverse, wide = np.linalg.inv(others), np.linalg.inv(together)
     coefficients = np.einsum("...kl,...l->...k", inverse, right.sum(axis=-3, keepdims=True) - right)
     error = right - np.einsum("...kl,...l->...k", product, coefficients)

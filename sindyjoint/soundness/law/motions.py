@@ -233,8 +233,9 @@ def rows_of(runs: Motions, scale: Scale, inertia: float | None) -> Rows:
     """
     a, v = runs.angle / scale.angle, runs.rate / scale.rate
     sign = np.sign(v)
-    plain = [np.ones_like(a), a, a**2, a**3, v, sign]
-    built = [*plain, a**5, v * np.abs(v), a * v, a**2 * v, np.abs(a) * sign, a * sign]
+    # A power beyond the second takes a hundred times as long as a product.
+    plain = [np.ones_like(a), a, a**2, a**2 * a, v, sign]
+    built = [*plain, a**2 * a**2 * a, v * np.abs(v), a * v, a**2 * v, np.abs(a) * sign, a * sign]
     built += [np.abs(v), a * v**2] if runs.frequency is None else []
     for values, (low, high) in zip(np.moveaxis(runs.inputs, 2, 0), scale.inputs, strict=True):
         built += [column * (values - low) / (high - low) for column in plain if high > low]
@@ -272,16 +273,19 @@ def misfit(runs: Motions, inertia: float | None, scale: Scale | None = None) -> 
 
 
 def least(left: Callable[[float], float], grid: Array) -> tuple[float, float]:
-    """Return where a function of one number is least, by ever finer grids, and its value there.
+    """Return where a function of one number is least, between the places of a grid, and its value there.
 
     Examples
     --------
     >>> round(least(lambda x: (x - 0.3) ** 2, np.linspace(-1, 1, 7))[0], 2)
     0.3
     """
-    for _ in range(4):
-        values = [left(float(x)) for x in grid]
-        at = int(np.argmin(values))
-        best, value = float(grid[at]), float(values[at])
-        grid = np.linspace(grid[max(at - 1, 0)], grid[min(at + 1, grid.size - 1)], 9)
-    return best, value
+    known = {x: left(x) for x in grid.tolist()}
+    for _ in range(6):
+        places = sorted(known)
+        at = places.index(min(places, key=known.__getitem__))
+        for other in (*places[max(at - 1, 0) : at], *places[at + 1 : at + 2]):
+            middle = (places[at] + other) / 2
+            known[middle] = left(middle)
+    best = min(known, key=known.__getitem__)
+    return best, known[best]
