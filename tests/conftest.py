@@ -146,6 +146,48 @@ class Folder:
         (self.path / "run.csv").write_text("\n".join(lines), encoding="utf-8")
 
 
+#: Parts and files whose pictures are looked at, or are of a kind that is drawn nowhere else.
+PICTURES = {
+    "browser", "test_curves.py", "test_discover_rig.py", "test_doors_verbs.py", "test_examples.py", "test_reproduce.py",
+    "test_reporting_figures.py", "test_reporting_output.py", "test_reporting_page.py", "test_rig_motion.py",
+}  # fmt: skip
+_drawn_in_full = True
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """Say whether a test and its fixtures need whole pictures: those of some parts do, and who asks for `pictures`."""
+    global _drawn_in_full
+    _drawn_in_full = bool(PICTURES & {*item.path.relative_to(TESTS).parts}) or "pictures" in item.fixturenames
+
+
+@pytest.fixture
+def pictures():
+    """Ask for whole pictures."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def pictures_that_nobody_looks_at_are_sketched():
+    """Fill the panels of every picture, but neither lay out nor write them, which takes most of a report's time."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    def laid_out(engine, figure):
+        if _drawn_in_full:
+            lay_out(engine, figure)
+
+    def written(canvas, *args, **options):
+        if not _drawn_in_full:
+            canvas = FigureCanvasSVG(Figure(canvas.figure.get_size_inches()))
+        return write(canvas, *args, **options)
+
+    lay_out, write = ConstrainedLayoutEngine.execute, FigureCanvasSVG.print_svg
+    ConstrainedLayoutEngine.execute, FigureCanvasSVG.print_svg = laid_out, written
+    yield
+    ConstrainedLayoutEngine.execute, FigureCanvasSVG.print_svg = lay_out, write
+
+
 @pytest.fixture(scope="session", autouse=True)
 def no_step_makes_the_gap_larger():
     """Check every diagnosis that a test of this process makes: the gap falls from step to step, or group of steps."""

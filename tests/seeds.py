@@ -5,5 +5,9 @@ import pytest
 
 def seeds(first, *others):
     """Return the mark of a test that has an argument ``seed``."""
-    further = (pytest.param(seed, marks=pytest.mark.slow) for seed in others)
-    return pytest.mark.parametrize("seed", [first, *further])
+    return pytest.mark.parametrize("seed", [first, *slow(*others)])
+
+
+def slow(*cases):
+    """Return further cases of a test, under ``slow``: numbers of one, or several of each in a tuple."""
+    return [pytest.param(*(c if isinstance(c, tuple) else (c,)), marks=pytest.mark.slow) for c in cases]

@@ -65,7 +65,7 @@ def told(output: str, folder: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("command", ["discover", "diagnose"])
-def test_no_word_of_rotation(command, slide, tmp_path, monkeypatch):
+def test_no_word_of_rotation(command, slide, tmp_path, monkeypatch, pictures):
     # What is read of an advised run is the same, however many were tried.
     monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::15])
     arguments = [command, str(slide), "--out", str(tmp_path / "out"), "--quiet"]

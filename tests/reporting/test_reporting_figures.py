@@ -24,6 +24,7 @@ from sindyjoint.reporting import (
     figure_bytes,
 )
 from sindyjoint.reporting.results.structure_joints import RecoveredLoop, StructureFigures
+from tests.seeds import slow
 
 CASES = {
     "rotation": {},
@@ -58,8 +59,16 @@ def laid_out(figure, what):
         assert min(apart) < 0.7, f"{what}: {one} overlaps {other}"
 
 
-@pytest.mark.parametrize("width", [SINGLE_COLUMN, DOUBLE_COLUMN])
-@pytest.mark.parametrize("case", CASES)
+# Where there is more room, the cases of long names and of many panels.
+WIDE = ("rotation", "hostile", "many runs")
+
+
+@pytest.mark.parametrize(
+    ("case", "width"),
+    [(case, SINGLE_COLUMN) for case in CASES]
+    + [(case, DOUBLE_COLUMN) for case in WIDE]
+    + slow(*((case, DOUBLE_COLUMN) for case in CASES if case not in WIDE)),
+)
 def test_nothing_is_cut_off_and_panels_do_not_overlap(case, width):
     data = report_data(**CASES[case])
     for kind in drawable(data):

@@ -33,6 +33,7 @@ from sindyjoint.reporting import (
     write_results,
 )
 from tests.doors.asked import ask
+from tests.seeds import slow
 
 HOSTILES = {
     "verification": lambda: verification(HOSTILE, (HOSTILE, "two"), subject=HOSTILE),
@@ -49,9 +50,17 @@ MADE = {
 }
 
 
-@pytest.mark.parametrize("width", [3.5, 7.0])
-@pytest.mark.parametrize("case", [*MADE, *(f"hostile {case}" for case in HOSTILES)])
-def test_nothing_is_cut_off_and_panels_do_not_overlap(case, width):
+# Each with names that are long, and what has no such case.
+WIDE = ["structure", *(f"hostile {case}" for case in HOSTILES)]
+
+
+@pytest.mark.parametrize(
+    ("case", "width"),
+    [(case, 3.5) for case in (*MADE, *WIDE[1:])]
+    + [(case, 7.0) for case in WIDE]
+    + slow(*((case, 7.0) for case in MADE if case not in WIDE)),
+)
+def test_nothing_is_cut_off_and_panels_do_not_overlap(case, width, pictures):
     result = {**MADE, **{f"hostile {name}": make for name, make in HOSTILES.items()}}[case]()
     for kind in drawable(result):
         laid_out(draw(kind, result, width), f"{case} {kind} {width}")
@@ -71,7 +80,7 @@ def written(result, folder):
 
 
 @pytest.mark.parametrize("case", MADE)
-def test_figures_are_drawn_again_from_what_was_written(case, tmp_path):
+def test_figures_are_drawn_again_from_what_was_written(case, tmp_path, pictures):
     result = MADE[case]()
     folder = written(result, tmp_path / "out")
     again = load_results(folder)

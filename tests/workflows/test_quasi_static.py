@@ -258,7 +258,7 @@ def folder(tmp_path, more="", run=""):
     return tmp_path
 
 
-def test_the_command_line_takes_samples_without_time(tmp_path):
+def test_the_command_line_takes_samples_without_time(tmp_path, pictures):
     given = folder(tmp_path)
     assert (
         CliRunner().invoke(make_app(), ["check", str(given), "--out", str(tmp_path / "check")]).exit_code == 0
