@@ -97,11 +97,17 @@ def tree(path: Path) -> ast.Module:
 
 
 @cache
+def nodes(path: Path) -> tuple[ast.Import | ast.ImportFrom | ast.Call, ...]:
+    """Return the imports and calls of a file: its tree is walked once for all tests."""
+    return tuple(n for n in ast.walk(tree(path)) if isinstance(n, ast.Import | ast.ImportFrom | ast.Call))
+
+
+@cache
 def imports(path: Path) -> set[str]:
     """Return the dotted names inside sindyjoint that a file imports, wherever in the file and for whatever use."""
     here = ["sindyjoint", *path.relative_to(PACKAGE).with_suffix("").parts]
     names = set()
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -161,7 +167,7 @@ def test_the_check_sees_what_it_forbids(tmp_path, monkeypatch):
 def test_a_dependency_has_one_home(library):
     users = set()
     for path in files():
-        for node in ast.walk(tree(path)):
+        for node in nodes(path):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) and not node.level else []
             if any(name.split(".")[0] == library for name in names):
@@ -171,7 +177,7 @@ def test_a_dependency_has_one_home(library):
 
 def test_nothing_evaluates_text_or_unpickles():
     for path in files():
-        for node in ast.walk(tree(path)):
+        for node in nodes(path):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 assert node.func.id not in {"eval", "exec", "compile", "__import__"}, path
             if isinstance(node, ast.Import | ast.ImportFrom):
@@ -205,14 +211,15 @@ def modules_of(path: Path) -> dict[str, set[str]]:
     """Return the modules of the package that a file imports from, each with the names that it takes."""
     known = known_modules()
     found: dict[str, set[str]] = {}
-    for node in ast.walk(tree(path)):
+    for node in nodes(path):
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
                 module = inner if inner in known else node.module
                 module = module if module in known else f"{module}.__init__"
                 found.setdefault(module, set()).add(alias.name)
-        if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "import_module":
+        called = getattr(node, "func", None)
+        if "import_module" in (getattr(called, "attr", ""), getattr(called, "id", "")):
             # A module that is fetched by its name is imported no less.
             found |= {ast.literal_eval(text): set() for text in node.args if isinstance(text, ast.Constant)}
     return {module: names for module, names in found.items() if module in known}
@@ -274,7 +281,7 @@ def test_a_circle_would_be_seen():
 def test_private_names_stay_in_their_module():
     for path in files():
         taken = {f"{module}.{name}" for module, names in modules_of(path).items() for name in names}
-        for node in ast.walk(tree(path)):
+        for node in nodes(path):
             if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in {
                 "sklearn",
                 "joblib",

@@ -11,6 +11,7 @@ import pytest
 
 from sindyjoint.files import write_campaign
 from sindyjoint.mechanics import virtual_campaign
+from tests.made_models import paper_model
 
 HEAVY = (
     "numpy", "pysindy", "sklearn", "scipy.linalg", "scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate",
@@ -25,34 +26,45 @@ PEAKS = {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate"}
 PAGE = {"matplotlib", "jinja2"}
 # A diagnosis has the records of joint and structure in one.
 STRUCTURE = {"sindyjoint.substructure.recovery"}
-#: What each verb may load on a campaign of CSV files.
-MAY_LOAD = {
+#: What each verb may load on a campaign of CSV files; one after the other in one interpreter, each may load more.
+IN_TURN = {
+    # Newer releases of typer check their parameters with pydantic; that is 0.1 s and not ours to defer.
+    **dict.fromkeys(("--help", "--version", "discover --help", "libraries --help"), {"pydantic"}),
+    "libraries list": {"numpy", "pydantic", "rich"},
     "check CAMPAIGN": ANSWER,
     "discover CAMPAIGN": MODEL,
     "verify MODEL CAMPAIGN": MODEL,
-    "diagnose CAMPAIGN": MODEL | {"scipy.optimize"} | STRUCTURE,
     "plan --campaign CAMPAIGN --time 20s": MODEL | STRUCTURE,
+    "diagnose CAMPAIGN": MODEL | {"scipy.optimize"} | STRUCTURE,
+}
+#: The same of verbs that load what those before them do not, or less.
+ALONE = {
     # The selectors are those of pysindy; the splits and paths of some are scikit-learn's, and bring what it imports.
-    "compare CAMPAIGN": {n for n in HEAVY if "." not in n or n in PEAKS | MODEL} - PAGE - {"plotly", "h5py"},
-    "libraries list": {"numpy", "pydantic", "rich"},
+    "compare CAMPAIGN -l paper --replicates 10": {n for n in HEAVY if "." not in n or n in PEAKS | MODEL}
+    - PAGE
+    - {"plotly", "h5py"},
     "libraries show paper": MODEL - {"numba"} | {"pint"},
     "schema": {"numpy", "pydantic", "scipy.linalg"},
 }
 
 
-def heavy_after(code: str, *arguments: object) -> set[str]:
-    """Return the heavy modules that are imported once ``code`` has run in a fresh interpreter."""
-    program = (
-        f"import json, sys\ntry:\n    {code}\nexcept SystemExit as leave:\n    assert not leave.code\n"
-        f"print('\\n' + json.dumps([name for name in {HEAVY!r} if name in sys.modules]))"
-    )
+def heavy_after(*codes: str) -> list[set[str]]:
+    """Return the heavy modules that are imported once each of some codes has run, all in one fresh interpreter."""
+    program = "import json, sys\nfound = []\n"
+    for code in codes:
+        program += (
+            f"try:\n    {code}\nexcept SystemExit as leave:\n    assert not leave.code\n"
+            f"found.append([name for name in {HEAVY!r} if name in sys.modules])\n"
+        )
     run = subprocess.run(
-        [sys.executable, "-c", program, *map(str, arguments)], capture_output=True, text=True, check=True
-    )
-    return set(json.loads(run.stdout.splitlines()[-1]))
+        [sys.executable, "-c", program + "print('\\n' + json.dumps(found))"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    return [set(names) for names in json.loads(run.stdout.splitlines()[-1])]
 
 
-VERB = "from sindyjoint.cli import main; main(sys.argv[1:])"
+def verb(*arguments: object) -> str:
+    return f"from sindyjoint.cli import main; main({[str(each) for each in arguments]!r})"
 
 
 @pytest.fixture(scope="module")
@@ -61,32 +73,33 @@ def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("import_time")
     plan = dict(frequencies=[3.0, 5.0], levels=[0.9, 0.5], duration=3.0, noise=0.01, random_state=0)
     write_campaign(virtual_campaign(**plan), folder / "campaign")
-    heavy_after(VERB, "discover", folder / "campaign", "--out", folder / "found")
-    return {"CAMPAIGN": folder / "campaign", "MODEL": folder / "found" / "model.json"}
+    (folder / "model.json").write_text(paper_model().to_json())
+    return {"CAMPAIGN": folder / "campaign", "MODEL": folder / "model.json"}
 
 
-@pytest.mark.parametrize("command", MAY_LOAD)
-def test_a_verb_loads_what_it_uses(command, files):
-    assert heavy_after(VERB, *(files.get(word, word) for word in command.split())) <= MAY_LOAD[command]
+def test_verbs_load_what_they_use(files):
+    codes = [verb(*(files.get(word, word) for word in command.split())) for command in IN_TURN]
+    for (command, allowed), loaded in zip(IN_TURN.items(), heavy_after(*codes), strict=True):
+        assert loaded <= allowed, command
+
+
+@pytest.mark.parametrize("command", ALONE)
+def test_a_verb_alone_loads_what_it_uses(command, files):
+    (loaded,) = heavy_after(verb(*(files.get(word, word) for word in command.split())))
+    assert loaded <= ALONE[command]
 
 
 def test_a_page_loads_what_draws_it(files, tmp_path):
-    assert heavy_after(VERB, "check", files["CAMPAIGN"], "--out", tmp_path / "out") <= ANSWER | PAGE
-
-
-def test_import_of_the_package_is_light():
-    assert heavy_after("import sindyjoint") == set()
+    (loaded,) = heavy_after(verb("check", files["CAMPAIGN"], "--out", tmp_path / "out"))
+    assert loaded <= ANSWER | PAGE
 
 
 def test_public_names_come_when_asked_for():
-    assert heavy_after("from sindyjoint import Campaign, Joint, Run, load_campaign") <= {"numpy", "pydantic"}
-    assert "sklearn" in heavy_after("from sindyjoint import JointRegressor")
-
-
-@pytest.mark.parametrize("arguments", ["--help", "--version", "discover --help", "libraries --help"])
-def test_help_is_light(arguments):
-    # Newer releases of typer check their parameters with pydantic; that is 0.1 s and not ours to defer.
-    assert heavy_after(VERB, *arguments.split()) <= {"pydantic"}
+    names = "Campaign, Joint, Run, load_campaign"
+    package, light, heavy = heavy_after(
+        "import sindyjoint", f"from sindyjoint import {names}", "from sindyjoint import JointRegressor"
+    )
+    assert package == set() and light <= {"numpy", "pydantic"} and "sklearn" in heavy
 
 
 def test_a_refused_output_is_refused_before_the_heavy_imports(tmp_path):

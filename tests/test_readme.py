@@ -50,8 +50,12 @@ def test_the_extras_that_it_names_exist():
     assert named and named <= set(project["optional-dependencies"])
 
 
-def test_it_explains_every_field_of_the_record(sindyjoint):
-    record = json.loads(sindyjoint("discover", "--json", "--library", "paper").stdout)
+def test_it_explains_every_field_of_the_record(sindyjoint, tmp_path):
+    from sindyjoint import simulate
+    from sindyjoint.files import write_campaign
+
+    write_campaign(simulate(frequencies=[3, 5], levels=[0.4, 0.8], duration=4.0, random_state=0), tmp_path)
+    record = json.loads(sindyjoint("discover", tmp_path, "--json", "--library", "paper").stdout)
     table = README[README.index("| field | meaning |") : README.index("## Python and scikit-learn")]
     for part, value in record.items():
         inner = value[0] if isinstance(value, list) and isinstance(value[0], dict) else value

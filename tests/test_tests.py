@@ -89,25 +89,24 @@ def test_a_test_asserts_something_or_calls_what_does():
         node for tree in trees.values() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)
     ]
     known = {"raises", "warns", "fail", "check"}
-    while more := {each.name for each in functions if each.name not in known and _asserts(each, known)}:
+    called = {each: _called(each) for each in functions}
+    while more := {each.name for each, names in called.items() if each.name not in known and names & known}:
         known |= more
     idle = [each.name for each in functions if each.name.startswith("test_") and each.name not in known]
     assert not idle
 
 
-def _asserts(function, known):
+def _called(function):
+    """Return the names of what a function calls; ``"check"`` is among them where it asserts itself."""
+    names = set()
     for node in ast.walk(function):
         if isinstance(node, ast.Assert):
-            return True
+            names.add("check")
         if isinstance(node, ast.Call):
             name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            if (
-                name in known
-                or name.startswith("assert_")
-                or any(each.arg == "check" for each in node.keywords)
-            ):
-                return True
-    return False
+            checks = name.startswith("assert_") or any(each.arg == "check" for each in node.keywords)
+            names.add("check" if checks else name)
+    return names
 
 
 def test_tests_that_share_a_fixture_share_a_worker():

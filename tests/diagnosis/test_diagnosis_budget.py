@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
+from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.start import Work, cut_up, first_model
@@ -64,7 +65,8 @@ def test_the_largest_part_is_of_the_kind_that_was_hidden(kind, name, seed):
 
 
 def test_a_drift_of_a_channel_is_of_the_run():
-    budget = diagnose(hide("moment_drift", 1).campaign, advise=False).budget
+    drift = select_effects(load_effects(), ["moment_drift"])
+    budget = diagnose(hide("moment_drift", 1).campaign, effects=drift, advise=False).budget
     assert budget.run > 0.9 * (budget.total - budget.noise)
 
 

@@ -47,7 +47,7 @@ def fewer():
 def ambiguous():
     """A campaign and the only two candidates: a constant moment, and the zero error that nothing tells from it."""
     wanted = {"constant_moment", "angle_offset"}
-    return hide("constant_moment", 0, duration=4.0).campaign, [e for e in load_effects() if e.id in wanted]
+    return hide("constant_moment", 0, duration=2.0).campaign, [e for e in load_effects() if e.id in wanted]
 
 
 @pytest.fixture(scope="module")

@@ -61,7 +61,8 @@ def test_an_effect_outside_the_catalogue_is_unknown_and_no_name_is_near_certain(
     assert all(step.probability <= 0.8 for step in result.steps)
 
 
-def test_the_command_prints_the_record_and_writes_its_folder(tmp_path, capsys):
+def test_the_command_prints_the_record_and_writes_its_folder(tmp_path, capsys, few_effects):
+    few_effects("constant_moment", "angle_offset", "quadratic_damping")
     campaign = hide("constant_moment", 1, frequencies=(3.0, 5.0), duration=4.0).campaign
     write_campaign(campaign, tmp_path / "in")
     with pytest.raises(SystemExit) as leave:

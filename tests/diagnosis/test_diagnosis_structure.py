@@ -24,6 +24,7 @@ from sindyjoint.mechanics import (
 from tests.diagnosis.contract import KEYS
 from tests.diagnosis.hidden_structures import hide
 from tests.made_models import paper_model
+from tests.seeds import seeds
 
 # Fewer rivals in the joint: some of each kind where a second seed asks for the name, and least where none does.
 SOME = select_effects(
@@ -65,9 +66,9 @@ def test_what_is_hidden_is_named_and_the_gap_falls_to_the_noise(name, seed, nois
         assert step.parameters[OWN_NUMBER[name]] == pytest.approx(true, rel=0.05)
 
 
-@pytest.mark.parametrize(("seed", "noise"), [(0, 0.003), (1, 0.01), (2, 0.03)])
-def test_nothing_hidden_nothing_named(seed, noise):
-    hidden = hide("nothing", seed, noise, duration=4.0)
+@seeds(0, 1, 2)
+def test_nothing_hidden_nothing_named(seed):
+    hidden = hide("nothing", seed, (0.003, 0.01, 0.03)[seed], duration=4.0)
     result = diagnose_structure(hidden.rig, hidden.model, effects=SOME if seed else None, advise=False)
     assert result.verdict == "nothing_missing" and result.steps == () and result.where == ()
     assert result.final.response <= 1.3 * result.noise_floor.response
@@ -98,7 +99,7 @@ def test_what_the_model_may_be_wrong_by_is_no_effect_and_what_it_may_not_is():
 
 def test_a_pulse_of_uncertain_size_is_no_effect():
     hidden = hide("pulse_scale", 0, 0.003, duration=2.0)
-    said = diagnose_structure(hidden.rig, hidden.model, effects=FEW, advise=False)
+    said = diagnose_structure(hidden.rig, hidden.model, effects=FEW, max_effects=1, advise=False)
     assert said.steps[0].effect == "pulse_scale"
     assert said.steps[0].parameters["delta_F/F"] == pytest.approx(hidden.size, rel=0.1)
     unsure = diagnose_structure(
@@ -124,7 +125,9 @@ def test_another_pulse_and_another_point_are_predicted():
             ),
         ),
     )
-    result = diagnose_structure(hidden.rig, hidden.model, effects=FEW, hold_out=[other], advise=False)
+    result = diagnose_structure(
+        hidden.rig, hidden.model, effects=FEW, max_effects=1, hold_out=[other], advise=False
+    )
     assert result.steps[0].effect == "beam_loss"
     assert [record.name for record in result.records] == [f"tip of {other.name}"]
     assert result.final.response == pytest.approx(result.noise_floor.response, rel=0.15)
@@ -154,7 +157,7 @@ def test_what_one_record_cannot_tell_apart_the_advised_one_does():
 
 def rig_file(tmp_path, law="inter-panel", extra=""):
     text = rig_path("pulse-rig").read_text("utf-8")
-    text = text.replace('law = "inter-panel" ', f'law = "{law}" ').replace('"20 s"', '"3 s"')
+    text = text.replace('law = "inter-panel" ', f'law = "{law}" ').replace('"20 s"', '"2 s"')
     path = tmp_path / "rig.toml"
     path.write_text(text + extra, "utf-8")
     return path
@@ -162,7 +165,7 @@ def rig_file(tmp_path, law="inter-panel", extra=""):
 
 def measured_rig(tmp_path):
     rig = with_loss_factor(load_rig("pulse-rig"), 0.009)
-    ideal = rig.respond(duration=3.0).displacement["tip"]
+    ideal = rig.respond(duration=2.0).displacement["tip"]
     shown = ideal + 0.01 * np.std(ideal) * np.random.default_rng(0).standard_normal(ideal.size)
     lines = ["t,w", *(f"{i / 1000:.4f},{w:.9e}" for i, w in enumerate(shown))]
     (tmp_path / "tip.csv").write_text("\n".join(lines) + "\n")
@@ -209,7 +212,7 @@ def test_a_model_or_a_chain_that_cannot_be_meant_is_refused():
         diagnose_structure(rig, replace(paper_model(), terms=(), covariance=()))
 
 
-def test_the_command_writes_a_page_and_says_what_the_contract_says(capsys, tmp_path, few_effects):
+def test_the_command_writes_a_page_and_says_what_the_contract_says(capsys, tmp_path, few_effects, pictures):
     few_effects("quadratic_damping", "dahl_friction", "dead_zone")
     rig = measured_rig(tmp_path)
     out = tmp_path / "out"
@@ -245,9 +248,21 @@ def test_the_command_writes_a_page_and_says_what_the_contract_says(capsys, tmp_p
     assert not leave.value.code and (tmp_path / "envelope.svg").stat().st_size > 1000
 
 
-def test_without_a_record_the_seed_hides_something(capsys, tmp_path):
+def test_without_a_record_the_seed_hides_something(capsys, tmp_path, few_effects):
+    few_effects("quadratic_damping", "dahl_friction", "dead_zone")
     with pytest.raises(SystemExit) as leave:
-        main(["diagnose", str(rig_file(tmp_path)), "--random-state", "1", "-q"])
+        main(
+            [
+                "diagnose",
+                str(rig_file(tmp_path)),
+                "--random-state",
+                "1",
+                "-q",
+                "--no-advice",
+                "--max-effects",
+                "1",
+            ]
+        )
     assert not leave.value.code
     told = capsys.readouterr().out
     assert "hidden in this virtual test was:" in told and "is simulated" in told

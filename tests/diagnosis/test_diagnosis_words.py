@@ -45,7 +45,8 @@ def test_units_are_those_of_the_catalogue_and_of_the_motion():
             assert not any("rad" in unit or "N*m" in unit for unit in units.values())
 
 
-def test_a_translation_has_force_displacement_and_velocity(tmp_path, capsys):
+def test_a_translation_has_force_displacement_and_velocity(tmp_path, capsys, few_effects):
+    few_effects("quadratic_damping", "cubic_damping", "stribeck_friction", "dead_zone")
     write_campaign(slide(900.0), tmp_path / "in")
     printed = {}
     for arguments in (["--no-advice"], ["--json", "--out", str(tmp_path / "out")]):

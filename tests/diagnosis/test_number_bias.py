@@ -8,6 +8,7 @@ from sindyjoint import diagnose
 from sindyjoint.diagnosis import load_effects, select_effects
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from tests.diagnosis.hidden_effects import hide
+from tests.seeds import seeds
 
 FINER = 32  # the referee stops its sliders in steps of its samples
 
@@ -41,7 +42,7 @@ def test_intervals_of_an_element_with_corners_hold_its_numbers(play, monkeypatch
     assert max(abs(biased[n].value - truth[n]) / biased[n].standard_error for n in truth) > 3
 
 
-@pytest.mark.parametrize("seed", [4, 5])  # moved by a moment, by a motion
+@seeds(5, 4)  # moved by a motion, by a moment
 def test_a_delay_beside_an_element_leaves_their_numbers_right(seed):
     hidden = hide("jenkins_element+channel_delay", seed, duration=3.0)
     campaign = hidden.campaign.with_runs(hidden.campaign.runs[::3])

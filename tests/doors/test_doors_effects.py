@@ -50,7 +50,7 @@ def base(tmp_path):
 )
 def test_an_effect_is_named(name, base, tmp_path, sindyjoint):
     folder = write(tmp_path / "campaign", runs_of(name))
-    options = ["--no-advice", "--max-effects", 2, "--json", *base(name)]
+    options = ["--no-advice", "--max-effects", 1, "--json", *base(name)]
     record = json.loads(sindyjoint("diagnose", folder, *options).stdout)
     # Laws of one kind may be told apart by no run of this campaign: then the true one is among those that are named.
     # The response of a moment that is recorded late is another matter: its gap may stay.

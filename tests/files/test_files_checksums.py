@@ -16,6 +16,7 @@ from sindyjoint.documents import SUMS, changed_files, read_checked, read_list, r
 from sindyjoint.errors import InputError, OutputError
 from sindyjoint.export import read_model
 from sindyjoint.files import load_campaign, output_folder
+from tests.seeds import slow
 
 
 def write(folder, number=0, count=40, **options):
@@ -146,7 +147,7 @@ write(sys.argv[1], 1, kind="discovery")
 """
 
 
-@pytest.mark.parametrize("at", [2, 3, 20, 43, 44, 45])
+@pytest.mark.parametrize("at", [2, 3, 44, 45, *slow(20, 43)])
 def test_old_and_new_files_are_never_taken_for_a_result(tmp_path, at):
     # Killed before the n-th file has its name: the list that says so, 42 files, the list of hashes.
     pytest.importorskip("fcntl", reason="no locks on folders: what is left stays")

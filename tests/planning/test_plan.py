@@ -10,6 +10,7 @@ import pytest
 from sindyjoint import diagnose, discover, init, plan, simulate
 from sindyjoint.diagnosis.campaign import rivals
 from sindyjoint.diagnosis.campaign.designs import PLANNED, designs
+from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.errors import InputError, UnitError, UnknownNameError
 from sindyjoint.files import load_campaign
 from sindyjoint.limits import PLANNING
@@ -232,6 +233,7 @@ def test_effects_are_told_apart_by_the_search_of_the_advice(hidden, monkeypatch)
     judged = []
     # A part of the runs that could be made: what becomes of those that separate best is tested.
     monkeypatch.setattr(rivals, "designs", lambda *given: designs(*given)[::9])
+    monkeypatch.setattr(CampaignProblem, "better_simulated", False)
     monkeypatch.setattr(
         "sindyjoint.workflows.plan.diagnosed",
         lambda *given, **options: judged.append(diagnose(*given, **options)) or judged[-1],

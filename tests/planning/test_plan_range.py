@@ -12,6 +12,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics import PaperLaw
 from sindyjoint.planning import PlannedRun, Sensors, planner, play, runs
+from tests.seeds import slow
 
 
 def joint_and_runs(seed, drive):
@@ -43,7 +44,7 @@ def reached(law, made):
     return {name: max(np.abs(getattr(m, name)).max() for m in moved) for name in ("moment", "angle", "rate")}
 
 
-@pytest.mark.parametrize("drive, seed", [("moment", 11), ("moment", 12), ("angle", 13), ("angle", 14)])
+@pytest.mark.parametrize("drive, seed", [("moment", 11), ("angle", 13), *slow(("moment", 12), ("angle", 14))])
 def test_no_planned_run_leaves_what_the_campaign_tested(drive, seed, monkeypatch):
     monkeypatch.setattr(planner, "PLANNING", replace(PLANNING, joints=3))
     monkeypatch.setattr(planner, "DRAWS", 3)
@@ -110,7 +111,7 @@ def test_where_no_inertia_is_known_the_angle_is_prescribed(monkeypatch):
         plan(campaign=unknown, time=60.0, drive="moment")
 
 
-@pytest.fixture(scope="module", params=["inter-panel", "panel-root"])
+@pytest.fixture(scope="module", params=["inter-panel", *slow("panel-root")])
 def usual(request):
     """The plan of a joint of the paper, by default, and the periods of motion that were simulated for it."""
     work, original = Counter(), runs.simulate

@@ -12,6 +12,7 @@ from sindyjoint.files import load_campaign
 from sindyjoint.record import Campaign, Joint, Run
 from tests.diagnosis.hidden_effects import hide
 from tests.recovery.random_joints import random_plan
+from tests.seeds import seeds
 from tests.soundness.faults import FAULTS, findings_of, found, inject, sound_campaign
 from tests.soundness.file_units import FILE_FAULTS, HONEST_FILES, write_files
 
@@ -123,13 +124,13 @@ def test_odd_data_raise_nothing(name, recwarn):
     assert not recwarn.list
 
 
-@pytest.mark.parametrize("seed", [952, 1006])
+@seeds(952, 1006)
 def test_a_bend_at_the_reversals_is_no_delay(seed):
     """Friction bends the motion of a rig; the series of a noisy angle rounds that, and turns 1 ms too late."""
     assert "channel_delay" not in [f.id for f in findings_of(sound_campaign(seed))]
 
 
-@pytest.mark.parametrize("seed", [504, 507, 515])
+@seeds(504, 507, 515)
 def test_a_maxwell_branch_is_no_delay(seed):
     """Its lag does not grow with frequency for ever; three of the six of 30 campaigns that were called delayed."""
     rng = np.random.default_rng((5, seed))

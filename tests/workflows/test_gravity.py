@@ -37,6 +37,7 @@ def test_a_pendulum_is_one_term_and_no_series_of_powers():
 
 
 @pytest.mark.shared
+@pytest.mark.slow
 def test_the_published_pendulum():
     """Its owners report m·g·a/J of 64.22 1/s²; the record is of unit inertia."""
     if not (DATA / "pendulum").is_dir():

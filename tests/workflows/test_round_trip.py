@@ -6,6 +6,7 @@ import pytest
 
 from sindyjoint import diagnose, verify
 from tests.diagnosis.hidden_effects import hide
+from tests.seeds import slow
 
 
 def campaign(name, **fixed):
@@ -24,14 +25,13 @@ def few(few_effects):
 
 @pytest.mark.parametrize(
     ("name", "drive"),
-    [
+    [("angle_offset", "moment"), ("bouc_wen_hysteresis", "displacement"), ("moment_drift", "displacement")]
+    # Those of diagnosis/test_whole_model.py, without the folder that a diagnosis writes.
+    + slow(
         ("channel_delay", "displacement"),
-        ("angle_offset", "moment"),
         ("jenkins_element", "moment"),
-        ("bouc_wen_hysteresis", "displacement"),
-        ("moment_drift", "displacement"),
         ("frequency_dependent_stiffness", "moment"),
-    ],
+    ),
 )
 def test_the_saved_model_has_the_gap_of_the_diagnosis(name, drive, tmp_path):
     runs, out = campaign(name, drive=drive)

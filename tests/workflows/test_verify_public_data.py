@@ -51,6 +51,7 @@ def test_emps_runs_freely_for_its_whole_record(emps):
     assert run.rmse < 4.5e-3
 
 
+@pytest.mark.slow  # of made data: test_round_trip.py
 def test_half_of_the_friction_damper_predicts_the_other_half(tmp_path):
     campaign = load_campaign(folder("friction-damper"))
     kept = [run.name for run in campaign.runs[1::2]]
