@@ -145,6 +145,23 @@ def calibration_sheet(folder: Path, truth: Campaign) -> dict[str, str]:
     return {"moment.gain": "5e-9 N*m/count", "angle.gain": "2e-12 rad/count"}
 
 
+def tidy_rows(folder: Path, truth: Campaign) -> dict[str, str]:
+    """A table as pandas melts it: in each row the run, an instant, the name of a channel, its value and its unit."""
+    lines = ["run;time_s;channel;value;unit"]
+    for name, run in files(truth):
+        for title, unit, values in (("Torque", "N*m", run.moment), ("Angle", "mrad", 1e3 * run.angle)):
+            columns = [
+                [name] * run.n_samples,
+                run.time,
+                [title] * run.n_samples,
+                values,
+                [unit] * run.n_samples,
+            ]
+            lines.append(rows(columns, ";", comma=True).rstrip())
+    (folder / "all.csv").write_text("\n".join(lines) + "\n")
+    return {}
+
+
 def decays_below(folder: Path, truth: Campaign) -> dict[str, str]:
     """Three free decays of one column pair, one below the other, blank lines between: 9 Hz, 2 % of critical damping."""
     rng, turn, parts = np.random.default_rng(3), 2 * np.pi * 9.0, []
@@ -166,4 +183,5 @@ OWN: list[Callable[[Path, Campaign], dict[str, str]]] = [
     parquet_long,
     pounds_and_noon,
     calibration_sheet,
+    tidy_rows,
 ]

@@ -181,7 +181,7 @@ _DATE = re.compile(r"\d[-/.]\d{1,2}[-/.]\d|\d:\d")
 
 
 def read_text(path: Path, data: bytes | None = None, skip: int | None = None) -> Table | None:
-    """Return the columns of a text table; of one to be read in segments None where its letters take two bytes each.
+    """Return the columns of a text table; None in place of segments of two-byte letters, or of rows of a channel each.
 
     Parameters
     ----------
@@ -198,11 +198,10 @@ def read_text(path: Path, data: bytes | None = None, skip: int | None = None) ->
     """
     if data is not None:
         return table_of_text(path, decode_text(path, data), skip)
-    return (
-        None
-        if begins(path).startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-        else _Segments(path, skip).table()
-    )
+    if begins(path).startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return None
+    segments = _Segments(path, skip)
+    return segments.table() if segments.layout.wide() is segments.layout else None
 
 
 def table_of_text(path: Path, text: str, skip: int | None = None) -> Table:
@@ -210,6 +209,7 @@ def table_of_text(path: Path, text: str, skip: int | None = None) -> Table:
     layout = _layout(path, text, skip)
     if not text.endswith("\n"):
         layout.check_end()
+    layout = layout.wide()
     return Table(
         path, layout.names, lambda wanted, start, stop: layout.parse(wanted), count=lambda: len(layout.lines),
         name_row=lambda index: f"line {layout.numbers[index]}", units=layout.units, remarks=layout.remarks,
@@ -274,6 +274,35 @@ class _Layout:
                         f"{unequal}; expected equal numbers (put # before lines that belong to no table)"
                     )
         return replace(self, lines=lines, numbers=numbers)
+
+    def wide(self) -> "_Layout":
+        """Return a table of which each row holds the name and one value of a channel with a column for each channel."""
+        head = zip(*(split_fields(line, self.delimiter) for line in self.lines[:LONGEST]), strict=False)
+        kinds = [set(map(_kind, column)) for column in head]
+        words = [at for at, kind in enumerate(kinds) if kind == {"text"}]
+        numbers = [at for at, kind in enumerate(kinds) if kind <= {"number", "blank"}]
+        rows = [split_fields(line, self.delimiter) for line in self.lines] if words and numbers else []
+        for named in words[::-1]:
+            channels = list(dict.fromkeys(row[named] for row in rows))
+            if len(channels) * MINIMUM_SAMPLES > len(rows):
+                continue
+            pairs = {at: {(row[named], row[at]) for row in rows} for at in words if at != named}
+            told = [
+                at for at, of in pairs.items() if len(of) == len(channels) and all(is_unit(u) for _, u in of)
+            ]
+            keys = [at for at in range(len(kinds)) if at not in (named, numbers[-1], *told)]
+            table: dict[tuple[str, ...], dict[str, str]] = {}
+            for row in rows:
+                table.setdefault(tuple(row[at] for at in keys), {})[row[named]] = row[numbers[-1]]
+            if sum(map(len, table.values())) == len(rows) > len(table):
+                units = {row[named]: row[told[0]] for row in rows[::-1]} if told else {}
+                return replace(
+                    self, names=(*(self.names[at] for at in keys), *channels), delimiter="\t",
+                    lines=["\t".join((*key, *(of.get(c, "") for c in channels))) for key, of in table.items()],
+                    numbers=self.numbers[: len(table)],
+                    units=(*[""] * len(keys), *(units.get(c, "") for c in channels)),
+                )  # fmt: skip
+        return self
 
     def check_end(self) -> None:
         """Refuse a file without a last line end whose last number is shorter than all above: 6.2 may be of 6.2e-05."""
