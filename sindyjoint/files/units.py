@@ -123,6 +123,8 @@ def _try_parse(unit: str) -> pint.Unit | None:
     unit = f"{torque['pull']}f*{torque['arm']}" if torque else _MEANT.get(unit, unit)
     # A hyphen or a point between two units multiplies them, as in N-m.
     unit = re.sub(r"(?<=[^\W\d_])[-.·⋅](?=[^\W\d_])", "*", unit)
+    # Written out, as Newton Meter and Degrees, units begin with a small letter.
+    unit = re.sub(r"\b[A-Z](?=[a-z]{3})", lambda letter: letter[0].lower(), unit)
     # pint evaluates numbers while it parses, so a tower of powers would run for ever: only small ones pass.
     bare = re.sub(_EXPONENT, " ", unit)
     chained = re.search(rf"{_EXPONENT}\s*(?:\*\*|\^)", unit)

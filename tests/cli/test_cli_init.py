@@ -217,6 +217,25 @@ def test_a_free_decay_without_a_load_is_one_under_no_load(sindyjoint, tmp_path):
     assert sindyjoint("check", tmp_path).status == 0
 
 
+def test_of_a_load_that_is_zero_in_a_free_decay_driven_runs_keep_their_column(sindyjoint, tmp_path):
+    table(tmp_path / "swing.csv", "time_s,angle_rad", TIME, 0.3 * np.exp(-TIME / 4) * np.cos(8 * TIME))
+    table(tmp_path / "driven.csv", "time_s,torque_Nm,angle_rad", TIME, *swing(0.3))
+    done = sindyjoint("init", tmp_path, "--set", "moment=0 N*m")
+    assert done.status == 0 and "left out" not in done.stdout
+    driven, free = load_campaign(tmp_path).runs
+    assert np.ptp(driven.moment) > 0 and not free.moment.any()
+    told = json.loads(sindyjoint("check", tmp_path, "--json").stdout)
+    assert "frozen_channel" not in {f["id"] for f in told["findings"]}
+
+
+def test_units_written_out_and_a_count_of_rows_beside_a_stated_rate(sindyjoint, tmp_path):
+    head = "Sample frequency [Hz]: 200\n\nSample,Torque [Newton Meter],Encoder [Degrees]"
+    table(tmp_path / "a.csv", head, np.arange(TIME.size), *swing(9.0))
+    assert sindyjoint("init", tmp_path).status == 0
+    (run,) = load_campaign(tmp_path).runs
+    assert run.sample_rate == RATE and np.degrees(run.angle.max()) == pytest.approx(9.0, rel=0.01)
+
+
 def test_a_driven_motion_without_a_load_says_how_to_declare_none(sindyjoint, tmp_path):
     table(tmp_path / "a.csv", "time_s,angle_rad", TIME, swing(0.1)[1])
     refused = sindyjoint("init", tmp_path, "--yes")

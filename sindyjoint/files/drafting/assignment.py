@@ -2,13 +2,24 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sindyjoint.errors import InputError, UnknownNameError, nearest
 from sindyjoint.files.channels import CHANNEL_KEYS, KEYS
-from sindyjoint.files.drafting.survey import MOTIONS, ROLES, WORDS, Bundle, Column, is_clock, is_twin
+from sindyjoint.files.drafting.survey import (
+    LOADS,
+    MOTIONS,
+    ROLES,
+    SI_UNITS,
+    WORDS,
+    Bundle,
+    Column,
+    is_clock,
+    is_twin,
+)
 from sindyjoint.files.manifest import NONE
 from sindyjoint.files.timeaxis import decays
 from sindyjoint.files.units import COUNTS, KNOWN, conversion, needs_gain, parse_quantity, unit_ratio
@@ -220,6 +231,11 @@ def _choose(
         both = [bundle.find(each.strip()) for each in (one, other)]
         if column is None and sign and both[0] is not None and both[1] is not None:
             column = replace(both[0], minus=both[1].key, values=both[0].values - both[1].values)
+        if column is None and role in LOADS and len(candidates) == 1:
+            # A load that is constant in some runs was measured in this one.
+            with suppress(InputError):
+                parse_quantity(answer, SI_UNITS[role], key)
+                return candidates[0]
         if column is None:
             raise InputError(
                 f"{bundle.name}: {key} = {answer!r} is no column; columns there: {_list(bundle.columns)}"

@@ -44,8 +44,8 @@ def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
 
 
 def _is_declared(channel: Channel, records: Sequence[Record]) -> bool:
-    """Return whether a constant moment is that of free decays: zero, and in every run or where the motion decays."""
-    still = (r for r in records if r.channel("moment") is not None)
+    """Return whether a constant moment is that of free decays: zero, and in no run that was driven."""
+    still = (r for r in records if channel.name in {each.name for each in r.dead})
     return not any(channel.values[0] != 0.0 or r.declared is not None for r in still)
 
 

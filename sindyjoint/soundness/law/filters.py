@@ -66,7 +66,10 @@ def find_signs(
             f"this run gives off energy ({100 * loss[i]:.2g} % of the product of the RMS of {load_name} and "
             f"{words.of('rate')}) while the others dissipate",
             "pulls c1 and M_F towards zero" + ", and k1 with them" * flipped,
-            "reverse one channel of that run" if flipped else "the record may run backwards: leave it out",
+            "reverse one channel of that run"
+            if flipped
+            else "its channels may be swapped: name each one's column in its [run.channels]; or the record runs "
+            "backwards: leave it out",
         )
 
 
