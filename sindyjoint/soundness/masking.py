@@ -194,13 +194,7 @@ def _find_censored(run: Run, finding: Finding) -> Mask:
 def bridge_record(record: Record, findings: Sequence[Finding]) -> Record:
     """Return the record of a joint with the samples bridged that are lost, held or spikes, of one channel or of all."""
     found = [f for f in findings if f.run == record.name and f.id != SATURATION and f.spans]
-    changes = {}
-    for name, values in record.channels.items():
-        valid = ~marked_of([s for f in found if f.channel in (name, None) for s in f.spans], values.size)
-        if valid.any() and not valid.all():
-            period = None if record.declared is None else record.sample_rate / record.declared
-            changes[name] = bridge(values, valid, period)
-    return record_of(with_channels(record.run, changes)) if changes and record.run else record
+    return record_of(mask_run(record.run, found)) if found and record.run else record
 
 
 def bridge(signal: Array, valid: Mask, period: float | None = None) -> Array:

@@ -100,12 +100,9 @@ def draft_time(
     if given is not None:
         channels["rate"] = toml_string(given)
         return parse_quantity(given, "Hz", "rate")
+    # What counts rows is no time where a rate is stated.
     counts = column is not None and column.role is None and bool(np.all(np.diff(column.values) == 1))
-    told, probe = dict[str, str](), Dialogue({})
-    if counts and _draft_rate(bundle, told, probe) is not None:
-        # What counts rows is no time where a rate is stated.
-        column = None
-    if column is None:
+    if column is None or (counts and _draft_rate(bundle, {}, Dialogue({})) is not None):
         return _draft_rate(bundle, channels, dialogue)
     unit = dialogue.answers.get("time.unit") or column.unit
     if not unit:
