@@ -277,11 +277,14 @@ class _Layout:
 
     def wide(self) -> "_Layout":
         """Return a table of which each row holds the name and one value of a channel with a column for each channel."""
-        head = zip(*(split_fields(line, self.delimiter) for line in self.lines[:LONGEST]), strict=False)
-        kinds = [set(map(_kind, column)) for column in head]
+        # A blank at the end of a line is no field.
+        head = [[*split_fields(line, self.delimiter), ""] for line in self.lines[:LONGEST]]
+        kinds = [set(map(_kind, column)) for column in zip(*head, strict=False)]
         words = [at for at, kind in enumerate(kinds) if kind == {"text"}]
-        numbers = [at for at, kind in enumerate(kinds) if kind <= {"number", "blank"}]
-        rows = [split_fields(line, self.delimiter) for line in self.lines] if words and numbers else []
+        numbers = [at for at, kind in enumerate(kinds) if "number" in kind and kind <= {"number", "blank"}]
+        if not words or not numbers:
+            return self
+        rows = [[*split_fields(line, self.delimiter), ""] for line in self.lines]
         for named in words[::-1]:
             channels = list(dict.fromkeys(row[named] for row in rows))
             if len(channels) * MINIMUM_SAMPLES > len(rows):
@@ -290,7 +293,7 @@ class _Layout:
             told = [
                 at for at, of in pairs.items() if len(of) == len(channels) and all(is_unit(u) for _, u in of)
             ]
-            keys = [at for at in range(len(kinds)) if at not in (named, numbers[-1], *told)]
+            keys = [at for at in range(len(self.names)) if at not in (named, numbers[-1], *told)]
             table: dict[tuple[str, ...], dict[str, str]] = {}
             for row in rows:
                 table.setdefault(tuple(row[at] for at in keys), {})[row[named]] = row[numbers[-1]]
