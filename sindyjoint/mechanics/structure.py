@@ -158,9 +158,12 @@ def _check_chain(items: Sequence[Item]) -> None:
                 for before, item in zip(items, [*items[1:], None], strict=True)
             ),
             (
-                twice or "tip" in names,
-                f"name(s) {', '.join(twice or ['tip'])} used twice in the chain; expected a different name for each "
-                "part",
+                twice,
+                f"name(s) {', '.join(twice)} used twice in the chain; expected a different name for each part",
+            ),
+            (
+                "tip" in names,
+                "a part is called 'tip', as the free end of every chain is; expected another name",
             ),
             *(
                 (

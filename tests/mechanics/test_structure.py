@@ -253,6 +253,7 @@ def test_hidden_presliding_runs_in_a_structure():
         ),
         ([LumpedMass("m", 1.0), Beam("b", 1, 1, 1)], "begins with mass 'm'"),
         ([Beam("b", 1, 1, 1), Beam("b", 1, 1, 1)], "b used twice"),
+        ([Beam("b", 1, 1, 1), LumpedMass("tip", 1.0)], "'tip', as the free end of every chain is"),
         ([Beam("b", 1, 1, 1), LumpedMass("m", -1.0)], "'m': mass is -1.0"),
     ],
 )
