@@ -58,7 +58,30 @@ class RecordsProblem(RunsProblem):
 
     def _segments(self, x: Array, extra: Change | None = None) -> list[Array] | None:
         """Return the residual of every segment; None without a motion."""
-        key = "segments", x.tobytes(), id(extra), tuple(map(id, self.found))
+        records = self._following(x, extra)
+        return None if records is None else self._residual_of(records, x, extra)
+
+    def _following(self, x: Array, extra: Change | None) -> tuple[SegmentedRun, ...] | None:
+        """Return the runs, their states moved after the numbers; of a diagnosis as they are, for it tries many."""
+        if self.floored:
+            return self.records
+        key = "following", x.tobytes(), id(extra), tuple(map(id, self.found))
+        if key not in self._kept:
+            found = None
+            with suppress(SimulationError, InputError, np.linalg.LinAlgError):
+                setup = self.setup(x, extra)
+                found = tuple(
+                    record.followed(self.simulated(record, x, setup), channels_of(setup))
+                    for record in self.records
+                )
+            self._keep(key, found)
+        return self._kept[key]
+
+    def _residual_of(
+        self, records: tuple[SegmentedRun, ...], x: Array, extra: Change | None
+    ) -> list[Array] | None:
+        """Return the residual of every segment of runs; None without a motion."""
+        key = "segments", x.tobytes(), id(extra), tuple(map(id, self.found)), tuple(map(id, records))
         if key in self._kept:
             return self._kept[key]
         found = None
@@ -66,7 +89,7 @@ class RecordsProblem(RunsProblem):
             setup = self.setup(x, extra)
             found = [
                 part
-                for record in self.records
+                for record in records
                 for part in record.residual(self.simulated(record, x, setup), channels_of(setup))
             ]
         return self._keep(key, found)
@@ -98,8 +121,10 @@ class RecordsProblem(RunsProblem):
         steps = COARSE_DIFFERENCE * (high - low)
         steps[: self.priors] = STEP_PRIOR
 
+        records = self._following(x, extra)
+
         def segments(at: Array) -> Array | None:
-            parts = self._segments(at, extra)
+            parts = None if records is None else self._residual_of(records, at, extra)
             return None if parts is None else np.concatenate(parts)
 
         columns[first:] = differences(segments, x, residual[first:], places, steps, high)
@@ -123,7 +148,7 @@ class RecordsProblem(RunsProblem):
             try:
                 reduced = self.simulated(record, x, self.setup(x, extra))
                 driven = bool(record.states) and not self.floored
-                known = record.with_measured_noise(reduced) if driven else record
+                known = record.followed(reduced).with_measured_noise(reduced) if driven else record
                 settled = known.settled(reduced, driven)
                 if self.floored:
                     settled = settled.with_measured_noise(reduced).with_noise_of_drive(reduced)
@@ -171,7 +196,7 @@ class RecordsProblem(RunsProblem):
     def _with_drive_noise(self, x: Array, draw: int) -> list[Array]:
         """Return the residuals of all segments with other noise on the drive, as far as that can be simulated."""
         found, channels = [], channels_of(self.setup(x))
-        for number, record in enumerate(self.records):
+        for number, record in enumerate(self._following(x, None) or self.records):
             simulated = self.simulated(record, x)
             noisy = record.with_drive_noise(np.random.default_rng([draw, number]))
             try:

@@ -107,6 +107,10 @@ class SegmentedRun:
         With which each segment begins; empty before they are known.
     spread : tuple of ndarray, shape (rows, m)
         Of each segment: W of r − W·Wᵀ·r, the residual without what errors of its state explain.
+    pulls : tuple of ndarray, shape (len(directions), rows)
+        Of each segment: by what its state is to move for a residual, to first order.
+    of_drive : tuple of ndarray, shape (rows, lines)
+        Of each segment: what errors of the drive do to it; empty before they are looked for.
     missing : tuple of ndarray, shape (rows,)
         Of each segment: what the steps of the simulation leave out of its residual.
     shares : tuple of float
@@ -127,6 +131,8 @@ class SegmentedRun:
     directions: tuple[State, ...] = ()
     states: tuple[State, ...] = ()
     spread: tuple[Array, ...] = ()
+    pulls: tuple[Array, ...] = ()
+    of_drive: tuple[Array, ...] = ()
     missing: tuple[Array, ...] = ()
     shares: tuple[float, ...] = ()
 
@@ -240,8 +246,10 @@ class SegmentedRun:
         ratio = np.sqrt(np.median(np.hstack(upper) ** 2, axis=1) / MEDIAN_SQUARE)
         declared = [bool(sensor.noise) for sensor in self.test.sensors]
         ratio = np.where(declared, 1.0, np.clip(ratio, 1 / SUBSTRUCTURE.clearly, SUBSTRUCTURE.clearly))
-        missing = tuple((part.reshape(count, -1) / ratio[:, None]).ravel() for part in self.missing)
-        return replace(self, sigma=self.sigma * ratio, missing=missing)
+        weights = [1 / np.repeat(ratio, part.size // count) for part in self.missing]
+        missing = tuple(part * w for part, w in zip(self.missing, weights, strict=True))
+        of_drive = tuple(part * w[:, None] for part, w in zip(self.of_drive, weights, strict=False))
+        return replace(self, sigma=self.sigma * ratio, missing=missing, of_drive=of_drive)
 
     def with_noise_of_drive(self, reduced: Structure) -> Self:
         """Return the run with residuals in the noise of sensors and drive together, segment by segment.
@@ -269,11 +277,31 @@ class SegmentedRun:
         first = float(self.test.structure.frequencies(1, locked=True)[0])
         begun = replace(self.begun(reduced), driven=DRIVEN * first if driven else 0.0)
         missing = self.missing or begun._missing(reduced)
-        found = [
-            begun._settle(reduced, *each) for each in zip(begun.spans, begun.states, missing, strict=True)
-        ]
-        settled = replace(begun, states=tuple(s for s, _ in found), spread=tuple(w for _, w in found))
+        # What the drive's errors do takes most of the time: it is kept once it was found near the end of a fit.
+        of_drive = self.of_drive or (None,) * len(begun.spans)
+        parts = zip(begun.spans, begun.states, missing, of_drive, strict=True)
+        states, spread, pulls, effects = zip(*(begun._settle(reduced, *each) for each in parts), strict=True)
+        again = driven and self.driven > 0
+        settled = replace(begun, states=states, spread=spread, pulls=pulls, of_drive=effects if again else ())
         return replace(settled, missing=settled._missing(reduced))
+
+    def followed(self, reduced: Structure, channels: Channels = RECORDED) -> Self:
+        """Return the run with its states moved to where they fit other numbers, by the known effects of their errors.
+
+        What a number changes is projected out to first order only as far as a state explains it: a state that stays
+        where it was holds the numbers near those that it was found with.
+
+        Raises
+        ------
+        SimulationError
+        """
+        shown = (shown for shown, _ in self.motions(reduced, channels))
+        parts = zip(self.spans, self.states, self.missing, self.pulls, shown, strict=True)
+        states = tuple(
+            moved(state, pull @ (self._compared(span, each) + missing), self.directions)
+            for span, state, missing, pull, each in parts
+        )
+        return replace(self, states=states)
 
     def from_standstill(self, reduced: Structure) -> tuple[Array, Array, Array]:
         """Return what the sensors show of the whole record, simulated from standstill, and the motion behind it.
@@ -322,24 +350,26 @@ class SegmentedRun:
         )
 
     def _settle(
-        self, reduced: Structure, span: tuple[int, int], state: State, missing: Array
-    ) -> tuple[State, Array]:
-        """Return the state of a segment with which it fits best, and what errors of it explain."""
+        self, reduced: Structure, span: tuple[int, int], state: State, missing: Array, of_drive: Array | None
+    ) -> tuple[State, Array, Array, Array]:
+        """Return a segment's best state, what its errors explain, what moves it, and what errors of the drive do."""
         residual = self._segment(reduced, span, state) + missing
         away = (moved(state, [COARSE_DIFFERENCE], [move]) for move in self.directions)
         changes = [self._segment(reduced, span, each) + missing - residual for each in away]
         effects = np.array(changes).T / COARSE_DIFFERENCE
         count = effects.shape[1]
-        effects = np.hstack([effects, self._drive_effects(reduced, span, state, residual - missing)])
+        if of_drive is None:
+            of_drive = self._drive_effects(reduced, span, state, residual - missing)
+        effects = np.hstack([effects, of_drive])
         left, size, right = np.linalg.svd(effects, full_matrices=False)
+        pull = -(right.T[:count] * (size / (size**2 + 1))) @ left.T
         for _ in range(ROUNDS):
-            shift = -right.T @ (size / (size**2 + 1) * (left.T @ residual))
-            trial = moved(state, shift[:count], self.directions)
+            trial = moved(state, pull @ residual, self.directions)
             after = self._segment(reduced, span, trial) + missing
             if after @ after >= residual @ residual:
                 break
             state, residual = trial, after
-        return state, left * np.sqrt(1 - 1 / np.sqrt(1 + size**2))
+        return state, left * np.sqrt(1 - 1 / np.sqrt(1 + size**2)), pull, of_drive
 
     def _drive_effects(self, reduced: Structure, span: tuple[int, int], state: State, shown: Array) -> Array:
         """Return what a standard error of each slow line of the drive does to a segment, shape (rows, lines)."""
