@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.structure.output_error import STEP_PRIOR, differences, parted
+from sindyjoint.diagnosis.structure.output_error import STEP_PRIOR, covariance_of, differences, parted
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
@@ -114,20 +114,30 @@ class RecordsProblem(RunsProblem):
         self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
     ) -> Array:
         """Return the columns of the Jacobian at some places, those of the segments by differences."""
-        first = residual.size - sum(record.rows for record in self.records)
         low, high = self.bounds(extra)
-        columns = np.zeros((residual.size, len(places)))
-        columns[:first] = super().derivatives(x, residual[:first], duration, places, extra)
         steps = COARSE_DIFFERENCE * (high - low)
         steps[: self.priors] = STEP_PRIOR
+        return self._columns(x, residual, duration, places, steps, extra)
 
+    def _columns(
+        self,
+        x: Array,
+        residual: Array,
+        duration: float,
+        places: Sequence[int],
+        steps: Array,
+        extra: Change | None = None,
+    ) -> Array:
+        first = residual.size - sum(record.rows for record in self.records)
+        columns = np.zeros((residual.size, len(places)))
+        columns[:first] = super().derivatives(x, residual[:first], duration, places, extra)
         records = self._following(x, extra)
 
         def segments(at: Array) -> Array | None:
             parts = None if records is None else self._residual_of(records, at, extra)
             return None if parts is None else np.concatenate(parts)
 
-        columns[first:] = differences(segments, x, residual[first:], places, steps, high)
+        columns[first:] = differences(segments, x, residual[first:], places, steps, self.bounds(extra)[1])
         return columns
 
     def near(self, x: Array) -> Self:
@@ -169,6 +179,9 @@ class RecordsProblem(RunsProblem):
         residual, parts = self.residuals(x), self._segments(x)
         assert residual is not None and parts is not None
         jacobian = self.derivatives(x, residual, 0.0, range(x.size))
+        # Events bend the response within the errors that the numbers had before the fit, which may be much larger.
+        errors = np.sqrt(np.diag(covariance_of(jacobian)))
+        jacobian = self._columns(x, residual, 0.0, range(x.size), STEP_PRIOR * np.minimum(errors, 1.0))
         normal = jacobian.T @ jacobian
         inverse = np.linalg.pinv(normal, hermitian=True)
         by_segment = np.split(
