@@ -69,11 +69,11 @@ class RigRefinement:
         if not self.refined:
             return (f"not refined on the simulated response: {self.reason}",)
         other = sum(not end < min(self.ends) + SAME_END for end in self.ends)
-        found = f"{len(self.ends)} starts end alike"
+        found = f"; {len(self.ends)} starts end alike" if len(self.ends) > 1 else ""
         if other:
-            found = f"{other} of {len(self.ends)} starts end worse, or cannot be simulated"
+            found = f"; {other} of {len(self.ends)} starts end worse, or cannot be simulated"
         words: tuple[str, ...] = (
-            f"refined on the simulated response: {self.before:.2f} times the noise before, {self.after:.2f} after; "
+            f"refined on the simulated response: {self.before:.2f} times the noise before, {self.after:.2f} after"
             f"{found}",
         )
         if self.after**2 > SUBSTRUCTURE.contradicts:

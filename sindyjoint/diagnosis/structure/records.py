@@ -23,7 +23,8 @@ from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.response.output_error import DRAWS
 from sindyjoint.states import ForceStates
 from sindyjoint.substructure.recovery import Recovery
-from sindyjoint.substructure.simulated.segments import Channels, SegmentedRun
+from sindyjoint.substructure.simulated.segment_parts import Channels
+from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.states import joint_states, kept_of
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -16,6 +17,27 @@ from sindyjoint.numeric import Array, rms
 
 # What the time step may take of a frequency so many times the first one with joints that stick.
 SLOW, HARMONIC = 1e-3, 10
+
+
+class Channels(NamedTuple):
+    """What drive and sensors of a run may be besides as they were recorded.
+
+    Parameters
+    ----------
+    pulse : float
+        By which the measured drive is multiplied.
+    gain : float
+        Of all sensors.
+    delay : float
+        Of all sensors, s.
+    """
+
+    pulse: float = 1.0
+    gain: float = 1.0
+    delay: float = 0.0
+
+
+RECORDED = Channels()
 
 
 def steps_of(structure: Structure, rate: float) -> int:

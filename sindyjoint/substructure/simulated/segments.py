@@ -15,7 +15,7 @@ leaves white noise white, and what lies above is left out.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 import scipy
@@ -32,6 +32,8 @@ from sindyjoint.numeric import COARSE_DIFFERENCE, MEDIAN_SQUARE, Array, delayed,
 from sindyjoint.response.output_error import DRAWS
 from sindyjoint.substructure.recovery import Recovery
 from sindyjoint.substructure.simulated.segment_parts import (
+    RECORDED,
+    Channels,
     carried,
     kept,
     moved,
@@ -52,27 +54,6 @@ FINER = 4
 DRIVEN = 2.0
 # Steps of a state towards where it fits best.
 ROUNDS = 2
-
-
-class Channels(NamedTuple):
-    """What drive and sensors of a run may be besides as they were recorded.
-
-    Parameters
-    ----------
-    pulse : float
-        By which the measured drive is multiplied.
-    gain : float
-        Of all sensors.
-    delay : float
-        Of all sensors, s.
-    """
-
-    pulse: float = 1.0
-    gain: float = 1.0
-    delay: float = 0.0
-
-
-RECORDED = Channels()
 
 
 @dataclass(frozen=True, eq=False)
