@@ -271,7 +271,7 @@ class JointSeen:
     ----------
     joint : str
     largest_angle : float
-        Recovered: √2 of its RMS, rad (m).
+        Recovered: half of its range where the joint moves, rad (m); its mean is not known.
     angle_error, moment_error : float
         Standard error of the strongest harmonic, relative, of the run that shows it best.
     together : tuple of str
@@ -331,9 +331,11 @@ def joints_seen(test: RigTest, recoveries: Sequence[Recovery]) -> tuple[JointSee
 
 
 def _peak(recovery: Recovery, joint: int) -> float:
-    """Return the largest angle of a joint over the series of its harmonics that stand out of their noise, rad."""
-    amplitudes = np.where(kept_of(recovery, joint), recovery.values[joint], 0.0)
-    return float(np.abs(record_series(amplitudes, 4 * amplitudes.size)).max())
+    """Return half of the range of a joint's angle where it moves, rad: its mean and slow drift are not known."""
+    if not kept_of(recovery, joint).any():
+        return 0.0
+    state = joint_states(recovery, joint, "")
+    return float(np.ptp(state.angle[state.moving] if state.moving.any() else state.angle)) / 2
 
 
 def worth_of_sensors(test: RigTest, recoveries: Sequence[Recovery]) -> Array:
