@@ -57,7 +57,7 @@ def search_completed(
     terms = {*first.regressor.forced} | (candidates & expected - {*first.regressor.forbidden})
     law = _with_terms(terms, first, campaign).model
     other = _completed_from(law, first, campaign, say)
-    return min(found, other, key=_error_left_out)
+    return min(found, other, key=error_left_out)
 
 
 def search_response(found: TermSearch, campaign: Campaign, say: Callable[[str], None]) -> TermSearch:
@@ -178,7 +178,8 @@ def _with_terms(terms: Collection[str], found: TermSearch, campaign: Campaign) -
     return TermSearch(fitted, campaign_model(fitted, campaign, found.states), found.states)
 
 
-def _error_left_out(found: TermSearch) -> float:
+def error_left_out(found: TermSearch) -> float:
+    """Return the root of the mean squared error of groups of runs left out, N·m; NaN with one group."""
     step = found.regressor.selection_result_.step
     return float("inf") if step is None else step.held_out_rms
 

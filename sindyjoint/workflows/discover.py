@@ -26,6 +26,7 @@ from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
 from sindyjoint.judgement.term_search import (
     TermSearch,
     campaign_model,
+    error_left_out,
     on_response,
     search_completed,
     search_response,
@@ -180,11 +181,7 @@ def discover(
             say("removing the time delay between the channels")
             without = prepared.without(left_in)
             again = find(regressor.again(), without)
-            # What a law lacks looks like a delay: believed is one that leaves noise alone, where without it more is
-            # left or as many terms are asked for.
-            fewer = len(again[0].model.terms) <= len(best.model.terms) or not leaves_noise(best.model)
-            alone = leaves_noise(again[0].model) and fewer
-            if align or alone:
+            if align or _is_simpler(again[0], best):
                 prepared, (best, verdict, left_in) = without, again
         if correct and not long:
             best = on_response(best, prepared.moved, say)
@@ -291,6 +288,18 @@ def _select_terms(
     else:
         regressor.fit(**regression_rows(states, campaign.joint.inertia).fit_arguments())
     return TermSearch(regressor, campaign_model(regressor, campaign, states, counts), states)
+
+
+def _is_simpler(aligned: TermSearch, plain: TermSearch) -> bool:
+    """Return whether a law found with a delay removed is better than that with which the delay was found.
+
+    What a law lacks looks like a delay, too. Believed is one with which noise alone is left, where without it more is
+    left or as many terms are asked for; and one with which fewer terms predict better what was left out.
+    """
+    fewer = len(plain.model.terms) - len(aligned.model.terms)
+    if leaves_noise(aligned.model):
+        return fewer >= 0 or not leaves_noise(plain.model)
+    return fewer > 0 and error_left_out(aligned) < error_left_out(plain)
 
 
 def _judge_terms(found: TermSearch, prepared: _Prepared) -> tuple[Verdict, ChannelDelay | None]:
