@@ -22,6 +22,6 @@ __getattr__ = fetched(
         "structure": "Hinge LumpedMass Structure assemble craig_bampton",
         "transient": "respond",
         "virtual": "BEAM_INERTIA virtual_campaign",
-        "virtual_rig": "between_samples presliding_law virtual_pulse_test with_laws with_loss_factor",
+        "virtual_rig": "presliding_law virtual_pulse_test with_laws with_loss_factor",
     },
 )

@@ -166,7 +166,7 @@ def simulate_run(
     )  # fmt: skip
     rate = recorder.sample_rate
     whole = [
-        _sampled(response.force, rate),
+        _sampled(response.force, rate, OVERSAMPLING),
         *(_shown(structure, at, each, response, rate) for each in sensors),
     ]
     first = round(settling * recorder.sample_rate)
@@ -190,43 +190,45 @@ def _shown(structure: Structure, at: str, sensor: Sensor, response: Response, ra
     if sensor.quantity != "acceleration":
         raise InputError(f"sensor {sensor.name!r}: on a shaken base a virtual test knows accelerations only")
     assert structure.base is not None
-    return signal + _sampled(response.force, rate) * float(structure.point(sensor.point) @ structure.base)
-
-
-def recorded(sensor: Sensor, displacement: Array, velocity: Array, rate: float) -> Array:
-    """Return what a sensor shows at the rate of the record, of motion at `OVERSAMPLING` times that rate."""
-    if sensor.quantity == "acceleration":
-        return _sampled(velocity, rate, derivative=True)
-    return _sampled(displacement if sensor.quantity == "displacement" else velocity, rate)
-
-
-def between_samples(signal: Array) -> Array:
-    """Return a recorded signal at `OVERSAMPLING` times its rate."""
-    return np.asarray(
-        scipy.signal.resample_poly(signal, OVERSAMPLING, 1, window=_recorder_filter(), padtype="line")
+    return signal + _sampled(response.force, rate, OVERSAMPLING) * float(
+        structure.point(sensor.point) @ structure.base
     )
 
 
-def _sampled(signal: Array, rate: float, derivative: bool = False) -> Array:
+def recorded(
+    sensor: Sensor, displacement: Array, velocity: Array, rate: float, finer: int = OVERSAMPLING
+) -> Array:
+    """Return what a sensor shows at the rate of the record, of motion at `finer` times that rate."""
+    if sensor.quantity == "acceleration":
+        return _sampled(velocity, rate, finer, derivative=True)
+    return _sampled(displacement if sensor.quantity == "displacement" else velocity, rate, finer)
+
+
+def between_samples(signal: Array, finer: int = OVERSAMPLING) -> Array:
+    """Return a recorded signal at `finer` times its rate."""
+    return np.asarray(
+        scipy.signal.resample_poly(signal, finer, 1, window=_recorder_filter(finer), padtype="line")
+    )
+
+
+def _sampled(signal: Array, rate: float, finer: int, derivative: bool = False) -> Array:
     """Return a signal, or its rate of change, at the rate of the record, behind a filter without delay."""
     if derivative:
-        reach, n, fine = CENTRAL.size, signal.size, OVERSAMPLING * rate
+        reach, n, fine = CENTRAL.size, signal.size, finer * rate
         padded = np.concatenate([np.full(reach, signal[0]), signal, np.full(reach, signal[-1])])
         signal = sum(
             c * fine * (padded[reach + k : n + reach + k] - padded[reach - k : n + reach - k])
             for k, c in enumerate(CENTRAL, 1)
         )
     return np.asarray(
-        scipy.signal.resample_poly(signal, 1, OVERSAMPLING, window=_recorder_filter(), padtype="line")
+        scipy.signal.resample_poly(signal, 1, finer, window=_recorder_filter(finer), padtype="line")
     )
 
 
 @lru_cache(maxsize=4)
-def _recorder_filter() -> Array:
+def _recorder_filter(finer: int) -> Array:
     """Return the filter of the recorder: within 1e-5 of one up to 0.4 of its rate, where harmonics are compared."""
-    return np.asarray(
-        scipy.signal.firwin(2 * REACH * OVERSAMPLING + 1, 1 / OVERSAMPLING, window=("kaiser", 10.0))
-    )
+    return np.asarray(scipy.signal.firwin(2 * REACH * finer + 1, 1 / finer, window=("kaiser", 10.0)))
 
 
 @checks_options()

@@ -9,7 +9,7 @@ from sindyjoint import discover_rig
 from sindyjoint.diagnosis import runs_problem
 from sindyjoint.equation import Fitted, JointModel, ModelTerm
 from sindyjoint.judgement.rig_discovery import RigRefinement, refine_rig
-from sindyjoint.mechanics import PaperLaw, RigRun, UncertainNumber, between_samples
+from sindyjoint.mechanics import PaperLaw, RigRun, UncertainNumber
 from sindyjoint.record import Joint
 from sindyjoint.substructure import (
     SegmentedRun,
@@ -210,7 +210,7 @@ def test_slow_errors_of_the_drive_are_projected_out(settled):
 
 
 def with_error(record, error):
-    return replace(record, drive=record.drive + between_samples(error))
+    return replace(record, drive=record.drive + error)
 
 
 def test_a_number_of_the_structure_is_fitted_to_segments(sweeps):

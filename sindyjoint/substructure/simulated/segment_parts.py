@@ -17,6 +17,8 @@ from sindyjoint.numeric import Array, rms
 
 # What the time step may take of a frequency so many times the first one with joints that stick.
 SLOW, HARMONIC = 1e-3, 10
+# Samples of the drive for one of the record that may do, before `OVERSAMPLING` times as many are simulated.
+COARSER = (2, 4)
 
 
 class Channels(NamedTuple):
@@ -40,13 +42,15 @@ class Channels(NamedTuple):
 RECORDED = Channels()
 
 
-def steps_of(structure: Structure, rate: float) -> int:
-    """Return how many steps of the simulation one sample of the drive needs.
+def pace_of(structure: Structure, rate: float) -> tuple[int, int]:
+    """Return how many samples of the drive one of the record needs, and steps of the simulation one of the drive.
 
     The midpoint rule is slow by (ωh)²/12 of a frequency (Hughes, The Finite Element Method, 1987, section 9.1).
     """
     omega = 2 * np.pi * HARMONIC * float(structure.frequencies(1, locked=True)[0])
-    return int(np.ceil(omega / (OVERSAMPLING * rate) / np.sqrt(12 * SLOW)))
+    needed = omega / rate / np.sqrt(12 * SLOW)
+    finer = next((each for each in COARSER if each >= needed), OVERSAMPLING)
+    return finer, int(np.ceil(needed / finer))
 
 
 def slow_lines(samples: int, highest: float) -> Array:

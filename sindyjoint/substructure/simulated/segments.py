@@ -15,6 +15,7 @@ leaves white noise white, and what lies above is left out.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -38,8 +39,8 @@ from sindyjoint.substructure.simulated.segment_parts import (
     kept,
     moved,
     moves_of,
+    pace_of,
     slow_lines,
-    steps_of,
     with_drive,
     without_slow_lines,
 )
@@ -67,8 +68,7 @@ class SegmentedRun:
     name : str
     rate : float
         Hz.
-    drive : ndarray, shape (OVERSAMPLING·n,)
-        Between the samples, too.
+    drive : ndarray, shape (n,)
     measured : ndarray, shape (sensors, n)
     drive_sigma : float
     sigma : ndarray, shape (sensors,)
@@ -78,8 +78,10 @@ class SegmentedRun:
     spans : tuple of (int, int)
         First sample of each segment and that after its last; it is simulated from `REACH` samples before the one to as
         many after the other, which the recorder's filter needs.
+    finer : int
+        Samples of the drive that is simulated, for one of the record.
     steps : int
-        Of the simulation, for one sample of `drive`.
+        Of the simulation, for one of these.
     driven : float
         Up to which errors of the drive are projected out as those of a state are, Hz; zero for none.
     directions : tuple of State
@@ -107,6 +109,7 @@ class SegmentedRun:
     sigma: Array
     basis: Array
     spans: tuple[tuple[int, int], ...]
+    finer: int
     steps: int
     driven: float = 0.0
     directions: tuple[State, ...] = ()
@@ -140,10 +143,10 @@ class SegmentedRun:
         ).basis
         assert basis is not None
         return cls(
-            test, run.name, run.sample_rate, between_samples(run.drive),
+            test, run.name, run.sample_rate, run.drive,
             run.responses - np.outer(own, run.drive), float(noise[0]),
             np.hypot(noise[1:], own * noise[0]), basis,
-            tuple(zip(ends[:-1], ends[1:], strict=True)), steps_of(test.structure, run.sample_rate)
+            tuple(zip(ends[:-1], ends[1:], strict=True)), *pace_of(test.structure, run.sample_rate)
         )  # fmt: skip
 
     @property
@@ -163,8 +166,7 @@ class SegmentedRun:
     def with_drive_noise(self, generator: np.random.Generator) -> Self:
         """Return the run with noise on the drive as much as there is, besides what is projected out."""
         noise = np.asarray(self.drive_sigma * generator.normal(size=self.measured.shape[1]))
-        noise = without_slow_lines(noise, self.driven / self.rate)
-        return replace(self, drive=self.drive + between_samples(noise))
+        return replace(self, drive=self.drive + without_slow_lines(noise, self.driven / self.rate))
 
     def liveliest(self, motion: Array, count: int) -> Self:
         """Return the run with the segments, at most so many, in which a signal of as many samples is largest."""
@@ -205,8 +207,8 @@ class SegmentedRun:
         for span, (q, v, z) in zip(self.spans, self.states, strict=True):
             begin = (q, v, z if z.any() else internal)
             shown, motion = self._simulated(reduced, span, begin, channels)
-            internal = motion[2][-2 * REACH * OVERSAMPLING - 1]
-            inside = slice(REACH * OVERSAMPLING, (REACH + span[1] - span[0]) * OVERSAMPLING, OVERSAMPLING)
+            internal = motion[2][-2 * REACH * self.finer - 1]
+            inside = slice(REACH * self.finer, (REACH + span[1] - span[0]) * self.finer, self.finer)
             angle, rate = (part[inside, : reduced.n_joints] for part in motion[:2])
             yield shown, (angle, rate)
 
@@ -297,7 +299,7 @@ class SegmentedRun:
         ------
         SimulationError
         """
-        q, v, _ = self._motion(reduced, self.drive)
+        q, v, _ = self._fine._motion(reduced, self._fine._between)
         rows = [(sensor, reduced.point(sensor.point)) for sensor in self.test.sensors]
         shown = np.array([recorded(sensor, q @ row, v @ row, self.rate) for sensor, row in rows])
         return shown[:, : self.measured.shape[1]], q, v
@@ -311,24 +313,36 @@ class SegmentedRun:
         """
         if self.states:
             return self
-        whole = self._motion(reduced, self.drive)
-        firsts = [(a - REACH) * OVERSAMPLING for a, _ in self.spans]
+        whole = self._motion(reduced, self._between)
+        firsts = [(a - REACH) * self.finer for a, _ in self.spans]
         states = tuple((whole[0][i], whole[1][i], whole[2][i]) for i in firsts)
         return replace(
             self, states=states, directions=moves_of(reduced, whole, SUBSTRUCTURE.band * self.rate)
         )
 
-    def _missing(self, reduced: Structure) -> tuple[Array, ...]:
-        """Return what the steps of the simulation leave out of every segment, by Richardson's rule for order two.
+    @cached_property
+    def _between(self) -> Array:
+        """The drive between the samples, too, shape (finer·n,)."""
+        return between_samples(self.drive, self.finer)
 
-        It hardly changes with the numbers of a fit, which may thus be sought with long steps (deferred correction:
-        Fox, Proc. R. Soc. A 190, 1947).
+    @property
+    def _fine(self) -> Self:
+        """The run with all samples of the drive between those of the record that a recorder's filter needs."""
+        return replace(self, finer=OVERSAMPLING)
+
+    def _missing(self, reduced: Structure) -> tuple[Array, ...]:
+        """Return what the steps of the simulation leave out of every segment.
+
+        That is what is missing of one with fine steps, and by Richardson's rule for order two of that. It hardly
+        changes with the numbers of a fit, which may thus be sought with long steps (deferred correction: Fox, Proc. R.
+        Soc. A 190, 1947).
         """
-        finer = replace(self, steps=FINER * self.steps)
-        return tuple(
-            (finer._segment(reduced, *each) - self._segment(reduced, *each)) / (1 - 1 / FINER**2)
-            for each in zip(self.spans, self.states, strict=True)
-        )
+        middle, found = self._fine, []
+        fine = replace(middle, steps=FINER * middle.steps)
+        for each in zip(self.spans, self.states, strict=True):
+            less, more = middle._segment(reduced, *each), fine._segment(reduced, *each)
+            found.append(less + (more - less) / (1 - 1 / FINER**2) - self._segment(reduced, *each))
+        return tuple(found)
 
     def _settle(
         self, reduced: Structure, span: tuple[int, int], state: State, missing: Array, of_drive: Array | None
@@ -358,13 +372,13 @@ class SegmentedRun:
         columns = []
         for line in slow_lines(stop - first, self.driven / self.rate).T:
             drive = self.drive.copy()
-            drive[first * OVERSAMPLING : stop * OVERSAMPLING] += between_samples(self.drive_sigma * line)
+            drive[first:stop] += self.drive_sigma * line
             columns.append(replace(self, drive=drive)._segment(reduced, span, state) - shown)
         return np.array(columns).reshape(-1, shown.size).T
 
     def _motion(self, reduced: Structure, drive: Array, state: State | None = None) -> State:
         """Return the states under a drive, at each of its samples."""
-        rate = OVERSAMPLING * self.rate
+        rate = self.finer * self.rate
         duration = (drive.size - 1) / rate
         found = trajectory(reduced, sampled(drive, rate), self.test.at, duration, self.steps * rate, state)
         return found[0][:: self.steps], found[1][:: self.steps], found[2][:: self.steps]
@@ -378,11 +392,13 @@ class SegmentedRun:
     ) -> tuple[Array, State]:
         """Return what the sensors show of a segment from a state, shape (sensors, n), and the motion about it."""
         first, stop = span
-        drive = self.drive[(first - REACH) * OVERSAMPLING : (stop + REACH - 1) * OVERSAMPLING + 1]
+        drive = self._between[(first - REACH) * self.finer : (stop + REACH - 1) * self.finer + 1]
         motion = self._motion(reduced, channels.pulse * drive, state)
         inside = slice(REACH, REACH + stop - first)
         rows = [(sensor, reduced.point(sensor.point)) for sensor in self.test.sensors]
-        shown = np.array([recorded(each, motion[0] @ row, motion[1] @ row, self.rate) for each, row in rows])
+        shown = np.array(
+            [recorded(each, motion[0] @ row, motion[1] @ row, self.rate, self.finer) for each, row in rows]
+        )
         if channels.delay:
             shown = np.array([delayed(each, channels.delay * self.rate) for each in shown])
         return channels.gain * shown[:, inside], motion
