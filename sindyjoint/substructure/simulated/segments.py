@@ -59,7 +59,7 @@ ROUNDS = 2
 
 @dataclass(frozen=True, eq=False)
 class SegmentedRun:
-    """A run that does not repeat.
+    """A run that does not repeat; what simulates it raises `SimulationError` where a law has no motion.
 
     Parameters
     ----------
@@ -178,12 +178,7 @@ class SegmentedRun:
         return replace(self, spans=tuple((a, b) for a, b in self.spans if moving[a:b].any()))
 
     def residual(self, reduced: Structure, channels: Channels = RECORDED) -> list[Array]:
-        """Return simulated less measured of each segment, without what its state explains.
-
-        Raises
-        ------
-        SimulationError
-        """
+        """Return simulated less measured of each segment, without what its state explains."""
         shares = self.shares or (1.0,) * len(self.spans)
         shown = (shown for shown, _ in self.motions(reduced, channels))
         parts = (
@@ -198,10 +193,6 @@ class SegmentedRun:
         """Yield what the sensors show of each segment, shape (sensors, n), and angle and rate of joints, (n, joints).
 
         Internal states that the law did not have when the states were found go on from one segment to the next.
-
-        Raises
-        ------
-        SimulationError
         """
         internal = np.zeros((reduced.n_joints, max(1, *(hinge.law.n_states for hinge in reduced.hinges))))
         for span, (q, v, z) in zip(self.spans, self.states, strict=True):
@@ -217,10 +208,6 @@ class SegmentedRun:
 
         A record that does not repeat shows its noise badly, and what a model lacks lies below: the median of the
         squares there is that of white noise, 0.4549 of its variance.
-
-        Raises
-        ------
-        SimulationError
         """
         count, upper = len(self.sigma), []
         for part in replace(self, shares=()).residual(reduced):
@@ -235,12 +222,7 @@ class SegmentedRun:
         return replace(self, sigma=self.sigma * ratio, missing=missing, of_drive=of_drive)
 
     def with_noise_of_drive(self, reduced: Structure) -> Self:
-        """Return the run with residuals in the noise of sensors and drive together, segment by segment.
-
-        Raises
-        ------
-        SimulationError
-        """
+        """Return the run with residuals in the noise of sensors and drive together, segment by segment."""
         bare = replace(self, shares=())
         clear, power = bare.residual(reduced), np.zeros(len(self.spans))
         for draw in range(DRAWS):
@@ -252,10 +234,6 @@ class SegmentedRun:
         """Return the run with the states where they fit best, and with what their errors explain there.
 
         ``driven``: errors of the drive are projected out, too, up to `DRIVEN` times the first frequency.
-
-        Raises
-        ------
-        SimulationError
         """
         first = float(self.test.structure.frequencies(1, locked=True)[0])
         begun = replace(self.begun(reduced), driven=DRIVEN * first if driven else 0.0)
@@ -273,10 +251,6 @@ class SegmentedRun:
 
         What a number changes is projected out to first order only as far as a state explains it: a state that stays
         where it was holds the numbers near those that it was found with.
-
-        Raises
-        ------
-        SimulationError
         """
         shown = (shown for shown, _ in self.motions(reduced, channels))
         parts = zip(self.spans, self.states, self.missing, self.pulls, shown, strict=True)
@@ -294,23 +268,15 @@ class SegmentedRun:
         shown : ndarray, shape (sensors, n)
         q, v : ndarray, shape (OVERSAMPLING·n, r)
             Coordinates of the reduced structure and their rates; the joints come first.
-
-        Raises
-        ------
-        SimulationError
         """
-        q, v, _ = self._fine._motion(reduced, self._fine._between)
+        fine = replace(self, finer=OVERSAMPLING)
+        q, v, _ = fine._motion(reduced, fine._between)
         rows = [(sensor, reduced.point(sensor.point)) for sensor in self.test.sensors]
         shown = np.array([recorded(sensor, q @ row, v @ row, self.rate) for sensor, row in rows])
         return shown[:, : self.measured.shape[1]], q, v
 
     def begun(self, reduced: Structure) -> Self:
-        """Return the run with states: those it has, or those of a simulation of the whole from standstill.
-
-        Raises
-        ------
-        SimulationError
-        """
+        """Return the run with states: those it has, or those of a simulation of the whole from standstill."""
         if self.states:
             return self
         whole = self._motion(reduced, self._between)
@@ -325,11 +291,6 @@ class SegmentedRun:
         """The drive between the samples, too, shape (finer·n,)."""
         return between_samples(self.drive, self.finer)
 
-    @property
-    def _fine(self) -> Self:
-        """The run with all samples of the drive between those of the record that a recorder's filter needs."""
-        return replace(self, finer=OVERSAMPLING)
-
     def _missing(self, reduced: Structure) -> tuple[Array, ...]:
         """Return what the steps of the simulation leave out of every segment.
 
@@ -337,7 +298,7 @@ class SegmentedRun:
         changes with the numbers of a fit, which may thus be sought with long steps (deferred correction: Fox, Proc. R.
         Soc. A 190, 1947).
         """
-        middle, found = self._fine, []
+        middle, found = replace(self, finer=OVERSAMPLING), []
         fine = replace(middle, steps=FINER * middle.steps)
         for each in zip(self.spans, self.states, strict=True):
             less, more = middle._segment(reduced, *each), fine._segment(reduced, *each)
