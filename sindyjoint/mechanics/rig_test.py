@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, refuse
@@ -81,6 +82,8 @@ class RigRun:
     use : {"identify", "validate", "update"}
         The last: its joints stick, and it tells the structure's own numbers.
     source : Source, optional
+    lost : ndarray of bool, shape (1 + sensors, n), optional
+        Samples of drive and responses that the file does not hold: straight lines run across them.
 
     Raises
     ------
@@ -96,6 +99,7 @@ class RigRun:
     level: str | None = None
     use: RigUse = "identify"
     source: Source | None = None
+    lost: NDArray[np.bool_] | None = None
     # What was made of the run, by what it was made with: the check of the data and a discovery share it.
     _kept: dict[object, Any] = field(default_factory=dict, init=False, repr=False)
 

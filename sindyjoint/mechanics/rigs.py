@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError, refuse
 from sindyjoint.files.readers import read_table
+from sindyjoint.files.timeaxis import bridged, with_lost_samples
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import Source
 from sindyjoint.mechanics.beam import Beam, rectangular_section
@@ -318,6 +320,20 @@ def _uniform_rate(file: Path, time: Array) -> float:
     return 1 / float(np.mean(steps))
 
 
+def _on_grid(
+    file: Path, time: Array, signals: dict[int, Array], present: NDArray[np.bool_]
+) -> tuple[dict[int, Array], float, NDArray[np.bool_]]:
+    """Return signals on the whole grid of a recorder that lost rows, its rate, Hz, and which samples it holds."""
+    steps = np.diff(time)
+    whole = with_lost_samples(time, signals) if steps.size and np.all(steps > 0) else None
+    if whole is None:
+        return signals, _uniform_rate(file, time), present
+    filled, rate, recorded = whole
+    there = np.zeros((len(present), recorded.size), dtype=bool)
+    there[:, recorded] = present
+    return filled, rate, there
+
+
 def _read_series(
     file: Path, time: ColumnTable, name: str, channel: ColumnTable, target: str
 ) -> tuple[Array, float]:
@@ -351,9 +367,10 @@ def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     factors = [conversion(c.unit, UNITS[c.quantity], f"{file}: {c.column}") for c in channels]
     seconds = conversion(given.time.unit, "s", f"{file}: time")
     read, sha256 = read_table(file)
-    stamps, *signals = read.columns([given.time.column, *(channel.column for channel in channels)])
-    rate = _uniform_rate(file, stamps * seconds)
-    drive, *responses = (signal * factor for signal, factor in zip(signals, factors, strict=True))
+    stamps, *values = read.columns([given.time.column, *(channel.column for channel in channels)], gaps=True)
+    held = {at: bridged(each) * factor for at, (each, factor) in enumerate(zip(values, factors, strict=True))}
+    held, rate, present = _on_grid(file, bridged(stamps) * seconds, held, np.isfinite(values))
+    drive, *responses = held.values()
     frequency = (
         None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{file}: frequency")
     )
@@ -362,5 +379,5 @@ def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     units = tuple(read.unit(name, each.column, each.unit) for name, each in columns)
     return RigRun(
         table.name or Path(str(table.file)).stem, drive, np.array(responses), rate, frequency,
-        table.level, table.use, Source(str(table.file), sha256, units),
+        table.level, table.use, Source(str(table.file), sha256, units), None if present.all() else ~present,
     )  # fmt: skip

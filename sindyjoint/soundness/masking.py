@@ -127,7 +127,7 @@ def _fill_run(run: RigRun, masked: Sequence[Finding], names: Sequence[str]) -> R
         signals[number] = bridge(signals[number], ~marked_of(spans, n), period)
     known = np.flatnonzero(~marked_of([span for f in masked if f.id in ENDS for span in f.spans], n))
     kept = slice(int(known[0]), int(known[-1]) + 1) if known.size >= MINIMUM_SAMPLES else slice(None)
-    return replace(run, drive=signals[0, kept], responses=signals[1:, kept])
+    return replace(run, drive=signals[0, kept], responses=signals[1:, kept], lost=None)
 
 
 def mask_run(run: Run, findings: Sequence[Finding]) -> Run:
@@ -202,7 +202,7 @@ def bridge(signal: Array, valid: Mask, period: float | None = None) -> Array:
 
     Across a gap runs the cubic of least squares through as many valid samples on either side as the gap is long, and at
     least four: it follows a turning point, as of a saturated peak, and averages noise. A gap longer than a quarter of a
-    period is filled with the mean of the nearest periods instead.
+    period, or at an end, is filled with the mean of the nearest periods instead.
 
     Parameters
     ----------
@@ -215,8 +215,8 @@ def bridge(signal: Array, valid: Mask, period: float | None = None) -> Array:
     good = np.flatnonzero(valid)
     for start, stop in spans_of(~valid):
         gap = np.arange(start, stop)
-        # A gap longer than a quarter of the period is filled from the other periods.
-        if period is not None and gap.size > 0.25 * period:
+        # What is long, or has nothing to lean on at the other side, is filled from the other periods.
+        if period is not None and (gap.size > 0.25 * period or 0 in gap or signal.size - 1 in gap):
             filled[gap] = _fill_from_periods(signal, valid, gap, period)
             continue
         before, beside = np.searchsorted(good, start), max(FEWEST_BESIDE, gap.size)

@@ -1,7 +1,7 @@
 """Channels of a record, whether of a joint or of a structure: what every detector of a fault looks at."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -140,6 +140,8 @@ class Record:
     run : Run or None
         Of a joint; None of a structure.
     quasi_static : bool
+    lost : mapping of str or None to ndarray of bool, shape (n,)
+        Samples that were never recorded, or were left out before; those of None in all channels.
     """
 
     name: str
@@ -150,6 +152,7 @@ class Record:
     source: Source | None = None
     run: Run | None = None
     quasi_static: bool = False
+    lost: Mapping[str | None, Mask] = field(default_factory=dict)
 
     @property
     def n_samples(self) -> int:
@@ -246,7 +249,7 @@ def record_of(run: Run) -> Record:
     """Return a run of a joint as the detectors see it."""
     return Record(
         run.name, run.sample_rate, run.frequency, run.channels, frozenset(["acceleration"]), run.source, run,
-        run.quasi_static,
+        run.quasi_static, {} if run.valid is None else {None: ~run.valid},
     )  # fmt: skip
 
 
@@ -255,7 +258,8 @@ def record_of_structure(test: RigTest, run: RigRun) -> Record:
     names = [DRIVE, *(sensor.name for sensor in test.sensors)]
     jumpy = frozenset(s.name for s in test.sensors if s.quantity == "acceleration")
     channels = dict(zip(names, run.signals, strict=True))
-    return Record(run.name, run.sample_rate, run.frequency, channels, jumpy, run.source)
+    lost = {} if run.lost is None else dict(zip(names, run.lost, strict=True))
+    return Record(run.name, run.sample_rate, run.frequency, channels, jumpy, run.source, lost=lost)
 
 
 def cut_periods(signal: Array, per: float, order: int = 1) -> Periods:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint import discover_rig, load_rig_plan, virtual_rig_test
+from sindyjoint import check, discover_rig, load_rig_plan, virtual_rig_test
 from sindyjoint.cli import main
 from sindyjoint.equation import term_columns
 from sindyjoint.errors import UnsoundError
@@ -302,6 +302,33 @@ def test_the_check_of_a_folder_with_a_rig_stops_what_comes_after(folder, runs, t
     with pytest.raises(SystemExit) as ended:
         main(["check", str(folder), "--json", "--accept", "reversed_sign"])
     assert ended.value.code == 0 and json.loads(capsys.readouterr().out)["verdict"] == "unsound"
+
+
+def test_samples_that_a_file_lacks_are_filled_in_and_told(folder, runs, sindyjoint):
+    """Two numbers that are none in a sensor, three rows that the recorder lost: other periods show what they were."""
+    first, second = runs[:2]
+    columns = {"time": np.arange(first.drive.size) / RATE, "f": first.drive}
+    columns |= {"a1": first.responses[0].copy(), "a2": first.responses[1]}
+    columns["a1"][[40, 300]] = np.nan
+    (folder / "0.npz").write_bytes(ENCODERS["npz"](columns, ""))
+    columns = {"time": np.arange(second.drive.size) / RATE, "f": second.drive}
+    columns |= dict(zip(("a1", "a2"), second.responses, strict=True))
+    short = {name: np.delete(values, [100, 101, 400]) for name, values in columns.items()}
+    (folder / "1.npz").write_bytes(ENCODERS["npz"](short, ""))
+    found = json.loads(sindyjoint("check", folder, "--json").stdout)["findings"]
+    assert {(f["id"], f["run"], f["channel"], f["severity"]) for f in found} == {
+        ("lost_samples", "0", "a1", "biases"),
+        *(("lost_samples", "1", channel, "biases") for channel in ("drive", "a1", "a2")),
+    }
+    filled = check(folder).usable
+    for mine, true in zip(filled.runs[:2], (first, second), strict=True):
+        off = np.abs(mine.signals - true.signals).max(axis=1)
+        assert mine.drive.size == true.drive.size and (off < 0.05 * true.signals.std(axis=1)).all()
+    # Most of a sensor is not made up.
+    columns["a2"] = np.where(np.arange(second.drive.size) < 800, np.nan, columns["a2"])
+    (folder / "1.npz").write_bytes(ENCODERS["npz"](columns, ""))
+    refused = sindyjoint("check", folder)
+    assert refused.status == 2 and "column 'a2' holds nan in " in refused.stderr
 
 
 def test_the_page_shows_laws_and_sensors(found, tmp_path):

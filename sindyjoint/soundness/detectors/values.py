@@ -201,32 +201,37 @@ def _rests(record: Record, channel: Channel, spans: Spans) -> bool:
 
 
 def find_lost(record: Record, words: Words) -> Iterator[Finding]:
-    """Yield the samples of a joint's run that were never recorded, or were left out before.
+    """Yield the samples that were never recorded, or were left out before, of all channels or, of a structure, of one.
 
     A run that repeats has other periods that show what they were. Of one that does not, a gap that is short against the
     motion can be bridged; across a longer one derivatives would be invented.
     """
-    if record.run is None or record.run.valid is None or record.run.valid.all():
-        return
-    spans = spans_of(~record.run.valid)
-    lengths = [b - a for a, b in spans]
-    masked = record.short(spans)
-    remedy = "those samples are left out; look at the buffer of the recorder"
-    if not masked:
-        remedy = "make a run of each part between the gaps, or repeat it; look at the buffer of the recorder"
-    yield Finding(
-        "lost_samples",
-        record.name,
-        None,
-        "biases" if masked else "stops",
-        f"{sum(lengths)} samples in {len(spans)} place(s) are missing, {100 * sum(lengths) / record.n_samples:.2g} % "
-        f"of the run, the first after {spans[0][0] / record.sample_rate:.3g} s, at most "
-        f"{1e3 * max(lengths) / record.sample_rate:.3g} ms in a row",
-        "samples beside a gap are read as neighbours: their rate and phase are wrong, and with them c1, M_F and k1",
-        remedy,
-        spans,
-        masked,
-    )
+    done = "filled in" if words.structure else "left out"
+    for channel, lost in record.lost.items():
+        spans = spans_of(lost)
+        if not spans:
+            continue
+        lengths = [b - a for a, b in spans]
+        masked = record.short(spans)
+        remedy = f"those samples are {done}; look at the buffer of the recorder"
+        if not masked:
+            remedy = (
+                "make a run of each part between the gaps, or repeat it; look at the buffer of the recorder"
+            )
+        yield Finding(
+            "lost_samples",
+            record.name,
+            channel,
+            "biases" if masked else "stops",
+            f"{sum(lengths)} samples in {len(spans)} place(s) are missing, "
+            f"{100 * sum(lengths) / record.n_samples:.2g} % of the run, "
+            f"the first after {spans[0][0] / record.sample_rate:.3g} s, "
+            f"at most {1e3 * max(lengths) / record.sample_rate:.3g} ms in a row",
+            "samples beside a gap are read as neighbours: their rate and phase are wrong, and with them c1, M_F and k1",
+            remedy,
+            spans,
+            masked,
+        )
 
 
 def find_coarse_steps(record: Record, words: Words) -> Iterator[Finding]:
