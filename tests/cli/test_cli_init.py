@@ -271,8 +271,66 @@ def test_each_file_keeps_the_rate_that_it_tells_and_others_have_theirs_asked(sin
         (200, 2),
         (100, 2),
     ]
+    again = sindyjoint("init", tmp_path, "--force")
+    assert again.status == 0 and "kept: rate = a.csv: 200 Hz, b.csv: 200 Hz, c.csv: 100 Hz" in again.stdout
+    assert [run.sample_rate for run in load_campaign(tmp_path).runs] == [200, 200, 100]
     refused = sindyjoint("init", tmp_path, "--force", "--set", "rate=b.csv: 200 Hz")
     assert refused.status == 2 and "expected FILE: RATE for each of b.csv, c.csv" in refused.stderr
+
+
+@pytest.mark.parametrize("written", ["row", "column", "letters", "cells"])
+def test_names_and_units_in_cells_beside_a_matrix_are_those_of_its_columns(sindyjoint, tmp_path, written):
+    names, units, columns = (np.empty((3, 1), dtype=object) for _ in range(3))
+    names[:, 0], units[:, 0], columns[:, 0] = (
+        ["time", "torque", "phi"],
+        ["s", "N*m", "mrad"],
+        [TIME, *swing(9.0)],
+    )
+    stored = {"data": np.column_stack(columns[:, 0]), "channel_names": names, "units": units}
+    if written == "row":
+        stored |= {"channel_names": names.T, "units": units.T}
+    if written == "letters":
+        stored["channel_names"] = np.array(["time  ", "torque", "phi   "])
+    if written == "cells":
+        stored["data"] = columns
+    savemat(tmp_path / "a.mat", stored)
+    assert sindyjoint("init", tmp_path).status == 0
+    assert manifest(tmp_path)["channels"]["angle"] == {"column": "data.phi", "unit": "mrad"}
+    np.testing.assert_allclose(load_campaign(tmp_path).runs[0].moment, columns[1, 0])
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "time,torque,phi\ns,N*m,mrad\nCH1,CH2,CH3",
+        "Bench,Bench,Bench\ntime,torque,phi\ns,N*m,mrad",
+        "Channel 1,Channel 2,Channel 3\ntime,torque,phi\nraw,raw,filtered\ns,N*m,mrad",
+    ],
+)
+def test_of_three_lines_of_headings_those_of_names_and_units_are_read(sindyjoint, tmp_path, head):
+    table(tmp_path / "a.csv", head, TIME, *swing(9.0))
+    assert sindyjoint("init", tmp_path).status == 0
+    channels = manifest(tmp_path)["channels"]
+    assert [channels[key]["column"] for key in ("time", "moment", "angle")] == ["time", "torque", "phi"]
+    assert channels["angle"]["unit"] == "mrad"
+
+
+def test_points_between_thousands_are_read_beside_decimal_commas_and_refused_alone(sindyjoint, tmp_path):
+    moment, angle = swing(9.0)
+    written = [f"{1e3 * each:,.3f}" for each in angle]
+    german = [each.translate(str.maketrans(",.", ".,")) for each in written]
+    rows = [f"{t:.3f};{m:.4f}".replace(".", ",") for t, m in zip(TIME, moment, strict=True)]
+    head = "time_s;torque_Nm;angle_urad"
+    lines = [f"{row};{a}" for row, a in zip(rows, german, strict=True)]
+    (tmp_path / "a.csv").write_text("\n".join([head, *lines, ""]))
+    assert sindyjoint("init", tmp_path).status == 0
+    np.testing.assert_allclose(load_campaign(tmp_path).runs[0].angle, 1e-3 * angle, atol=1e-9)
+    whole = [f"{1e6 * each:,.0f}".replace(",", ".") for each in angle]
+    lines = [f"{t:.3f};{m:.4f};{a}" for t, m, a in zip(TIME, moment, whole, strict=True)]
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "a.csv").write_text("\n".join([head, *lines, ""]))
+    refused = sindyjoint("init", tmp_path / "b")
+    assert refused.status == 2 and "column 'angle_urad' holds '" in refused.stderr
 
 
 def test_sweeps_and_repeated_runs_are_told(sindyjoint, tmp_path):

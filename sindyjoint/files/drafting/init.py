@@ -15,7 +15,7 @@ from sindyjoint.files.atomic import write_text
 from sindyjoint.files.drafting.assignment import Question
 from sindyjoint.files.drafting.draft import Draft, draft_manifest
 from sindyjoint.files.drafting.survey import survey_folder
-from sindyjoint.files.manifest import MANIFEST_NAME, Channel, Manifest, TimeChannel
+from sindyjoint.files.manifest import MANIFEST_NAME, Channel, Channels, Manifest, TimeChannel
 
 
 @dataclass(frozen=True)
@@ -199,9 +199,11 @@ def _answers_in(manifest: str) -> dict[str, set[str | None]]:
     said = defaultdict[str, set[str | None]](set)
     for key in read.joint.model_fields_set & {"name", "motion", "inertia", "mass"}:
         said[key].add(getattr(read.joint, key))
+    rates = {run.file: _rate_in(read.channels.overridden_by(run.channels)) for run in read.run}
+    several = len(set(rates.values())) > 1
+    each = ", ".join(f"{file}: {rate}" for file, rate in rates.items() if rate)
+    said["rate"] |= {each} if several else set(rates.values())
     for channels in filter(None, (read.channels, *(run.channels for run in read.run))):
-        rate = "none" if channels.time == "none" else channels.rate
-        said["rate"].add(f"{rate} Hz" if isinstance(rate, float) else rate)
         for key, given in channels:
             if isinstance(given, Channel):
                 said[key].add(given.constant or " - ".join(map(str, given.columns)))
@@ -221,6 +223,11 @@ def _answers_in(manifest: str) -> dict[str, set[str | None]]:
         for key, values in said.items()
         if not any(g.startswith(f"{key} = ") for g in read.guessed)
     }
+
+
+def _rate_in(channels: Channels) -> str | None:
+    rate = "none" if channels.time == "none" else channels.rate
+    return f"{rate} Hz" if isinstance(rate, float) else rate
 
 
 def _kept(

@@ -3,8 +3,8 @@
 Nothing in them is unpickled, and nothing allocated before its size is known.
 
 Compiled readers end the process on some damaged files, which no ``except`` can catch; here a wrong length is a wrong
-length. Only what tables need is read: real numeric arrays, structs of them, and lines of text. Cells, objects, sparse
-and complex arrays are passed over.
+length. Only what tables need is read: real numeric arrays, structs and cells of them, and lines of text. Objects,
+sparse and complex arrays are passed over.
 
 MathWorks, "MAT-File Format", describes both versions.
 """
@@ -15,7 +15,7 @@ import re
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -227,6 +227,16 @@ def _vectors(
             for field in item.dtype.names or ():
                 size = item.dtype[field].itemsize
                 yield f"{name}/{field}", item.shape, size, partial(_get, path, name, item, field), {}
+        elif stored and h5py.check_ref_dtype(item.dtype) and item.shape is not None:
+            cells = [group.file[reference] if reference else None for reference in np.ravel(item[()])]
+            kinds = {
+                f"{name}{{{at}}}": cell for at, cell in enumerate(cells, 1) if isinstance(cell, h5py.Dataset)
+            }
+            for cell_name, cell in kinds.items():
+                if cell.dtype.kind in "fiub" and cell.shape and not (cell.is_virtual or cell.external):
+                    told = {key: _texts(value) for key, value in cell.attrs.items()}
+                    get = partial(_get, path, cell_name, cell, None)
+                    yield cell_name, cell.shape, cell.dtype.itemsize, get, told
 
 
 def _single_numbers(
@@ -268,7 +278,7 @@ VERSION_73 = (b"MATLAB 7.3", b"\x89HDF\r\n\x1a\n")
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16"}
-MATRIX, COMPRESSED, STRUCT, TEXT = 14, 15, 2, 4
+MATRIX, COMPRESSED, CELL, STRUCT, TEXT = 14, 15, 1, 2, 4
 COMPLEX, LOGICAL = 0x0800, 0x0200
 HEADER = 128
 DEEPEST = 20
@@ -276,10 +286,14 @@ V4_NUMBERS = ("f8", "f4", "i4", "i2", "u2", "u1")
 V4_HEADER = 20
 # What programs call the name of a vector that stands beside it.
 LABELS = ("label", "name", "Label", "Name")
+# Columns, or rows, of one matrix, and the cells of one variable.
+MEMBER = re.compile(r"(.+)(?:\(:,\d+\)|\(\d+,:\)|\{\d+\})")
 
 
 def read_mat(path: Path, data: bytes | None = None) -> Table | None:
-    """Return the numeric variables of a MATLAB file, called ``name``, ``struct.field`` or ``name(:,1)``.
+    """Return the numeric variables of a MATLAB file, called ``name``, ``struct.field``, ``name(:,1)`` or ``name{1}``.
+
+    Columns of a matrix, and cells, are called as a list of as many texts beside them has them.
 
     Of a file that is to be read in segments, None for one older than version 7.3, which is loaded as a whole.
 
@@ -309,7 +323,10 @@ def read_mat(path: Path, data: bytes | None = None) -> Table | None:
 
 
 def _told_beside(sizes: Mapping[str, int], texts: Mapping[str, str]) -> tuple[tuple[str, ...], list[str]]:
-    """Return units and names of vectors, as the texts beside state them in a struct that holds one vector."""
+    """Return units and names of vectors, as the texts beside state them in a struct that holds one vector.
+
+    Those of the columns of a matrix, and of cells, are what cells of as many texts beside it state.
+    """
     parents = {name: name.rpartition(".")[0] for name in sizes}
     long = [parents[name] for name, size in sizes.items() if size > 1]
 
@@ -319,13 +336,36 @@ def _told_beside(sizes: Mapping[str, int], texts: Mapping[str, str]) -> tuple[tu
         return next(found, "") if long.count(parent) == 1 else ""
 
     labels = {name: beside(name, LABELS) if size > 1 else "" for name, size in sizes.items()}
-    named = [f"{parents[name]}.{label}" if label else name for name, label in labels.items()]
-    units = tuple(beside(name, UNIT_KEYS) for name in sizes)
-    return units, named if len(set(named)) == len(sizes) else list(sizes)
+    names = {name: f"{parents[name]}.{label}" if label else name for name, label in labels.items()}
+    units = {name: beside(name, UNIT_KEYS) for name in sizes}
+    lists = _members(texts)
+    for whole, own in _members(sizes).items():
+        for other, cells in lists.items():
+            told = [texts[cell] for cell in cells]
+            (above, _, _), (parent, _, key) = whole.rpartition("."), other.rpartition(".")
+            if above != parent or len(told) != len(own):
+                continue
+            if key in UNIT_KEYS:
+                units |= dict(zip(own, told, strict=True))
+            elif len(set(told)) == len(own):
+                names |= {name: f"{whole}.{title}" for name, title in zip(own, told, strict=True)}
+    named = list(names.values())
+    return tuple(units.values()), named if len(set(named)) == len(sizes) else list(sizes)
+
+
+def _members(names: Iterable[str]) -> dict[str, list[str]]:
+    """Return by matrix, or variable of cells, the names of its columns or cells."""
+    found: dict[str, list[str]] = {}
+    for name in names:
+        if part := MEMBER.fullmatch(name):
+            found.setdefault(part[1], []).append(name)
+    return found
 
 
 def read_arrays(path: Path, data: bytes) -> Iterator[tuple[str, NDArray[Any]]]:
-    """Yield the real numeric arrays of a file, those of structs as ``struct.field``, and texts as arrays of one.
+    """Yield the real numeric arrays of a file and, as arrays of one, texts.
+
+    Those of structs are called ``struct.field``, those of cells, and the lines of a matrix of letters, ``name{1}``.
 
     Raises
     ------
@@ -420,10 +460,19 @@ class _Elements:
             count = math.prod(shape) if names else 0
             for number in range(1, count + 1):
                 yield from inner.fields(f"{name}({number})" if count > 1 else name, lengths, names)
-        elif kind == TEXT and shape[0] == 1 and name:
+        elif kind == CELL and name:
+            for number in range(1, math.prod(shape) + 1):
+                if cell := inner.next()[1]:
+                    yield from inner.matrix(cell, f"{name}{{{number}}}")
+        elif kind == TEXT and name:
             code, letters = inner.next()
             ending = ("-le" if self.order == "<" else "-be") if code in (4, 17) else ""
-            yield name, np.array(letters.decode(ENCODINGS.get(code, "latin-1") + ending, "replace"))
+            text = letters.decode(ENCODINGS.get(code, "latin-1") + ending, "replace")
+            for row in range(shape[0]):  # which stand side by side
+                yield (
+                    f"{name}{{{row + 1}}}" if shape[0] > 1 else name,
+                    np.array(text[row :: shape[0]].rstrip()),
+                )
         elif kind in CLASSES and not marks & COMPLEX and name:
             check_array(self.path, shape, np.dtype(CLASSES[kind]).itemsize)
             values = inner.numbers()

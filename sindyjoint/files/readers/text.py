@@ -16,7 +16,9 @@ from sindyjoint.files.readers import Table, begins
 from sindyjoint.files.units import is_unit
 from sindyjoint.record import MINIMUM_SAMPLES
 
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+([eE][+-]?\d+)?\s*")
+_DECIMAL_COMMA = re.compile(r"\s*[+-]?(\d+|\d{1,3}(\.\d{3})+),\d+([eE][+-]?\d+)?\s*")
+# Points between thousands, where a comma stands before decimals.
+_GROUPING = re.compile(r"(?<=\d)\.(?=\d{3}(\.\d{3})*,\d)")
 # A date may stand before it and a zone behind it: only the time within the day is read. Or minutes and seconds.
 _CLOCK = re.compile(
     r"(?:^|.*[T\s])(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)\s*([AaPp][Mm])?\s*(?:Z|[+-]\d{2}:?\d{2})?$"
@@ -116,18 +118,19 @@ def seconds_since_first(stamps: Sequence[str]) -> NDArray[np.float64]:
     return np.round(seconds - seconds[0] + DAY * days, 9)
 
 
-def preamble_length(lines: Sequence[str]) -> int:
-    """Return how many lines stand above the header; zero where there is no table to be seen.
+def find_table(lines: Sequence[str]) -> tuple[list[int], int]:
+    """Return which lines hold names and units, and where the data begin; none, and 0, where no table is to be seen.
 
     The middle line shows what a row looks like: how many fields, and which of them are numbers. The data begin with the
     first three rows like it. The line above, if it has as many fields and no number, is the header, and a row of units
-    may stand between them.
+    may stand between them. Of more such lines the last of units is taken, and the next above it whose fields differ:
+    the others, of groups or numbers of channels, name no column.
     """
     sample = lines[len(lines) // 2]
     delimiter = find_delimiter(lines, sample)
     pattern = [_kind(field) for field in split_fields(sample, delimiter)]
     if "number" not in pattern:
-        return 0
+        return [], 0
     width = len(pattern)
     rows = [split_fields(line, delimiter) for line in lines[: LONGEST + ALIKE]]
     kinds = [[_kind(field) for field in row] for row in rows]
@@ -137,21 +140,16 @@ def preamble_length(lines: Sequence[str]) -> int:
         for row in kinds
     ]
     first = next((i for i in range(len(rows)) if all(alike[i : i + ALIKE])), 0)
-    headings = 0
-    for row in kinds[max(first - 2, 0) : first][::-1]:
-        if len(row) != width or set(row) == {"blank"} or "number" in row:
-            break
-        headings += 1
-    if (
-        headings == 2
-        and (first > 2 or width == 1)
-        and not all(is_unit(field) for field in rows[first - 1] if field)
-    ):
-        headings = 1
-    if not headings and first and len(rows[first - 1]) > 1 and "number" not in kinds[first - 1]:
-        return 0  # a header of another width than its columns: to be reported, not passed over
-    above = first - headings
-    return 0 if any(_is_broken_row(row, pattern) for row in kinds[:above]) else above
+    headings = [len(row) == width and set(row) != {"blank"} and "number" not in row for row in kinds[:first]]
+    top = next((at + 1 for at in range(first - 1, -1, -1) if not headings[at]), 0)
+    units = [at for at in range(top, first) if all(is_unit(field) for field in rows[at] if field)]
+    named = [at for at in range(top, units[-1]) if len(set(rows[at])) == width] if units else []
+    heads = list(range(max(top, first - 2), first))
+    if len(heads) == 2 and (first > 2 or width == 1):
+        heads = [named[-1], units[-1]] if named else heads[first - 1 not in units :]
+    if not heads and first and len(rows[first - 1]) > 1 and "number" not in kinds[first - 1]:
+        return [], 0  # a header of another width than its columns: to be reported, not passed over
+    return ([], 0) if any(_is_broken_row(row, pattern) for row in kinds[:top]) else (heads, first)
 
 
 def _kind(field: str) -> str:
@@ -259,7 +257,7 @@ class _Layout:
         """Return rows to be read by the same rules: decimal commas made points, all rows of one length."""
         delimiter, width = self.delimiter, len(self.names)
         if delimiter != "," and any(map(has_decimal_comma, split_fields(lines[0], delimiter))):
-            lines = [line.replace(",", ".") for line in lines]
+            lines = [_GROUPING.sub("", line).replace(",", ".") for line in lines]
         if delimiter is None or {line.count(delimiter) for line in lines} != {width - 1}:
             for line, number in zip(lines, numbers, strict=True):
                 # Counting delimiters is fast and nearly always enough; quoted or trailing ones need the careful way.
@@ -379,9 +377,11 @@ def _layout(path: Path, text: str, skip: int | None) -> _Layout:
     comments = [line.strip() for line in above if line.strip()] + below
     if not lines:
         raise InputError(f"{path}: holds comment lines only; expected a table with a header and rows")
-    skipped = 0 if skip is not None else preamble_length(lines)
-    remarks = (*comments, *(line.strip() for line in lines[:skipped]))
-    lines, numbers = lines[skipped:], numbers[skipped:]
+    heads, begin = ([], 0) if skip is not None else find_table(lines)
+    passed = [line.strip() for at, line in enumerate(lines[:begin]) if at not in heads]
+    remarks = (*comments, *passed)
+    lines = [lines[at] for at in heads] + lines[begin:]
+    numbers = [numbers[at] for at in heads] + numbers[begin:]
     delimiter = find_delimiter(lines)
     rows = [split_fields(line, delimiter) for line in lines] if len(lines) < MINIMUM_SAMPLES else [[""]]
     if len(rows[0]) >= MINIMUM_SAMPLES and len({len(row) - is_number(row[0]) for row in rows}) == 1:
@@ -390,7 +390,7 @@ def _layout(path: Path, text: str, skip: int | None) -> _Layout:
         lines = [delimiter.join(fields) for fields in zip(*rows, strict=True)]
         numbers = list(range(1, len(lines) + 1))
     # numpy.savetxt writes the header as the last comment before the data.
-    comment = comments[-1].lstrip("#%/ \t") if comments and not skipped else ""
+    comment = comments[-1].lstrip("#%/ \t") if comments and not passed else ""
     names, units, head = _header(lines, delimiter, comment)
     if not lines[head:]:
         raise InputError(f"{path}: has a header ({', '.join(names):.200}) and no rows of data")
