@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "reporting"))
-from test_reporting_results import HOSTILES, MADE, page_of, written  # noqa: E402
+from test_reporting_results import HOSTILES, MADE, ORIGIN, page_of, written  # noqa: E402
+
+from sindyjoint.reporting.page import Blocks, Page, render, section  # noqa: E402
+from sindyjoint.reporting.tables import TextTable  # noqa: E402
 
 
 @pytest.fixture(scope="module", params=HOSTILES)
@@ -96,3 +99,18 @@ def test_responses_are_drawn_over_each_other(open_page, page_path):
     page.locator("#loops2d canvas[data-shown='2']").wait_for()
     page.locator("#loops2d [data-role=legend] button").last.click()
     assert canvas.get_attribute("data-shown") == "1"
+
+
+def test_values_of_the_terms_of_a_structure_stand_on_a_phone(open_page, tmp_path):
+    columns = ("Kind", "Term", "Symbol", "Of", "Value", "Unit", "95 % interval")
+    rows = tuple(
+        ("inter-panel hinge", name, symbol, of, "(−1.2340 ± 0.0012)·10⁵", "N·m/rad²", "−1.2364 to −1.2316")
+        for name, symbol, of in (("quadratic stiffness", "k_2", "θ²"), ("Coulomb friction", "M_F", "sgn(θ̇)"))
+    )
+    table = Blocks({}, {}).table(TextTable("terms", "Terms by kind of joint", columns, rows, text=("Unit",)))
+    page_path = tmp_path / "report.html"
+    whole = Page("a rig", "joints", "a rig", "", (), (), (section("laws", "Laws", "Laws", table),))
+    page_path.write_text(render(whole, ORIGIN, False), encoding="utf-8")
+    page = open_page(page_path, viewport={"width": 390, "height": 844})
+    boxes = [cell.bounding_box() for cell in page.locator("#terms-table td.whole").all()]
+    assert len(boxes) == 2 and all(0 <= box["x"] and box["x"] + box["width"] <= 390 for box in boxes)
