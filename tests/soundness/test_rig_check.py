@@ -130,6 +130,22 @@ def test_what_friction_rings_in_all_sensors_and_a_run_again_are_no_copies_and_no
     } == set()
 
 
+def test_what_one_sensor_rings_of_and_others_bend_at_is_no_spike(sound):
+    """A joint that slips rings the quiet sensor beside it for a sample or two, and bends what others show."""
+    run, rng = sound.runs[0], np.random.default_rng(4)
+    n = run.drive.size
+    at = rng.choice(np.arange(20, n - 20), 9, replace=False)
+    bent = np.zeros(n)
+    for each in at:
+        after = np.arange(n - each)
+        bent[each:] += (1 - np.exp(-after / 5)) * np.exp(-after / 40) * rng.choice([-2, 2])
+    responses = run.responses + np.array([0, 1, 0.8, 0.6])[:, None] * run.responses.std() * bent
+    responses[0, at] += 12 * np.abs(responses[0]).max()
+    bends = replace(run, responses=responses, frequency=None)
+    found_here = check(replace(sound, runs=(bends, *sound.runs[1:]))).soundness.findings
+    assert "spikes" not in {f.id for f in found_here}
+
+
 def test_spikes_are_filled_in_from_the_other_periods(sound):
     runs = list(sound.runs)
     responses = runs[1].responses.copy()

@@ -279,6 +279,12 @@ def departures(values: Array) -> Array:
     return np.asarray(np.abs(values - np.partition(_neighbourhoods(values), REACH, axis=1)[:, REACH]))
 
 
+def _bends(values: Array) -> Array:
+    """Return the second difference of a channel at every sample, over so many on either side as are neighbours."""
+    padded = np.pad(values, REACH, mode="edge")
+    return np.asarray(np.abs(padded[2 * REACH :] - 2 * values + padded[: -2 * REACH]))
+
+
 def _neighbourhoods(values: Array) -> Array:
     """Return a view of every sample with its neighbours, shape (n, 2·REACH + 1)."""
     return np.lib.stride_tricks.sliding_window_view(np.pad(values, REACH, mode="edge"), 2 * REACH + 1)
@@ -379,19 +385,19 @@ def _motion_shows(record: Record, spans: Spans) -> bool:
 def _alone(record: Record, channel: Channel, own: Mask) -> Spans:
     """Return the spikes of a channel that the others of the structure do not show, nor its other periods.
 
-    A blow, and a joint that slips or stops, rings in all channels, and at each period's same time: how far they depart
-    there together (the mean of the logarithms, each of the largest nearby) is seldom so much elsewhere. Where nothing
-    repeats a few spikes of the drive are blows, to which sensors answer more slowly.
+    A blow, and a joint that slips or stops, rings in channels near it and bends those far from it, and at each period's
+    same time: how much they bend there together (the mean of the logarithms, each of the largest nearby) is seldom so
+    much elsewhere. Where nothing repeats a few spikes of the drive are blows, to which sensors answer more slowly.
     """
-    shown = [departures(c.values) for c in record.alive if c is not channel]
+    shown = [_bends(c.values) for c in record.alive if c is not channel]
     if record.declared is not None:
-        away, period = departures(channel.values), round(record.samples_per_period)
-        shown += [np.roll(away, period), np.roll(away, -period)]
+        bend, period = _bends(channel.values), round(record.samples_per_period)
+        shown += [np.roll(bend, period), np.roll(bend, -period)]
     nearby = (
-        np.lib.stride_tricks.sliding_window_view(np.pad(away, REACH), 2 * REACH + 1).max(axis=1)
-        for away in shown
+        np.lib.stride_tricks.sliding_window_view(np.pad(bend, REACH), 2 * REACH + 1).max(axis=1)
+        for bend in shown
     )
-    together = np.mean([np.log(away + away.mean()) for away in nearby], axis=0)
+    together = np.mean([np.log(bend + bend.mean()) for bend in nearby], axis=0)
     spans = spans_of(own & (together < np.quantile(together, SELDOM)))
     blows = record.declared is None and channel.name == DRIVE and len(spans) < SOUNDNESS.fewest
     return () if blows else spans
