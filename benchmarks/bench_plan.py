@@ -76,7 +76,9 @@ def table() -> list[dict]:
             for f in sorted({f for f, _ in runs})
         )
         ratios = [f"{each:.2f}" for each in ratio]
-        rows.append(dict(joint=name, ratios=ratios, widest=widest, seconds=seconds))
+        often = Counter(run.frequency for run in made.runs)
+        counts = "/".join(f"{f:g}×{n}" for f, n in sorted(often.items()))
+        rows.append(dict(joint=name, runs=counts, ratios=ratios, widest=widest, seconds=seconds))
         print(f"| {name} | {shown} | {' '.join(ratios)} | {widest:.2f} | {seconds:.0f} s |")
     return rows
 

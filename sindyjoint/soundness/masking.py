@@ -68,7 +68,7 @@ def leave_out_standstill(
         )
         if not any(np.ptp(run.moment) for run in campaign.runs):
             # A release from standstill then shows, and smoothing takes nothing of the first swing.
-            remedy = "record free decays with 40 samples in a period or more, and from larger angles"
+            remedy = "record free decays from rest, at larger angles, with 40 samples in a period or more"
         said = {name: reason.split(": ", 1)[-1].split("; ")[0] for name, reason in reasons.items()}
         found = (words.finding("no_signal", run, "angle", "stops", why, remedy) for run, why in said.items())
         return campaign, (), tuple(found)
