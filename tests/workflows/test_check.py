@@ -10,6 +10,7 @@ from sindyjoint import compare, diagnose, simulate, verify
 from sindyjoint.errors import InputError, UnknownNameError, UnsoundError
 from sindyjoint.inputs import LongRecord
 from sindyjoint.paper import TERMS as PAPER_TERMS
+from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.soundness import Finding, check_data
 from sindyjoint.workflows.batch import batch
 
@@ -158,3 +159,26 @@ def test_a_batch_records_why_there_is_no_model(campaign, faults, tmp_path):
     assert accepted.status == "found" and accepted.result["paper_term_set"]["verdict"] == "undecided"
     with pytest.raises(UnknownNameError, match="accept is 'nothing'"):
         batch(tmp_path / "tests", tmp_path / "out", accept=("nothing",))
+
+
+def test_decays_that_are_too_coarse_are_told_at_what_rate_they_would_do():
+    """A linear joint with a fifth of the critical damping, released from rest, in closed form; 0.2 % noise."""
+    angular, damping = 2 * np.pi * 9, 0.2
+    damped = angular * np.sqrt(1 - damping**2)
+
+    def decays(samples):
+        rng, rate = np.random.default_rng(0), 9.0 * samples
+        time = np.arange(int(rate)) / rate
+        angle = np.exp(-damping * angular * time) * (
+            np.cos(damped * time) + damping * angular / damped * np.sin(damped * time)
+        )
+        noise = 0.002 * rng.standard_normal((2, time.size))
+        runs = [
+            Run(f"{a}", 0 * time, a * (angle + n), rate) for a, n in zip((0.05, 0.03), noise, strict=True)
+        ]
+        return Campaign(Joint("swing", "rotation", 1.0), tuple(runs))
+
+    told = sindyjoint.check(decays(16)).stopping
+    assert {f.id for f in told} == {"no_signal"} and "from rest" in told[0].remedy
+    assert "40 samples in a period" in told[0].remedy
+    assert sindyjoint.check(decays(40)).soundness.verdict == "sound"
