@@ -321,15 +321,15 @@ def _uniform_rate(file: Path, time: Array) -> float:
 
 
 def _on_grid(
-    file: Path, time: Array, signals: dict[int, Array], present: NDArray[np.bool_]
-) -> tuple[dict[int, Array], float, NDArray[np.bool_]]:
+    file: Path, time: Array, signals: dict[str, Array], present: NDArray[np.bool_]
+) -> tuple[dict[str, Array], float, NDArray[np.bool_]]:
     """Return signals on the whole grid of a recorder that lost rows, its rate, Hz, and which samples it holds."""
     steps = np.diff(time)
     whole = with_lost_samples(time, signals) if steps.size and np.all(steps > 0) else None
     if whole is None:
         return signals, _uniform_rate(file, time), present
     filled, rate, recorded = whole
-    there = np.zeros((len(present), recorded.size), dtype=bool)
+    there: NDArray[np.bool_] = np.zeros((len(present), recorded.size), dtype=bool)
     there[:, recorded] = present
     return filled, rate, there
 
@@ -368,7 +368,8 @@ def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     seconds = conversion(given.time.unit, "s", f"{file}: time")
     read, sha256 = read_table(file)
     stamps, *values = read.columns([given.time.column, *(channel.column for channel in channels)], gaps=True)
-    held = {at: bridged(each) * factor for at, (each, factor) in enumerate(zip(values, factors, strict=True))}
+    pairs = enumerate(zip(values, factors, strict=True))
+    held = {str(at): bridged(each) * factor for at, (each, factor) in pairs}
     held, rate, present = _on_grid(file, bridged(stamps) * seconds, held, np.isfinite(values))
     drive, *responses = held.values()
     frequency = (

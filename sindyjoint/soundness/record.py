@@ -258,7 +258,7 @@ def record_of_structure(test: RigTest, run: RigRun) -> Record:
     names = [DRIVE, *(sensor.name for sensor in test.sensors)]
     jumpy = frozenset(s.name for s in test.sensors if s.quantity == "acceleration")
     channels = dict(zip(names, run.signals, strict=True))
-    lost = {} if run.lost is None else dict(zip(names, run.lost, strict=True))
+    lost: dict[str | None, Mask] = {} if run.lost is None else dict(zip(names, run.lost, strict=True))
     return Record(run.name, run.sample_rate, run.frequency, channels, jumpy, run.source, lost=lost)
 
 
