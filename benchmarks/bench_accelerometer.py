@@ -29,7 +29,7 @@ CASES = {
 def one(seed: int, case: str) -> dict:
     """Return the relative errors of the coefficients of the joint of a seed, and whether their intervals hold."""
     from sindyjoint import discover
-    from sindyjoint.mechanics.laws import INTER_PANEL
+    from sindyjoint.mechanics import INTER_PANEL
     from sindyjoint.mechanics.virtual import virtual_campaign
 
     rng = np.random.default_rng(seed)

@@ -25,7 +25,7 @@ from benchmarks.resumed import main, records_in, run_seeds  # noqa: E402
 def one(seed: int) -> dict:
     """Return what is said of the joint of a seed, unchanged and changed."""
     from sindyjoint import changed, discover
-    from sindyjoint.mechanics.laws import INTER_PANEL
+    from sindyjoint.mechanics import INTER_PANEL
     from sindyjoint.mechanics.virtual import virtual_campaign
 
     rng = np.random.default_rng(seed)

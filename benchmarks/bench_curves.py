@@ -22,8 +22,8 @@ import numpy as np  # noqa: E402
 
 from benchmarks.resumed import with_rows, write_rows  # noqa: E402
 from sindyjoint import curves  # noqa: E402
+from sindyjoint.mechanics import FormulaLaw, PaperLaw, SumLaw  # noqa: E402
 from sindyjoint.mechanics.excitation import sampled  # noqa: E402
-from sindyjoint.mechanics.laws import FormulaLaw, PaperLaw, SumLaw  # noqa: E402
 from sindyjoint.mechanics.rigs import Rig, load_rig  # noqa: E402
 from sindyjoint.mechanics.transient import respond  # noqa: E402
 from sindyjoint.mechanics.virtual_rig import with_laws  # noqa: E402

@@ -49,7 +49,7 @@ FINER = {"moment": 8, "displacement": 32}
 
 
 def one(name: str, seed: int, size: float, noise: float, refine: bool, every: bool) -> dict:
-    from sindyjoint.diagnosis.effects.catalogue import load_effects, select_effects
+    from sindyjoint.diagnosis.effects import load_effects, select_effects
     from tests.diagnosis.hidden_effects import hide
 
     record = dict(name=name, seed=seed, size=size, noise=noise, refine=refine, every=every)

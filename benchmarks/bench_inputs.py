@@ -41,7 +41,7 @@ def draw(seed: int) -> dict:
 def campaign_of(plan: dict, seed: int):
     """Return the campaign of a plan, and the true values at the middle of the range and their slopes."""
     from sindyjoint.inputs import Input
-    from sindyjoint.mechanics.laws import INTER_PANEL
+    from sindyjoint.mechanics import INTER_PANEL
     from sindyjoint.mechanics.virtual import virtual_campaign
 
     unit, low, high = INPUTS[plan["input"]]
@@ -64,7 +64,7 @@ def campaign_of(plan: dict, seed: int):
 def one(seed: int) -> dict:
     """Return what a discovery finds in the campaign of a seed."""
     from sindyjoint import discover
-    from sindyjoint.discovery.evidence import fit_columns
+    from sindyjoint.discovery import fit_columns
 
     plan = draw(seed)
     campaign, middle, slope = campaign_of(plan, seed)

@@ -43,7 +43,7 @@ def paper_way(campaign, n: int) -> np.ndarray:
 
 
 def one(drive: str, noise: float, seed: int, n: int) -> dict[str, np.ndarray]:
-    from sindyjoint.mechanics.laws import INTER_PANEL
+    from sindyjoint.mechanics import INTER_PANEL
     from sindyjoint.mechanics.virtual import virtual_campaign
     from sindyjoint.workflows.discover import discover
 

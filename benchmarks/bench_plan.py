@@ -26,12 +26,11 @@ from benchmarks.resumed import with_rows, write_rows
 from sindyjoint import discover, plan
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
-from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics import PaperLaw
+from sindyjoint.planning import PlannedRun
 from sindyjoint.planning.information import Sensors, chosen_terms, run_information, stacked
-from sindyjoint.planning.plan import Plan
-from sindyjoint.planning.plan_file import play
+from sindyjoint.planning.plan import Plan, play
 from sindyjoint.planning.prior import JointRange
-from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.record import Campaign, Joint
 from sindyjoint.response.laws import model_law
 

@@ -16,8 +16,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "mechanics"))
 
 from hybrid_reference import solve_stick_slip  # noqa: E402
 
+from sindyjoint.mechanics import INTER_PANEL, PaperLaw  # noqa: E402
 from sindyjoint.mechanics.excitation import harmonic, pulse  # noqa: E402
-from sindyjoint.mechanics.laws import INTER_PANEL, PaperLaw  # noqa: E402
 from sindyjoint.mechanics.rigs import load_rig  # noqa: E402
 from sindyjoint.mechanics.stickslip import simulate, simulate_many  # noqa: E402
 
@@ -38,7 +38,7 @@ def best(function, repeats=5, clock=time.process_time):
 FIRST_USES = {
     "single joint": (
         "from sindyjoint.mechanics.excitation import harmonic\n"
-        "from sindyjoint.mechanics.laws import INTER_PANEL\n"
+        "from sindyjoint.mechanics import INTER_PANEL\n"
         "from sindyjoint.mechanics.stickslip import simulate\n"
         "simulate(INTER_PANEL, harmonic(5.0, 4.0), 10.0, 1000.0)\n"
     ),

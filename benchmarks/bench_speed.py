@@ -67,7 +67,7 @@ GROWTH = """
 import sys, tempfile, time
 import numpy as np
 import sindyjoint
-from sindyjoint.diagnosis.effects.catalogue import load_effects
+from sindyjoint.diagnosis.effects import load_effects
 from sindyjoint.mechanics import virtual_campaign
 kind, size = sys.argv[1], int(sys.argv[2])
 plan = dict(levels=[0.35, 0.5, 0.63, 0.92], frequencies=[3.0], duration=3.0, rng=0)

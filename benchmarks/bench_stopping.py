@@ -20,9 +20,8 @@ from benchmarks.resumed import with_rows, write_rows
 from sindyjoint import discover, plan
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
-from sindyjoint.planning.plan import Plan
-from sindyjoint.planning.plan_file import play
-from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.planning import PlannedRun
+from sindyjoint.planning.plan import Plan, play
 from sindyjoint.record import Campaign, Run
 from sindyjoint.response.laws import model_law
 

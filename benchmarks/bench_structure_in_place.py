@@ -41,7 +41,7 @@ def _quadratic(theta, omega, direction, state, p, out):
 
 def hidden(name, law, generator):
     """Return the law with an effect in it, and the factor of the beams' stiffness."""
-    from sindyjoint.mechanics.laws import FunctionLaw
+    from sindyjoint.mechanics import FunctionLaw
     from tests.diagnosis.hidden_structures import _jenkins
 
     more = dict(inertia=law.inertia, softening_limit=tuple(law.softening_limit))

@@ -22,7 +22,7 @@ METHODS = {"weak": "weak form", "stlsq": "samples"}
 def one(noise: float, seed: int) -> dict:
     """Return what either finds: whether the terms are the paper's, and the relative errors of k2 and M_F."""
     from sindyjoint import compare
-    from sindyjoint.mechanics.laws import INTER_PANEL
+    from sindyjoint.mechanics import INTER_PANEL
     from sindyjoint.mechanics.virtual import virtual_campaign
     from sindyjoint.paper import TERMS
 

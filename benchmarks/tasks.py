@@ -181,7 +181,7 @@ def disk(n: int, folder: str) -> dict[str, Any]:
 
 def statistics(n: int, folder: str) -> dict[str, Any]:
     """Cost of leave-one-frequency-out and of the selection in 500 resampled campaigns on top of the single pass."""
-    from sindyjoint.discovery.evidence import Evidence, RunEvidence
+    from sindyjoint.discovery import Evidence, RunEvidence
     from sindyjoint.discovery.factors import merge
     from sindyjoint.discovery.long_tables import RowTask, run_rows
     from sindyjoint.discovery.uncertainty import cross_validate, inclusion
@@ -278,7 +278,7 @@ def simulation() -> dict[str, Any]:
     import bench_simulation as bench
     from hybrid_reference import solve_stick_slip
 
-    from sindyjoint.mechanics.laws import INTER_PANEL
+    from sindyjoint.mechanics import INTER_PANEL
     from sindyjoint.mechanics.stickslip import simulate
 
     run = lambda: simulate(INTER_PANEL, bench.DRIVE, bench.DURATION, bench.RATE, rtol=1e-4)  # noqa: E731
@@ -294,8 +294,8 @@ def simulation() -> dict[str, Any]:
         import pytest
         from test_structure import chain, opensees_pulse, respond
 
+        from sindyjoint.mechanics import PaperLaw
         from sindyjoint.mechanics.excitation import pulse
-        from sindyjoint.mechanics.laws import PaperLaw
 
         structure = chain(PaperLaw(k1=6066.0))
         respond(structure, pulse(65.0, 0.005), duration=5.0)

@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from sindyjoint.files import load_campaign
     from sindyjoint.files.drafting.init import init
     from sindyjoint.files.writers import write_campaign
-    from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
+    from sindyjoint.mechanics import INTER_PANEL, PANEL_ROOT, FunctionLaw, PaperLaw
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
     from sindyjoint.mechanics.rigs import Rig, load_rig
     from sindyjoint.mechanics.virtual import virtual_campaign
     from sindyjoint.mechanics.virtual_rig import hinges, virtual_rig_test, with_laws
-    from sindyjoint.planning.plan_file import play
+    from sindyjoint.planning.plan import play
     from sindyjoint.record import Campaign, Joint, Run
     from sindyjoint.reporting.registry import draw, load_results
     from sindyjoint.reporting.style import figure_bytes
@@ -101,13 +101,13 @@ __all__ = [
 _HOMES = {
     "Campaign": "record",
     "Catalogue": "equation.catalogue",
-    "FunctionLaw": "mechanics.laws",
-    "INTER_PANEL": "mechanics.laws",
+    "FunctionLaw": "mechanics",
+    "INTER_PANEL": "mechanics",
     "Joint": "record",
     "JointModel": "equation.model",
     "JointRegressor": "discovery.estimator",
-    "PANEL_ROOT": "mechanics.laws",
-    "PaperLaw": "mechanics.laws",
+    "PANEL_ROOT": "mechanics",
+    "PaperLaw": "mechanics",
     "Rig": "mechanics.rigs",
     "Run": "record",
     "SindyJointError": "errors",
@@ -140,7 +140,7 @@ _HOMES = {
     "load_rig_plan": "mechanics.rig_test_file",
     "model_law": "response.laws",
     "plan": "workflows.plan",
-    "play": "planning.plan_file",
+    "play": "planning.plan",
     "refine": "workflows.verify",
     "regression_rows": "states.record",
     "rig_motion": "workflows.simulate",

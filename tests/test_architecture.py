@@ -19,7 +19,6 @@ BASE = {
     "limits",
     "numeric",
     "documents",
-    "tables",
     "hooks",
     "plain",
     "described",
@@ -36,7 +35,7 @@ ALLOWED = {
     "errors": set(),
     "text": set(),
     "hooks": set(),
-    "plain": {"errors"},
+    "plain": {"errors", "text"},
     "described": {"hooks", "plain"},  # what shows results is supplied at the root
     "policy": set(),
     "limits": {"policy"},
@@ -55,7 +54,6 @@ ALLOWED = {
         "record",
     },  # runs are made of what sensors measured
     "documents": {"errors", "text"},
-    "tables": {"errors", "text", "plain"},
     "clock": set(),
     "parallel": {"errors", "clock"},
     "paper": set(),  # its published numbers: discovery, which must not know the answer, may not see them

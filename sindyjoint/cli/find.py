@@ -62,7 +62,7 @@ def discover_structure(
 
 def models_of(rig: Path, given: Path) -> JointModel | dict[str, JointModel]:
     """Return the model of a file for every joint, or those by kind in a folder that ``discover RIG --out`` wrote."""
-    from sindyjoint.equation.model_file import read_model
+    from sindyjoint.equation.catalogue_file import read_model
     from sindyjoint.judgement.joint_laws import place_of_kind
     from sindyjoint.mechanics.rig_test_file import load_rig_test
 
@@ -80,7 +80,7 @@ def simulate_structure(
 
     A model stands in the joints whose law is "model"; where one moves beyond what that was tested to, stderr says so.
     """
-    from sindyjoint.equation.model_file import read_model
+    from sindyjoint.equation.catalogue_file import read_model
     from sindyjoint.mechanics.rig_test import write_rig_test
     from sindyjoint.mechanics.rig_test_file import load_rig_plan
     from sindyjoint.mechanics.virtual_rig import virtual_rig_test
@@ -354,7 +354,7 @@ def _diagnosed(
     campaign: Path | None, model: Path | None, base: list[str] | None, **options: Any
 ) -> Diagnosis:
     """Return the diagnosis of a campaign, or of a structure."""
-    from sindyjoint.equation.model_file import read_model
+    from sindyjoint.equation.catalogue_file import read_model
     from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test
 
     recorded = campaign is not None and has_measured_runs(campaign)

@@ -119,7 +119,7 @@ def check(path: Annotated[Path, typer.Argument(metavar="PATH", help="A .toml fil
     Example: sindyjoint libraries check mine.toml
     """
     if _holds_effects(path):
-        from sindyjoint.diagnosis.effects.catalogue import read_effects
+        from sindyjoint.diagnosis.effects import read_effects
 
         effects = read_effects(path)
         typer.echo(f"{path}: in order, {len(effects)} effect(s): {', '.join(e.id for e in effects)}")
@@ -147,7 +147,7 @@ def effects(as_json: AsJson = False) -> None:
 
     Example: sindyjoint libraries effects
     """
-    from sindyjoint.diagnosis.effects.catalogue import load_effects
+    from sindyjoint.diagnosis.effects import load_effects
 
     known = load_effects()
     record = [

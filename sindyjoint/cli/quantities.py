@@ -190,7 +190,7 @@ def _parted(text: str, known: Sequence[str] | None, where: str) -> tuple[str, st
 
 def _quantities(texts: list[str], known: Sequence[str], where: str) -> dict[str, float]:
     """Return the values of channels, SI, in a unit of a joint that turns or of one that slides."""
-    from sindyjoint.planning.plan_file import parse_channel
+    from sindyjoint.planning.plan import parse_channel
 
     pairs = [_parted(text, known, where) for text in texts]
     return {name: parse_channel(value, name, f"{where} {name}")[0] for name, value in pairs}

@@ -133,7 +133,7 @@ def simulate(
         _print_record(record, "a structure", as_json)
         return
 
-    from sindyjoint.equation.model_file import read_model
+    from sindyjoint.equation.catalogue_file import read_model
     from sindyjoint.workflows.simulate import WrittenRun, WrittenTest, make_test
 
     known = None if model is None else read_model(model)

@@ -26,7 +26,7 @@ from sindyjoint.text import printable
 if TYPE_CHECKING:
     from sindyjoint.judgement.comparison import Comparison
     from sindyjoint.reporting.output import CampaignFiles
-    from sindyjoint.workflows.joints.record import CampaignRecord
+    from sindyjoint.workflows.joints import CampaignRecord
     from sindyjoint.workflows.joints.summary import Batch
 
 
@@ -320,7 +320,7 @@ def tables(
     Example: sindyjoint reproduce tables
     """
     from sindyjoint.judgement.paper_tables import PrintedTables, check_tables, table_findings
-    from sindyjoint.reporting import show
+    from sindyjoint.reporting.registry import show
 
     checks = check_tables()
     printed = PrintedTables(checks, table_findings(checks))

@@ -5,13 +5,12 @@ from sindyjoint.hooks import fetched
 __getattr__ = fetched(
     __name__,
     {
-        "effects.catalogue": "load_effects read_effects select_effects",
+        "effects": "load_effects read_effects select_effects",
         "effects.change": "JointLaws joint_changes steady_level structure_changes",
         "effects.fitted": "FittedEffect effect_law input_effects",
-        "effects.motion": "JoinedMotions MeasuredMotion",
-        "effects.setup": "Scales Setup",
+        "effects.setup": "JoinedMotions MeasuredMotion Scales Setup",
         "engine": "Stages explain_gap",
-        "evidence.score": "rank",
+        "evidence": "rank",
         "problem": "Progress add_effects",
         "parts": "Budget",
         "policy": "CAMPAIGN STRUCTURE",

@@ -7,7 +7,7 @@ from typing import Any, Generic
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.evidence.score import Ranking
+from sindyjoint.diagnosis.evidence import Ranking
 from sindyjoint.diagnosis.parts import NOT_DIVIDED
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import P, Problem, Progress, Say, Start

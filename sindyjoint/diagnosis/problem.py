@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.evidence.score import Candidate, Ranking
+from sindyjoint.diagnosis.evidence import Candidate, Ranking
 from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, Step

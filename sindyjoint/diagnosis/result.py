@@ -11,8 +11,8 @@ from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.numeric import Array
+from sindyjoint.soundness import Soundness
 from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.finding import Soundness
 from sindyjoint.substructure.recovery import Update, UpdatedNumber
 from sindyjoint.trust import Trust
 

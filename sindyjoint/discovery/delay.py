@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sindyjoint.discovery.evidence import Evidence, RunEvidence, fit_columns
+from sindyjoint.discovery import Evidence, RunEvidence, fit_columns
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.equation.terms import Reference, ResolvedTerm, Term, term_columns
 from sindyjoint.errors import InputError

@@ -19,7 +19,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from sindyjoint.described import Maybe
-from sindyjoint.discovery.evidence import Evidence, fit_columns
+from sindyjoint.discovery import Evidence, fit_columns
 from sindyjoint.errors import InputError
 from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.discovery import Evidence, RunEvidence
 from sindyjoint.discovery.delay import shifted
-from sindyjoint.discovery.evidence import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.discovery.rows import Rows, factor_of, gather, hierarchy, known_labels, row_arguments

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sindyjoint.discovery.evidence import Evidence, RunEvidence
+from sindyjoint.discovery import Evidence, RunEvidence
 from sindyjoint.discovery.factors import merge
 from sindyjoint.discovery.long_runs import Segment, largest_of, pass_over, relative
 from sindyjoint.discovery.rows import PARTS, SEGMENTS, factor_of

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery import Evidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.discovery.selection import elimination_path
 from sindyjoint.errors import InputError, MissingExtraError, UnknownNameError, nearest

@@ -18,7 +18,7 @@ from pysindy import SINDy
 from pysindy.optimizers.base import BaseOptimizer
 from sklearn.utils.validation import check_array, check_consistent_length
 
-from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery import Evidence
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.library import TermLibrary
 from sindyjoint.discovery.regression import SelectionRules, TermRegression, choose

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sindyjoint.clock import single_threaded
-from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery import Evidence
 from sindyjoint.discovery.factors import Factor, dependent_columns
 from sindyjoint.discovery.methods import check_method, column_path
 from sindyjoint.discovery.rows import Rows, gather, row_labels, rows_that_count, state_columns

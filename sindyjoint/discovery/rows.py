@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.clock import on_threads
-from sindyjoint.discovery.evidence import Evidence, RunEvidence
+from sindyjoint.discovery import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor, merge
 from sindyjoint.equation.evaluation import TermFunction
 from sindyjoint.equation.formula import VARIABLES, compile_terms

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sindyjoint.discovery.evidence import (
+from sindyjoint.discovery import (
     Evidence,
     Fit,
     fit_columns,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.described import Maybe
-from sindyjoint.discovery.evidence import Evidence, Fit, block_scores, fit_columns, small_sample
+from sindyjoint.discovery import Evidence, Fit, block_scores, fit_columns, small_sample
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.methods import column_path
 from sindyjoint.discovery.selection import Selection, choose_by_evidence, path_of

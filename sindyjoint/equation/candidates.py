@@ -10,15 +10,14 @@ import re
 from collections.abc import Iterable, Sequence
 from copy import deepcopy
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sindyjoint.equation.catalogue import Catalogue, as_catalogue, load_catalogue
-from sindyjoint.equation.dimensions import coefficient_unit
 from sindyjoint.equation.element import Form
-from sindyjoint.equation.formula import compile_terms, parse_formula
+from sindyjoint.equation.formula import coefficient_unit, compile_terms, parse_formula
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.parsing import variable_symbols
 from sindyjoint.equation.terms import Term, TermInput
@@ -251,3 +250,21 @@ def _new_term(kind: str, name: str, text: str, expression: sympy.Expr) -> Term:
         meaning=f"feature of pysindy's {kind}", family="pysindy", source="pysindy", confused_with=(), parameters=(),
         expression=expression,
     )  # fmt: skip
+
+
+def made_by_shift(expressions: Sequence[sympy.Expr]) -> tuple[bool, ...]:
+    """Return of each term whether another one, its angle counted from another zero, contains it.
+
+    To first order in the shift d: f(θ − d) = f(θ) − d·f'(θ), so θ² stands in θ³ and θ in θ², and a model with θ³ and
+    without θ² belongs to one zero only.
+    """
+    return tuple(
+        any(_is_slope(term, other) for other in expressions if other is not term) for term in expressions
+    )
+
+
+@cache
+def _is_slope(term: sympy.Expr, other: sympy.Expr) -> bool:
+    """Return whether a term is proportional to the slope of another over the angle."""
+    ratio = other.diff(variable_symbols()[0]) / term
+    return bool(ratio.is_number and ratio != 0)

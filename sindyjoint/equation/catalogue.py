@@ -13,7 +13,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sindyjoint.equation import dimensions, formula
+from sindyjoint.equation import formula
 from sindyjoint.equation.catalogue_file import (
     Located,
     check_symbols,
@@ -270,7 +270,7 @@ def _checked_motion(entry: Term, expression: sympy.Expr) -> Motion:
     units = {parameter.name: parameter.unit for parameter in entry.parameters}
     units |= input_units(entry.inputs)
     for unit in (entry.unit, *units.values()):
-        if not dimensions.is_coherent(unit):
+        if not formula.is_coherent(unit):
             raise UnitError(
                 f"unit {unit!r} is not made of m, kg, s, rad, N, K, Pa, V, A only; catalogues are in SI: "
                 "scale the value instead"
@@ -279,13 +279,13 @@ def _checked_motion(entry: Term, expression: sympy.Expr) -> Motion:
     motions: tuple[Motion, Motion] = ("rotation", "translation")
     for motion in motions:
         try:
-            wanted = dimensions.coefficient_unit(expression, units, motion)
+            wanted = formula.coefficient_unit(expression, units, motion)
         except UnitError as error:
             faults[motion] = str(error)
             continue
-        if dimensions.same_dimension(entry.unit, wanted):
+        if formula.same_dimension(entry.unit, wanted):
             return motion
-        moment = dimensions.MOMENT_UNITS[motion]
+        moment = formula.MOMENT_UNITS[motion]
         faults[motion] = f"unit {entry.unit!r} times {entry.formula} is not {moment}; expected {wanted}"
     # Report against the kind of motion that the author had in mind, as far as the letters show.
     texts = " ".join((entry.unit, *units.values()))
@@ -294,13 +294,13 @@ def _checked_motion(entry: Term, expression: sympy.Expr) -> Motion:
 
 def _parameter(entry: Parameter, motion: Motion | None) -> Parameter:
     if motion is not None and entry.relative_to is not None:
-        scales = dimensions.VARIABLE_UNITS[motion]
+        scales = formula.VARIABLE_UNITS[motion]
         wanted = {
             "angle": scales["theta"],
             "rate": scales["omega"],
-            "moment": dimensions.MOMENT_UNITS[motion],
+            "moment": formula.MOMENT_UNITS[motion],
         }
-        if not dimensions.same_dimension(entry.unit, wanted[entry.relative_to]):
+        if not formula.same_dimension(entry.unit, wanted[entry.relative_to]):
             raise UnitError(
                 f"parameter {entry.name!r} is relative to the {entry.relative_to} and has the unit "
                 f"{entry.unit!r}; expected {wanted[entry.relative_to]}"
@@ -312,5 +312,5 @@ def _rotational(unit: str, motion: Motion | None) -> str:
     if motion is None:
         return unit
     if motion == "translation":
-        return dimensions.unit_for(unit, "rotation")
-    return dimensions.unit_text(dimensions.parse_unit(unit))
+        return formula.unit_for(unit, "rotation")
+    return formula.unit_text(formula.parse_unit(unit))

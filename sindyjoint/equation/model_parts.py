@@ -97,7 +97,7 @@ class Fitted:
         Hz.
     simulated : bool
     data : str
-        Hash of the campaign's content, see :func:`~sindyjoint.states.build.content_hash`; empty where not known.
+        Hash of the campaign's content, see :func:`~sindyjoint.states.content_hash`; empty where not known.
     versions : mapping of str to str
         Names and versions of what fitted it.
     gains : mapping of str to float
@@ -107,7 +107,7 @@ class Fitted:
     quasi_static : bool
         Whether the samples had no time: the rate is then that of the path, one.
     seen : tuple of str
-        Runs that any fit of it used, by :func:`~sindyjoint.states.build.run_hash`; with ``"unknown"`` among them
+        Runs that any fit of it used, by :func:`~sindyjoint.states.run_hash`; with ``"unknown"`` among them
         there may be others.
     """
 

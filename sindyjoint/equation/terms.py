@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sindyjoint.equation import dimensions, formula
+from sindyjoint.equation import formula
 from sindyjoint.errors import InputError
 from sindyjoint.plain import Identifier, Line, same
 
@@ -89,7 +89,7 @@ class Parameter:
 
     def unit_for(self, motion: Motion) -> str:
         """Return the unit for rotation or translation."""
-        return self.unit if motion == "rotation" else dimensions.unit_for(self.unit, motion)
+        return self.unit if motion == "rotation" else formula.unit_for(self.unit, motion)
 
     def resolve(self, reference: Reference | None) -> float:
         """Return the value in SI units."""
@@ -178,8 +178,8 @@ class Term:
         if self.inputs:
             # The units of inputs are the same for either kind of motion: a load stays N where N*m becomes N.
             own = {p.name: p.unit_for(motion) for p in self.parameters}
-            return dimensions.coefficient_unit(self.expression, own | input_units(self.inputs), motion)
-        return self.unit if motion == "rotation" else dimensions.unit_for(self.unit, motion)
+            return formula.coefficient_unit(self.expression, own | input_units(self.inputs), motion)
+        return self.unit if motion == "rotation" else formula.unit_for(self.unit, motion)
 
     def text(self, motion: Motion = "rotation") -> str:
         """Return the formula in the catalogues' syntax: as written, or with x, v, a for translation."""

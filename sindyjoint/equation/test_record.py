@@ -83,7 +83,7 @@ class TestNuisances(Described):
     Parameters
     ----------
     campaign : str
-        Content hash of the campaign; see :func:`~sindyjoint.states.build.content_hash`.
+        Content hash of the campaign; see :func:`~sindyjoint.states.content_hash`.
     joint : str
         Its joint's name.
     nuisances : tuple of Nuisance

@@ -19,8 +19,8 @@ import numpy as np
 
 from sindyjoint.described import Described, same
 from sindyjoint.documents import refuse_foreign_file
+from sindyjoint.equation.catalogue_file import read_model
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import UnknownNameError, nearest, refuse
 from sindyjoint.export.fidelity import ALL_TERMS, Cycles, Fidelity, not_carried, shares
 from sindyjoint.files.atomic import output_folder, write_bytes
@@ -36,7 +36,7 @@ __getattr__ = fetched(
         "documents": "batch_samples",
         "elements": "BoucWen Gap LuGre Maxwell Slider kind_of",
         "fidelity": "ALL_TERMS Cycles Represented fidelity_table",
-        "nastran": "field read_field",
+        "finite_elements": "field read_field",
         "parts": "Parts softening_limits",
     },
 )
@@ -57,7 +57,12 @@ TARGETS = {
 }
 # Where the function of a target stands; of others it is ``export`` of the module of the same name.
 HOMES = {
-    "fmu": ("python", "export_fmu"),
+    "abaqus": ("finite_elements", "export_abaqus"),
+    "nastran": ("finite_elements", "export_nastran"),
+    "opensees": ("finite_elements", "export_opensees"),
+    "python": ("programs", "export_python"),
+    "simscape": ("programs", "export_simscape"),
+    "fmu": ("programs", "export_fmu"),
     "c": ("code", "export_c"),
     "latex": ("documents", "export_latex"),
     "json": ("documents", "export_json"),

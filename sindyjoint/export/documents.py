@@ -30,8 +30,8 @@ from sindyjoint.export.fidelity import (
 )
 from sindyjoint.files.units import parse_quantity
 from sindyjoint.numeric import Array, root_of
+from sindyjoint.workflows.joints import CampaignRecord
 from sindyjoint.workflows.joints.population import population
-from sindyjoint.workflows.joints.record import CampaignRecord
 from sindyjoint.workflows.joints.summary import covariates_of, units_of_covariates
 
 

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from sindyjoint.documents import check_finished, read_toml
 from sindyjoint.errors import InputError, MissingInputError, refuse
-from sindyjoint.tables import StrictTable, first_complaint
+from sindyjoint.plain import StrictTable, first_complaint
 
 Column = str | int
 MANIFEST_NAME = "campaign.toml"

@@ -7,10 +7,10 @@ from typing import ClassVar, Literal
 from sindyjoint.described import Maybe, Shown, same
 from sindyjoint.discovery.frequency import FrequencyTest
 from sindyjoint.discovery.uncertainty import CrossValidation
+from sindyjoint.judgement import is_of_the_paper
 from sindyjoint.judgement.discovery import Discovery
-from sindyjoint.judgement.headline import is_of_the_paper
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.soundness.finding import Soundness
+from sindyjoint.soundness import Soundness
 from sindyjoint.trust import Trust
 
 

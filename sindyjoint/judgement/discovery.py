@@ -18,18 +18,18 @@ from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel
 from sindyjoint.equation.model_parts import versions
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
-from sindyjoint.judgement.headline import Excitations, is_of_the_paper, next_steps
+from sindyjoint.judgement import Excitations, is_of_the_paper, next_steps
 from sindyjoint.judgement.over_inputs import OverInput, over_inputs
 from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.judgement.verdict import Verdict, unjudged
 from sindyjoint.limits import DISCOVERY, JUDGEMENT
 from sindyjoint.record import Campaign
-from sindyjoint.response.compared import corrected
+from sindyjoint.response import corrected
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.output_error_runs import Nuisance as Kind
 from sindyjoint.response.refinement import Refinement, refine
+from sindyjoint.soundness import Soundness
 from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.finding import Soundness
 from sindyjoint.states import ForceStates, content_hash, group_labels, run_hash, with_later_motion
 from sindyjoint.text import in_words_of, spelled
 from sindyjoint.trust import Light, Trust

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from sindyjoint.judgement.headline import (
+from sindyjoint.judgement import (
     EXPORT,
     SEE_FAULTS,
     VERIFY,
@@ -16,8 +16,8 @@ from sindyjoint.judgement.headline import (
 )
 from sindyjoint.judgement.trust import colour_of_misfit, judge_coverage, judge_soundness
 from sindyjoint.limits import JUDGEMENT
+from sindyjoint.soundness import Soundness
 from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.finding import Soundness
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import ANSWERS, ORDER, Colour, Light, Trust
 

@@ -14,9 +14,9 @@ from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.candidates import catalogue_of
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import ResolvedTerm
+from sindyjoint.judgement import RECOVERED
 from sindyjoint.judgement.changed import MANY
 from sindyjoint.judgement.discovery import Discovery, fitted_to
-from sindyjoint.judgement.headline import RECOVERED
 from sindyjoint.judgement.joint_search import beyond, exchanged, moving_as, search, terms_of, weakest
 from sindyjoint.judgement.term_search import campaign_model
 from sindyjoint.judgement.verdict import (
@@ -32,10 +32,10 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
 from sindyjoint.soundness.warnings import list_warnings
 from sindyjoint.states import ForceStates, signals_hash
+from sindyjoint.substructure import static_moments
 from sindyjoint.substructure.law_errors import LawErrors, Recovered, law_errors
 from sindyjoint.substructure.recovery import Recovery, Update, recover, with_numbers
 from sindyjoint.substructure.states import joint_states, kept_of, slow_part
-from sindyjoint.substructure.transfer import static_moments
 from sindyjoint.substructure.unseen import LawRows, find_slow, run_weights, with_slow
 from sindyjoint.text import spelled
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import scipy
 
-from sindyjoint.discovery.evidence import Evidence, Fit, fit_columns
+from sindyjoint.discovery import Evidence, Fit, fit_columns
 from sindyjoint.discovery.factors import dependent_columns
 from sindyjoint.discovery.methods import NOT_GIVEN
 from sindyjoint.discovery.selection import Selection
@@ -118,7 +118,7 @@ def by_method(question: Question) -> tuple[Choice, ...]:
 
 def _weak(question: Question) -> Choice:
     """Return what the weak form finds."""
-    from sindyjoint.discovery.weak import weak_evidence
+    from sindyjoint.discovery.library import weak_evidence
 
     found = question.found
     start, terms = time.perf_counter(), found.regressor.terms_

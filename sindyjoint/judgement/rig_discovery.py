@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from sindyjoint.described import Maybe, Shown, same
-from sindyjoint.diagnosis.structure.output_error import Fit, fit
+from sindyjoint.diagnosis.structure import Fit, fit
 from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
@@ -19,8 +19,8 @@ from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
+from sindyjoint.soundness import Soundness
 from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.finding import Soundness
 from sindyjoint.substructure.recovery import Recovery, Update, UpdatedNumber, recover, with_numbers
 from sindyjoint.substructure.states import JointSeen
 from sindyjoint.text import list_some

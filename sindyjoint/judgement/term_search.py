@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sindyjoint.discovery import fit_columns
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, law_coefficients, shifted
-from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, ModelTerm

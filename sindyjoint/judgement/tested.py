@@ -8,16 +8,16 @@ from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Diagnosis, Gap
 from sindyjoint.diagnosis.verdict import UNDECIDED, Gaps, discount
 from sindyjoint.discovery.delay import ChannelDelay
-from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.equation.calibration import with_gain_uncertainty
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.inputs import fixed_notes
 from sindyjoint.judgement.discovery import fitted_to
 from sindyjoint.judgement.headlines import judge_diagnosis
+from sindyjoint.judgement.over_inputs import InputLag, find_lags, lag_notes
 from sindyjoint.judgement.trust import assess, judge_soundness
 from sindyjoint.record import Campaign
-from sindyjoint.response.compared import corrected
+from sindyjoint.response import corrected
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.verify_campaign import seen_runs
 from sindyjoint.soundness.check import Check

@@ -21,11 +21,11 @@ from sindyjoint.errors import InputError, SindyJointError, StandstillError
 from sindyjoint.limits import JUDGEMENT
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.compared import law_of_test, simulated_gap
+from sindyjoint.response import law_of_test, simulated_gap
 from sindyjoint.response.completion import completed_states
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.run import along_motion, cut_states, settling
-from sindyjoint.soundness.finding import Soundness
+from sindyjoint.soundness import Soundness
 from sindyjoint.states import (
     Floor,
     ForceStates,

@@ -9,15 +9,15 @@ from typing import ClassVar
 import numpy as np
 
 from sindyjoint.described import same
+from sindyjoint.discovery import fit_columns
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, competing_delay
-from sindyjoint.discovery.evidence import fit_columns
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.over_inputs import LevelLaw, law_at_levels, vanishing
 from sindyjoint.limits import EQUATION, JUDGEMENT, SUBSTRUCTURE
 from sindyjoint.paper import TERMS as PAPER_TERMS
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness import Finding
 from sindyjoint.soundness.warnings import channel_words
 from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, spelled

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
-from sindyjoint.equation.operations import pointer, shifted
+from sindyjoint.equation.internal_states import pointer, shifted
 from sindyjoint.mechanics.transient_kernel import (
     OPTIONS,
     holding_moments,

@@ -17,7 +17,7 @@ from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
 from sindyjoint.equation.evaluation import compile_terms
-from sindyjoint.equation.operations import integer_at, intrinsic, operated, pointer, program, shifted, stacked
+from sindyjoint.equation.internal_states import intrinsic, operated, pointer, program, shifted
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 
@@ -67,6 +67,29 @@ class CompiledLaw:
 
 _pointer = types.CPointer(types.float64)
 LAW_SIGNATURE = types.void(types.float64, types.float64, types.float64, _pointer, _pointer, _pointer)
+
+
+@intrinsic
+def integer_at(typingctx, base):
+    """Return the integer whose bits stand where a pointer to numbers points to."""
+
+    def codegen(context, builder, signature, args):
+        return builder.bitcast(builder.load(args[0]), ir.IntType(64))
+
+    return types.int64(base), codegen
+
+
+@intrinsic
+def stacked(typingctx, count):
+    """Return a pointer to room for so many numbers, which is given back when the function returns.
+
+    For functions that are called by address: in a loop that they were drawn into, the room would add up.
+    """
+
+    def codegen(context, builder, signature, args):
+        return builder.alloca(ir.DoubleType(), size=args[0])
+
+    return _pointer(types.intp), codegen
 
 
 @intrinsic

@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, refuse
-from sindyjoint.tables import StrictTable
+from sindyjoint.plain import StrictTable
 
 RIG_FOLDER = Path(__file__).parent / "rig_files"
 

@@ -10,7 +10,7 @@ import numpy as np
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.units import parse_quantity
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.rig_file import (
     DriveTable,
     MatricesTable,

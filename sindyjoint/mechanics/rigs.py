@@ -19,9 +19,9 @@ from sindyjoint.files.readers import read_table
 from sindyjoint.files.timeaxis import bridged, with_lost_samples
 from sindyjoint.files.units import conversion, parse_quantity
 from sindyjoint.inputs import Source
+from sindyjoint.mechanics import Law, PaperLaw
 from sindyjoint.mechanics.beam import Beam, rectangular_section
 from sindyjoint.mechanics.excitation import Excitation, pulse, sampled
-from sindyjoint.mechanics.laws import Law, PaperLaw
 from sindyjoint.mechanics.rig_file import (
     ColumnTable,
     DriveTable,
@@ -39,8 +39,8 @@ from sindyjoint.mechanics.structure import Hinge, Item, LumpedMass, Structure, a
 from sindyjoint.mechanics.transient import Response, respond
 from sindyjoint.mechanics.virtual import JOINTS
 from sindyjoint.numeric import Array
+from sindyjoint.plain import first_complaint
 from sindyjoint.record import MINIMUM_SAMPLES
-from sindyjoint.tables import first_complaint
 
 #: In the place of a law that is sought, or that a model is given for; its numbers are never used.
 UNKNOWN = PaperLaw(k1=1.0, name="unknown")

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import Excitation
-from sindyjoint.mechanics.laws import Law
 from sindyjoint.numeric import DIFFERENCE, Array, kept
 
 # Runge-Kutta of order 4 is stable up to 2.8 of a step times the rate at which a state settles.
@@ -241,7 +241,7 @@ def simulate(law: Law, excitation: Excitation, duration: float, sample_rate: flo
     Examples
     --------
     >>> from sindyjoint.mechanics.excitation import harmonic
-    >>> from sindyjoint.mechanics.laws import INTER_PANEL
+    >>> from sindyjoint.mechanics import INTER_PANEL
     >>> motion = simulate(INTER_PANEL, harmonic(5.0, 4.0), duration=1.0, sample_rate=1000)
     >>> bool(motion.stuck[:15].all()), bool(motion.stuck[-250:].any())
     (True, True)

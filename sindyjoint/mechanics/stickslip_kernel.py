@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
-from sindyjoint.equation.operations import pointer, shifted
+from sindyjoint.equation.internal_states import pointer, shifted
 from sindyjoint.mechanics.kernels import call_law
 
 DONE, LIMIT, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, ACTIVE_FRICTION = range(6)

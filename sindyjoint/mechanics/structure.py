@@ -11,8 +11,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from sindyjoint.errors import InputError, UnknownNameError, refuse
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.beam import Beam, element_mass, element_stiffness, hermite_shapes
-from sindyjoint.mechanics.laws import Law
 from sindyjoint.numeric import Array
 
 

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numba import njit
 
-from sindyjoint.equation.operations import shifted
+from sindyjoint.equation.internal_states import shifted
 from sindyjoint.mechanics.kernels import call_law
 
 # All of it works on pointers and is called from compiled code only: bounds, strides and wrappers of arrays would take

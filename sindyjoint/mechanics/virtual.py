@@ -10,8 +10,8 @@ import scipy
 
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError, checks_options, refuse
 from sindyjoint.measurement.runs import measured_run
+from sindyjoint.mechanics import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.excitation import SINE, Excitation, tones
-from sindyjoint.mechanics.laws import INTER_PANEL, PANEL_ROOT, Law, SumLaw
 from sindyjoint.mechanics.sensors import Channel, anti_aliased, delayed, from_raw_channels, raw_channels
 from sindyjoint.mechanics.stickslip import prescribed_motion, simulate
 from sindyjoint.numeric import RNG, Array

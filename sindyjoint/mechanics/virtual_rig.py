@@ -9,9 +9,9 @@ import numpy as np
 import scipy
 
 from sindyjoint.errors import InputError, checks_options, refuse
+from sindyjoint.mechanics import FunctionLaw, Law, PaperLaw
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import FunctionLaw, Law, PaperLaw
 from sindyjoint.mechanics.rig_test import BASE, RigRun, RigTest, RigUse, Sensor, load_row
 from sindyjoint.mechanics.rigs import UNKNOWN, MeasuredResponse, Rig
 from sindyjoint.mechanics.sensors import Channel

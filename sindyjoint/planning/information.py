@@ -21,7 +21,7 @@ from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.limits import DISCOVERY, STATES
 from sindyjoint.numeric import Array, partials
-from sindyjoint.planning.runs import POINTS, PlannedRun, motion
+from sindyjoint.planning import POINTS, PlannedRun, motion
 from sindyjoint.response.laws import model_law
 from sindyjoint.states import (
     BAND_SHARE,

@@ -12,23 +12,26 @@ from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics.excitation import SINE, Actuator, driven_at
 from sindyjoint.numeric import Array
+from sindyjoint.planning import PlannedRun, candidates, counted_runs, motion
 from sindyjoint.planning.information import (
     Information,
     Sensors,
     chosen_terms,
+    half_widths,
     run_information,
     stacked,
 )
-from sindyjoint.planning.plan import DRAWS, Now, Plan, Prediction, Step, counted_runs, predictions
-from sindyjoint.planning.plan_file import UNITS
+from sindyjoint.planning.plan import UNITS, Now, Plan, Prediction, Step
 from sindyjoint.planning.prior import Prior
-from sindyjoint.planning.runs import PlannedRun, candidates, motion
 from sindyjoint.planning.search import FREQUENCY, PAPER, WIDTHS, Choice, Goals, best_runs, made_small
 from sindyjoint.response.laws import model_law
 from sindyjoint.text import list_some, percent, spelled
 
 Say = Callable[[str], None]
 
+# Joints on which the chosen runs, and the grid, are predicted, and what the scatter of a test makes of an interval on
+# each, so many times; the 90 % band of 40 held 88.7 % of those of others.
+DRAWS = 40
 WORDS = {
     WIDTHS: "widest relative half-width",
     FREQUENCY: "widest relative change over the band",
@@ -270,3 +273,17 @@ def _warnings(found: Sequence[Prediction], compared: bool, model: JointModel) ->
     if not compared:
         warnings.append("the time is too short for a grid of three frequencies and three levels")
     return tuple(warnings)
+
+
+def predictions(model: JointModel, information: Information, coefficients: Array) -> tuple[Prediction, ...]:
+    """Return the precision of each coefficient that is expected of runs; axes of the information are (runs, joints)."""
+    chosen = chosen_terms(information, coefficients).mean(axis=0)
+    rng = np.random.default_rng(0)
+    widths = half_widths(information, rng, DRAWS).reshape(-1, len(model.terms))
+    ends = np.quantile(widths, (0.05, 0.5, 0.95), axis=0, method="nearest")
+    return tuple(
+        Prediction(
+            term.id, term.unit, term.coefficient, float(middle), (float(low), float(high)), float(share)
+        )
+        for term, low, middle, high, share in zip(model.terms, *ends, chosen, strict=True)
+    )

@@ -8,13 +8,13 @@ from math import inf
 
 import numpy as np
 
-from sindyjoint.discovery.evidence import Evidence, block_scores
+from sindyjoint.discovery import Evidence, block_scores
 from sindyjoint.equation.catalogue import load_catalogue
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, model_terms
 from sindyjoint.errors import InputError, SindyJointError, UnknownNameError
 from sindyjoint.limits import PLANNING
+from sindyjoint.mechanics import PaperLaw
 from sindyjoint.mechanics.excitation import Actuator, Drive
-from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.numeric import Array
 from sindyjoint.paper import PARAMETERS
 from sindyjoint.planning.information import Information, Sensors, stacked

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.limits import PLANNING
 from sindyjoint.numeric import SAME, Array, kept
+from sindyjoint.planning import PlannedRun
 from sindyjoint.planning.information import (
     Information,
     changes_over_band,
@@ -24,7 +25,6 @@ from sindyjoint.planning.information import (
     margins,
     requirements,
 )
-from sindyjoint.planning.runs import PlannedRun
 
 # What is made small, and how much each counts.
 Goals = tuple[tuple[str, float], ...]

@@ -8,20 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.designs import PLANNED
-from sindyjoint.diagnosis.campaign.hidden import hidden_law
-from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects, select_effects
+from sindyjoint.diagnosis.campaign.designs import PLANNED, hidden_law
+from sindyjoint.diagnosis.effects import Effect, load_effects, select_effects
 from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Step
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SindyJointError
+from sindyjoint.mechanics import Law, SumLaw
 from sindyjoint.mechanics.excitation import SINE, Actuator
-from sindyjoint.mechanics.laws import Law, SumLaw
 from sindyjoint.mechanics.virtual import VirtualTest
+from sindyjoint.planning import PlannedRun
 from sindyjoint.planning.information import Sensors
-from sindyjoint.planning.plan import Separation
-from sindyjoint.planning.plan_file import UNITS, play
-from sindyjoint.planning.runs import PlannedRun
+from sindyjoint.planning.plan import UNITS, Separation, play
 from sindyjoint.record import Campaign
 from sindyjoint.response.laws import model_law
 from sindyjoint.text import list_some, percent, spelled

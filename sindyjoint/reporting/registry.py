@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from sindyjoint.described import json_schema
 from sindyjoint.documents import kind_of_results, read_json
+from sindyjoint.equation.catalogue_file import read_model
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import read_model
 from sindyjoint.errors import (
     InputError,
     MissingInputError,
@@ -327,7 +327,7 @@ _RECORDS = {
     "export": "export:Export",
     "simulation": "workflows.simulate:WrittenTest",
     "batch": "workflows.joints.summary:Batch",
-    "joint": "workflows.joints.record:CampaignRecord",
+    "joint": "workflows.joints:CampaignRecord",
     "changed": "judgement.changed:Change",
     "structure": "judgement.rig_discovery:RigDiscovery",
     "reproduction": "workflows.reproduce:Reproduction",

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
-from sindyjoint.soundness.finding import Finding
+from sindyjoint.soundness import Finding
 
 if TYPE_CHECKING:
     import rich.console

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.errors import InputError
-from sindyjoint.judgement.headline import is_of_the_paper
+from sindyjoint.judgement import is_of_the_paper
 from sindyjoint.plain import fields_of, same, to_plain
 from sindyjoint.reporting.page import Blocks, Page, Provenance, markup, render, section
 from sindyjoint.reporting.style import SINGLE_COLUMN, figure_bytes

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SimulationError
 from sindyjoint.limits import MEASUREMENT, RESPONSE
-from sindyjoint.measurement.noise import signal_end
+from sindyjoint.measurement import signal_end
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import repeated
-from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, kept, rms
 from sindyjoint.record import Run

@@ -12,8 +12,8 @@ from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TEST_SIGNALS
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.limits import RESPONSE
+from sindyjoint.mechanics import FormulaLaw, Law, LawWithNumbers, PaperLaw, SumLaw
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import FormulaLaw, Law, LawWithNumbers, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import simulate
 from sindyjoint.numeric import Array, root_of
 from sindyjoint.paper import PARAMETERS as PAPER_PARAMETERS
@@ -33,8 +33,8 @@ def model_law(model: JointModel) -> Law:
 
     Inputs are held at their reference.
 
-    Models of the paper's five terms, or some of them, become a :class:`~sindyjoint.mechanics.laws.PaperLaw`, which
-    needs no compilation; all others a :class:`~sindyjoint.mechanics.laws.FormulaLaw` made of their formulas. Its
+    Models of the paper's five terms, or some of them, become a :class:`~sindyjoint.mechanics.PaperLaw`, which
+    needs no compilation; all others a :class:`~sindyjoint.mechanics.FormulaLaw` made of their formulas. Its
     parameters are the coefficients in the order of the terms, without the inertia, so that other coefficients of the
     same terms need no further compilation.
 

@@ -11,12 +11,11 @@ from sindyjoint.equation.element import JointElement
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import SimulationError
-from sindyjoint.mechanics.laws import LawWithNumbers
-from sindyjoint.mechanics.segments import simulate_segments
+from sindyjoint.mechanics import LawWithNumbers
 from sindyjoint.mechanics.stickslip import Motion, brought_from_rest, simulate_many
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Run
-from sindyjoint.response.drive import FAR_OFF
+from sindyjoint.response.drive import FAR_OFF, simulate_segments
 from sindyjoint.response.laws import law_terms, with_coefficients
 from sindyjoint.response.output_error_runs import (
     NUISANCE,

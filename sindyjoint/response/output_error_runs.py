@@ -15,14 +15,13 @@ from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel, ModelTerm
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.limits import RESPONSE
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
-from sindyjoint.mechanics.laws import Law
-from sindyjoint.mechanics.segments import segment_starts
 from sindyjoint.mechanics.stickslip import slip_direction, transfer_moment
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Motion, Run
-from sindyjoint.response.compared import added_law, law_of_test
-from sindyjoint.response.drive import SETTLED, Drive, choose_drive, prescribed
+from sindyjoint.response import added_law, law_of_test
+from sindyjoint.response.drive import SETTLED, Drive, choose_drive, prescribed, segment_starts
 from sindyjoint.response.laws import law_terms
 from sindyjoint.response.run import (
     above_noise,

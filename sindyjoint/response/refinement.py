@@ -13,7 +13,7 @@ from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, rms, scaled_least_squares
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.compared import law_of_test, predicts_worse
+from sindyjoint.response import law_of_test, predicts_worse
 from sindyjoint.response.drive import cycle_of
 from sindyjoint.response.output_error import ROUGH_STEP, OutputError, without_negative_friction
 from sindyjoint.response.output_error_runs import NUISANCE, Nuisance, Parameter, range_of, term_columns

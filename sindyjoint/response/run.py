@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import RESPONSE, STATES
-from sindyjoint.measurement.noise import WIDEST, signal_end
+from sindyjoint.measurement import WIDEST, signal_end
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import Excitation, repeated, sampled
-from sindyjoint.mechanics.laws import Law
-from sindyjoint.mechanics.segments import simulate_segments
 from sindyjoint.mechanics.stickslip import (
     Motion,
     brought_from_rest,
@@ -30,6 +29,7 @@ from sindyjoint.response.drive import (
     cycle_of,
     fitted_start,
     internal_size,
+    simulate_segments,
     start_on_parabola,
     steady_start,
 )

@@ -12,7 +12,7 @@ from sindyjoint.errors import InputError
 from sindyjoint.limits import RESPONSE
 from sindyjoint.numeric import Array, finite
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.compared import compare_run, compared_states, law_of_test
+from sindyjoint.response import compare_run, compared_states, law_of_test
 from sindyjoint.response.laws import as_followed
 from sindyjoint.response.oscillations import compare_oscillations, oscillation
 from sindyjoint.response.run import SimulatedRun

@@ -9,7 +9,7 @@ import numpy as np
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.rigs import UNKNOWN, Rig
 from sindyjoint.mechanics.structure import Structure

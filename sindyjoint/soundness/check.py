@@ -10,8 +10,7 @@ from sindyjoint.described import Shown, same
 from sindyjoint.errors import SindyJointError, UnknownNameError, UnsoundError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.record import Campaign, Motion, Run
-from sindyjoint.soundness.detectors import copies, course, sizes, values
-from sindyjoint.soundness.finding import (
+from sindyjoint.soundness import (
     DELAY,
     KINDS,
     PHASE,
@@ -21,9 +20,17 @@ from sindyjoint.soundness.finding import (
     in_order,
     words_of_data,
 )
-from sindyjoint.soundness.law import filters, motions, odd_runs
+from sindyjoint.soundness.detectors import (
+    Record,
+    copies,
+    course,
+    record_of,
+    record_of_structure,
+    sizes,
+    values,
+)
+from sindyjoint.soundness.law import filters, mean_cycles, odd_runs, samples_of
 from sindyjoint.soundness.masking import bridge_record, fill_test, leave_out_standstill, mask_campaign
-from sindyjoint.soundness.record import Record, record_of, record_of_structure
 from sindyjoint.states import force_states
 from sindyjoint.text import list_some, spelled
 
@@ -108,7 +115,7 @@ def _find_in_laws(campaign: Campaign, records: Sequence[Record], words: Words) -
     """Yield what only the law between the channels shows."""
     for record in records:
         yield from sizes.find_mains(record, words)
-    cycles, inertia = motions.mean_cycles(records), campaign.joint.inertia
+    cycles, inertia = mean_cycles(records), campaign.joint.inertia
     backwards = list(filters.find_signs(records, cycles, inertia, words))
     found = [*backwards, *filters.find_inertia(cycles, inertia, words)]
     named = {finding.run for finding in backwards}
@@ -134,7 +141,7 @@ def _find_in_broadband(campaign: Campaign, records: Sequence[Record], words: Wor
     alive = [r.run for r in records if r.declared is None and r.run is not None and len(r.alive) > 1]
     try:
         # So that it takes no longer, no more runs are held against each other.
-        runs = motions.samples_of([force_states(run) for run in alive[:24]])
+        runs = samples_of([force_states(run) for run in alive[:24]])
         scales, runs = odd_runs.find_other_scales(runs, inertia, words)
         found, alike = odd_runs.find_odd_runs(runs, inertia, words)
         # What drifts departs from the law of the others, too.

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sindyjoint.errors import SindyJointError, StandstillError
-from sindyjoint.measurement.noise import difference_noise
+from sindyjoint.measurement import difference_noise
 from sindyjoint.measurement.runs import with_channels
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
-from sindyjoint.soundness.finding import Finding, Words
-from sindyjoint.soundness.record import Mask, Record, marked_of, record_of, spans_of
+from sindyjoint.soundness import Finding, Words
+from sindyjoint.soundness.detectors import Mask, Record, marked_of, record_of, spans_of
 from sindyjoint.states import force_states
 from sindyjoint.text import list_some
 

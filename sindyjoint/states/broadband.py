@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.limits import STATES
-from sindyjoint.measurement.noise import WIDEST, channel_noise
+from sindyjoint.measurement import WIDEST, channel_noise
 from sindyjoint.measurement.runs import white_noise
 from sindyjoint.numeric import Array, convolve, filtered_inputs, smoothing_kernels
 from sindyjoint.record import Run

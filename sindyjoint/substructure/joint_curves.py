@@ -42,7 +42,7 @@ def loop_measures(law: Any, amplitude: ArrayLike, frequency: float) -> Array:
 
     Examples
     --------
-    >>> from sindyjoint.mechanics.laws import PaperLaw
+    >>> from sindyjoint.mechanics import PaperLaw
     >>> secant, storage, loss, energy = loop_measures(PaperLaw(k1=6000.0, M_F=2.0), [5e-4], 4.0)
     >>> round(float(secant[0]), 3), round(float(energy[0]), 6)
     (6000.0, 0.004)

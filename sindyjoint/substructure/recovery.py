@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
 from sindyjoint.limits import SOUNDNESS, STATES, SUBSTRUCTURE
-from sindyjoint.measurement.noise import signal_end
+from sindyjoint.measurement import signal_end
 from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array
-from sindyjoint.substructure.simulated.steady import condense
-from sindyjoint.substructure.spectra import Spectra, between_harmonics, channel_spectra, strongest
-from sindyjoint.substructure.transfer import (
+from sindyjoint.substructure import (
     Ends,
     Transfer,
     find_ends,
@@ -30,6 +28,8 @@ from sindyjoint.substructure.transfer import (
     only_displacement,
     open_joints,
 )
+from sindyjoint.substructure.spectra import Spectra, between_harmonics, channel_spectra, strongest
+from sindyjoint.substructure.steady_response import condense
 from sindyjoint.text import list_some
 
 Complex = NDArray[np.complex128]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.limits import STATES, SUBSTRUCTURE
-from sindyjoint.measurement.noise import signal_end
+from sindyjoint.measurement import signal_end
 from sindyjoint.mechanics.rig_test import RigRun
 from sindyjoint.numeric import Array, partials
 from sindyjoint.states import (

@@ -24,9 +24,9 @@ from sindyjoint.states import (
     reversal_guard,
     significant_harmonics,
 )
+from sindyjoint.substructure import open_joints
 from sindyjoint.substructure.recovery import Recovery, solved
 from sindyjoint.substructure.spectra import strongest
-from sindyjoint.substructure.transfer import open_joints
 from sindyjoint.substructure.unseen import Slow, within_record
 
 Complex = NDArray[np.complex128]

@@ -7,7 +7,7 @@ __getattr__ = fetched(
     {
         "batch": "verify_batch",
         "joints.population": "holm median_spread population random_effects",
-        "joints.record": "CampaignRecord FACTORS_FILE find_tasks last_result read_record",
+        "joints": "CampaignRecord FACTORS_FILE find_tasks last_result read_record",
         "joints.summary": "summarised",
         "simulate": "rig_motion",
         "verify": "refine",

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sindyjoint.discovery.evidence import Evidence, evidence_bytes
+from sindyjoint.discovery import Evidence, evidence_bytes
 from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.equation.catalogue import as_catalogue
 from sindyjoint.errors import InputError, MissingInputError, OutputError, SindyJointError, checks_options
@@ -28,7 +28,7 @@ from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
 from sindyjoint.states import check_bandwidth
 from sindyjoint.workflows.discover import discover, regressor_options
-from sindyjoint.workflows.joints.record import (
+from sindyjoint.workflows.joints import (
     CAMPAIGNS,
     FACTORS_FILE,
     MODEL_FILE,
@@ -86,7 +86,7 @@ def batch(
     progress : callable, optional
         Called with one line as each campaign ends.
     on_record : callable, optional
-        Called with each :class:`~sindyjoint.workflows.joints.record.CampaignRecord` as it ends.
+        Called with each :class:`~sindyjoint.workflows.joints.CampaignRecord` as it ends.
     **options
         Of :func:`~sindyjoint.workflows.discover.discover`. Of ``rng`` each campaign has the same seed.
 

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.clock import single_threaded
-from sindyjoint.discovery.evidence import fit_columns
+from sindyjoint.discovery import fit_columns
 from sindyjoint.discovery.methods import METHODS
 from sindyjoint.discovery.uncertainty import inclusion
 from sindyjoint.equation.calibration import with_gain_uncertainty
+from sindyjoint.equation.catalogue_file import as_model, read_model
 from sindyjoint.equation.model import JointModel, model_terms
-from sindyjoint.equation.model_file import as_model, read_model
 from sindyjoint.errors import InputError, UnknownNameError, checks_options
 from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.changed import Change, check_margin, compare_models

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from sindyjoint.clock import single_threaded
+from sindyjoint.equation.catalogue_file import as_model, read_models
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import as_model, read_models
 from sindyjoint.errors import InputError, checks_options, refuse
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.rig_file import rig_path, shipped_rigs
 from sindyjoint.mechanics.rig_test import BASE, RigTest
 from sindyjoint.mechanics.rig_test_file import has_pulse, load_rig_structure

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sindyjoint.clock import single_threaded
-from sindyjoint.diagnosis.effects.catalogue import OF_JOINT, Effect, load_effects
+from sindyjoint.diagnosis.effects import OF_JOINT, Effect, load_effects
 from sindyjoint.diagnosis.engine import explain_gap
 from sindyjoint.diagnosis.policy import CAMPAIGN, IN_PLACE, STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Diagnosis
@@ -122,7 +122,7 @@ def diagnose(
     """
     from sindyjoint.diagnosis.campaign.problem import CampaignProblem
     from sindyjoint.diagnosis.campaign.start import kept_out
-    from sindyjoint.response.compared import carried_errors, corrected
+    from sindyjoint.response import carried_errors, corrected
     from sindyjoint.response.verify_campaign import GIVEN, beyond_tested
 
     say = progress or (lambda stage: None)
@@ -131,7 +131,7 @@ def diagnose(
     with spread(jobs, workers, cluster):
         hidden = None
         if campaign is None:
-            from sindyjoint.diagnosis.campaign.hidden import hidden_campaign
+            from sindyjoint.diagnosis.campaign.designs import hidden_campaign
 
             say("simulating a virtual test with something hidden in it")
             campaign, hidden = hidden_campaign(rng)

@@ -13,7 +13,6 @@ import numpy as np
 
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import ChannelDelay, find_delay, without_delay
-from sindyjoint.discovery.input_lag import InputLag, find_lags, lag_notes
 from sindyjoint.discovery.long_runs import fit_long, has_long_runs
 from sindyjoint.discovery.regression import TermRegression
 from sindyjoint.equation.calibration import with_gain_uncertainty
@@ -23,6 +22,7 @@ from sindyjoint.equation.test_record import TestNuisances, channel_delay
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.discovery import Discovery, fitted_to, stopped_by_data
+from sindyjoint.judgement.over_inputs import InputLag, find_lags, lag_notes
 from sindyjoint.judgement.term_search import (
     TermSearch,
     campaign_model,

@@ -7,21 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from sindyjoint.clock import single_threaded
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects import Effect
 from sindyjoint.diagnosis.policy import CAMPAIGN
+from sindyjoint.equation.catalogue_file import as_model
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import as_model
 from sindyjoint.errors import InputError, UnknownNameError, checks_options, refuse
 from sindyjoint.files.campaign import LONGEST
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.limits import PLANNING
+from sindyjoint.mechanics import PaperLaw
 from sindyjoint.mechanics.excitation import SINE, TONES, Actuator
-from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.virtual import named_joint
 from sindyjoint.numeric import RNG, seed_of
+from sindyjoint.planning import PlannedRun
 from sindyjoint.planning.information import Sensors
-from sindyjoint.planning.plan import TELL_APART, Plan, Separation
-from sindyjoint.planning.plan_file import UNITS
+from sindyjoint.planning.plan import TELL_APART, UNITS, Plan, Separation
 from sindyjoint.planning.planner import Planner
 from sindyjoint.planning.prior import (
     Prior,
@@ -33,7 +33,6 @@ from sindyjoint.planning.prior import (
     tested_by,
     tested_of,
 )
-from sindyjoint.planning.runs import PlannedRun
 from sindyjoint.planning.search import DEFAULT_GOALS, GOALS
 from sindyjoint.planning.separating_runs import (
     SeparatingRuns,

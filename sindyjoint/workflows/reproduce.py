@@ -10,7 +10,7 @@ from sindyjoint.described import Described, same
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import checks_options
 from sindyjoint.judgement.paper_tables import TableCheck, check_tables, table_findings
-from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics import PaperLaw
 from sindyjoint.mechanics.rigs import Rig, load_rig
 from sindyjoint.mechanics.virtual import campaign_joint, run_tests, virtual_test
 from sindyjoint.mechanics.virtual_rig import hinges

@@ -12,20 +12,20 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from sindyjoint.described import Described, Shown, same
+from sindyjoint.equation.catalogue_file import as_model
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import as_model
 from sindyjoint.equation.model_parts import range_warnings
 from sindyjoint.errors import InputError, checks_options
 from sindyjoint.files import write_campaign
 from sindyjoint.inputs import constant
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.rigs import PLACEHOLDERS, Rig, load_rig
 from sindyjoint.mechanics.sensors import SENSOR_RIG
 from sindyjoint.mechanics.transient import Response
 from sindyjoint.mechanics.virtual import campaign_joint, named_joint, plan_options, run_tests, virtual_test
 from sindyjoint.mechanics.virtual_rig import hinges
 from sindyjoint.numeric import RNG, Array
-from sindyjoint.planning.plan_file import play, read_plan
+from sindyjoint.planning.plan import play, read_plan
 from sindyjoint.record import Campaign
 from sindyjoint.response.laws import model_law
 from sindyjoint.response.verify_rig import joint_range_warnings, place_by_name

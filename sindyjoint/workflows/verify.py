@@ -12,8 +12,8 @@ import numpy as np
 from sindyjoint.clock import single_threaded
 from sindyjoint.discovery.delay import align_channels
 from sindyjoint.equation.candidates import NO_DELAY, NO_RESPONSE, without_rate
+from sindyjoint.equation.catalogue_file import as_model, read_model, read_models
 from sindyjoint.equation.model import JointModel
-from sindyjoint.equation.model_file import as_model, read_model, read_models
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.errors import InputError, MissingInputError, checks_options, refuse
 from sindyjoint.files import load_campaign
@@ -26,15 +26,15 @@ from sindyjoint.mechanics.rig_file import has_measured_runs, is_rig_test, rig_pa
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import RNG
 from sindyjoint.record import Campaign
-from sindyjoint.response.compared import corrected, put_right
+from sindyjoint.response import corrected, put_right
 from sindyjoint.response.output_error_runs import Nuisance as Kind
 from sindyjoint.response.refinement import Refinement
 from sindyjoint.response.refinement import refine as refine_response
 from sindyjoint.response.run import WINDOW
 from sindyjoint.response.verification import Settings, Verification
 from sindyjoint.response.verify_campaign import GIVEN, beyond_tested, seen_runs, verify_campaign
+from sindyjoint.soundness import DELAY, Soundness
 from sindyjoint.soundness.check import check_data, require_sound
-from sindyjoint.soundness.finding import DELAY, Soundness
 from sindyjoint.soundness.warnings import warn_of_negative_inertia
 from sindyjoint.states import ForceStates, campaign_states, content_hash, one_after_another, transfer_noise
 from sindyjoint.text import percent

@@ -14,7 +14,7 @@ from sindyjoint.documents import changed_files
 EARLY, ASIDE, MOVING = (f"files.atomic.{name}" for name in ("check_output", "settle", "sums_text"))
 # The list of hashes of the folder aside, that of the unfinished folder, that of the finished one.
 CALLS = {MOVING: 3}
-MODEL = "equation.model_file.read_json"
+MODEL = "equation.catalogue_file.read_json"
 FOLDER, FILE = "out", "out.txt"
 BENCH = (5000.0, 0.0, 0.0, 28.4, 1.5)  # of the joint in the campaign
 COMMANDS = {

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from sindyjoint.diagnosis.campaign import rivals
-from sindyjoint.diagnosis.campaign.designs import designs
-from sindyjoint.diagnosis.campaign.hidden import hidden_campaign
+from sindyjoint.diagnosis.campaign.designs import designs, hidden_campaign
 from sindyjoint.files import write_campaign
 from tests.doors.asked import ask
 

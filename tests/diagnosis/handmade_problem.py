@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sindyjoint.diagnosis import CAMPAIGN, Gap, Residual, add_effects, rank
-from sindyjoint.diagnosis.evidence.score import Score
+from sindyjoint.diagnosis.evidence import Score
 from sindyjoint.diagnosis.problem import Start
 
 

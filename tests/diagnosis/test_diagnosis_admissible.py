@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis import CAMPAIGN, FittedEffect, load_effects
+from sindyjoint.diagnosis.campaign import reference_scales
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import yield_complaint
-from sindyjoint.diagnosis.campaign.rows import reference_scales
 from sindyjoint.mechanics import virtual_campaign
 
 EFFECTS = {effect.id: effect for effect in load_effects()}

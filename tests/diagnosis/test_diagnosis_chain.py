@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import diagnose
-from sindyjoint.diagnosis.campaign.processing import processing_error, processing_errors
+from sindyjoint.diagnosis.campaign.change import processing_error, processing_errors
 from tests.diagnosis.hidden_effects import hide_in_noise
 from tests.diagnosis.test_diagnosis_budget import work_on
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sindyjoint import diagnose, discover
-from sindyjoint.diagnosis.campaign.rows import HalfCycles, reversals, transition_steps
+from sindyjoint.diagnosis.campaign import HalfCycles, reversals, transition_steps
 from sindyjoint.equation import load_catalogue
 from sindyjoint.judgement.trust import assess
 from sindyjoint.record import Campaign, Joint, Run

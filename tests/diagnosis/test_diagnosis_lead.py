@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sindyjoint.diagnosis import FittedEffect, MeasuredMotion, effect_law, load_effects, select_effects
+from sindyjoint.diagnosis.campaign.change import is_seen
 from sindyjoint.diagnosis.campaign.gap import gap_of, noise_floor
 from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
-from sindyjoint.diagnosis.campaign.processing import is_seen
 from sindyjoint.diagnosis.campaign.repair import held_out_gap, modelled, refit, rest_angle
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.equation import Reference

@@ -7,9 +7,9 @@ import pytest
 
 from sindyjoint import diagnose
 from sindyjoint.diagnosis import FittedEffect, MeasuredMotion, load_effects, select_effects
+from sindyjoint.diagnosis.campaign import GapRun
 from sindyjoint.diagnosis.campaign.numbers import whole_model
 from sindyjoint.diagnosis.campaign.repair import Repaired
-from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.equation import JointModel, same_dimension
 from tests.diagnosis.hidden_effects import hide
 from tests.made_models import model_of, term

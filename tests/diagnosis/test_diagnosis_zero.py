@@ -14,8 +14,7 @@ from sindyjoint.diagnosis.campaign.repair import refit
 from sindyjoint.diagnosis.campaign.start import Work, first_model
 from sindyjoint.mechanics import FunctionLaw, transfer_moment
 from sindyjoint.record import Run
-from sindyjoint.response import rest_of
-from sindyjoint.response.compared import pooled_errors
+from sindyjoint.response import pooled_errors, rest_of
 from sindyjoint.states import campaign_states, force_states, group_labels
 from tests.diagnosis.hidden_effects import hide
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.evidence import (
+from sindyjoint.discovery import (
     Evidence,
     RunEvidence,
     fit_columns,

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from sindyjoint import Campaign, JointRegressor, TermLibrary
-from sindyjoint.discovery.input_lag import find_lags
 from sindyjoint.discovery.uncertainty import cross_validate
 from sindyjoint.equation import JointModel, load_catalogue, with_dependences
 from sindyjoint.errors import InputError
 from sindyjoint.inputs import Input, lagged, levels, run_levels
-from sindyjoint.judgement.over_inputs import changed_term
+from sindyjoint.judgement.over_inputs import changed_term, find_lags
 from sindyjoint.judgement.verdict import judge
 from sindyjoint.states import campaign_states
 

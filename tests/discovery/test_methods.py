@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.discovery.evidence import Evidence
+from sindyjoint.discovery import Evidence
 from sindyjoint.discovery.methods import METHODS, NOT_GIVEN, Asked, column_path, obedient
 from sindyjoint.discovery.selection import choose_by_evidence, path_of
 

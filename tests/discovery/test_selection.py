@@ -5,8 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 
+from sindyjoint.discovery import Fit
 from sindyjoint.discovery.best_subset import best_subsets
-from sindyjoint.discovery.evidence import Fit
 from sindyjoint.discovery.selection import (
     Step,
     choose_by_evidence,

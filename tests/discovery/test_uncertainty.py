@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sindyjoint import discover, simulate
-from sindyjoint.discovery.evidence import Evidence, RunEvidence
+from sindyjoint.discovery import Evidence, RunEvidence
 from sindyjoint.discovery.factors import Factor
 from sindyjoint.discovery.uncertainty import Inseparable, in_words, inclusion, inseparable
 

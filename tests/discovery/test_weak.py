@@ -5,8 +5,8 @@ import pysindy
 import pytest
 
 from sindyjoint import simulate
+from sindyjoint.discovery.library import integral_weights, weak_evidence
 from sindyjoint.discovery.uncertainty import find
-from sindyjoint.discovery.weak import integral_weights, weak_evidence
 from sindyjoint.errors import InputError, MissingExtraError
 from sindyjoint.paper import TERMS as PAPER
 from tests.discovery.conftest import TRUTH

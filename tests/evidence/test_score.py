@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from sindyjoint.diagnosis.evidence.score import RIDGE, SIZES, Evidence, Rotated
+from sindyjoint.diagnosis.evidence import RIDGE, SIZES, Evidence, Rotated
 from sindyjoint.diagnosis.evidence.search import Candidate, Search, deviate
 
 GROUPS, ROWS = 6, 30

@@ -155,7 +155,7 @@ def read_list(path: Path) -> None:
 
 
 def read_factors(path: Path) -> None:
-    from sindyjoint.discovery.evidence import read_evidence
+    from sindyjoint.discovery import read_evidence
 
     read_evidence(path)
 
@@ -261,7 +261,7 @@ def _results(folder: Path, wanted: str) -> dict[str, Any]:
         return {"options": options_target(folder)}
     from sindyjoint import diagnose, discover, simulate, verify
     from sindyjoint.diagnosis import load_effects
-    from sindyjoint.discovery.evidence import evidence_bytes
+    from sindyjoint.discovery import evidence_bytes
     from sindyjoint.reporting import write_results
     from sindyjoint.soundness import check_data
     from sindyjoint.workflows import FACTORS_FILE, rig_motion

@@ -9,14 +9,14 @@ import pytest
 
 JOINT = """
 from sindyjoint.mechanics.excitation import harmonic
-from sindyjoint.mechanics.laws import INTER_PANEL
+from sindyjoint.mechanics import INTER_PANEL
 from sindyjoint.mechanics.stickslip import simulate
 simulate(INTER_PANEL, harmonic(5.0, 4.0), 1.0, 1000.0)
 """
 FORMULA = """
 import sympy
 from sindyjoint.mechanics.excitation import harmonic
-from sindyjoint.mechanics.laws import FormulaLaw
+from sindyjoint.mechanics import FormulaLaw
 from sindyjoint.mechanics.stickslip import simulate
 theta, omega, k, c = sympy.symbols("theta omega k c")
 law = FormulaLaw({formula}, {{"k": 6000.0, "c": 10.0}}, inertia=0.02)

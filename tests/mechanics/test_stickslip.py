@@ -20,10 +20,10 @@ from sindyjoint.mechanics import (
     sampled,
     simulate,
     simulate_many,
-    simulate_segments,
     slip_direction,
     transfer_moment,
 )
+from sindyjoint.response import simulate_segments
 
 NO_MOMENT = harmonic(0.0, 1.0)
 

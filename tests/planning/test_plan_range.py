@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from sindyjoint import load_campaign, plan, simulate, write_campaign
+from sindyjoint import planning as runs
 from sindyjoint.errors import InputError
 from sindyjoint.limits import PLANNING
 from sindyjoint.mechanics import PaperLaw
-from sindyjoint.planning import PlannedRun, Sensors, planner, play, runs
+from sindyjoint.planning import PlannedRun, Sensors, planner, play
 from tests.seeds import slow
 
 

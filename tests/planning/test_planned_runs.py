@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sindyjoint import planning as planned_runs
 from sindyjoint.errors import InputError, SimulationError, UnknownNameError
 from sindyjoint.limits import PLANNING, SOUNDNESS
 from sindyjoint.mechanics import INTER_PANEL, Actuator, PaperLaw, tones
@@ -22,7 +23,6 @@ from sindyjoint.planning import (
     play,
     run_information,
 )
-from sindyjoint.planning import runs as planned_runs
 from sindyjoint.record import Campaign, Joint
 from sindyjoint.response import model_law
 from sindyjoint.soundness import find_faults, main_line

@@ -9,8 +9,7 @@ from random_joints import TRUE_IDS, aperiodic_campaign, random_plan
 from scipy.integrate import solve_ivp
 
 from sindyjoint import discover, simulate
-from sindyjoint.mechanics import INTER_PANEL
-from sindyjoint.mechanics.laws import FormulaLaw
+from sindyjoint.mechanics import INTER_PANEL, FormulaLaw
 from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.record import Campaign, Joint, Run
 from tests.seeds import seeds, slow

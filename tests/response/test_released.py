@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from sindyjoint.mechanics import FunctionLaw, SumLaw
-from sindyjoint.mechanics.laws import PaperLaw
+from sindyjoint.mechanics import FunctionLaw, PaperLaw, SumLaw
 from sindyjoint.mechanics.stickslip import brought_from_rest
 from sindyjoint.record import Run
 from sindyjoint.response import simulate_run

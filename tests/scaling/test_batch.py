@@ -10,7 +10,7 @@ import pytest
 from small_joints import write_joint
 
 from sindyjoint import simulate
-from sindyjoint.discovery.evidence import evidence_bytes, fit_columns, read_evidence
+from sindyjoint.discovery import evidence_bytes, fit_columns, read_evidence
 from sindyjoint.errors import InputError, MissingInputError, OptionError, OutputError, UnknownNameError
 from sindyjoint.files import write_campaign
 from sindyjoint.response import model_law

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, cheby2, detrend, ellip, sosfilt
 
+from sindyjoint import measurement
 from sindyjoint.errors import InputError
 from sindyjoint.measurement import (
     channel_noise,
@@ -16,7 +17,6 @@ from sindyjoint.measurement import (
     quantisation_step,
     signal_end,
 )
-from sindyjoint.measurement import noise as states_noise
 from sindyjoint.numeric import without_line
 from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.rig import SensorNoise
@@ -162,7 +162,7 @@ def test_a_line_is_taken_out_as_scipy_does():
 
 def test_noise_is_measured_once_for_a_run(monkeypatch):
     calls = []
-    monkeypatch.setattr(states_noise, "signal_end", lambda *given: calls.append(1) or signal_end(*given))
+    monkeypatch.setattr(measurement, "signal_end", lambda *given: calls.append(1) or signal_end(*given))
     values = np.random.default_rng(4).normal(size=(2, 2000)).cumsum(axis=1)
     run = Run(name="run", moment=values[0], angle=values[1], sample_rate=100.0)
     first = channel_noise(run)

@@ -54,8 +54,8 @@ def runs():
 @pytest.fixture(autouse=True)
 def few_harmonics(monkeypatch):
     """An elastic joint needs few: friction is what needs the others."""
-    monkeypatch.setattr("sindyjoint.substructure.simulated.runs.BALANCED", 23)
-    monkeypatch.setattr("sindyjoint.substructure.simulated.runs.BALANCED_ABOVE", 3)
+    monkeypatch.setattr("sindyjoint.substructure.simulated.BALANCED", 23)
+    monkeypatch.setattr("sindyjoint.substructure.simulated.BALANCED_ABOVE", 3)
 
 
 def refined(test, given, **options):

@@ -1,4 +1,4 @@
-"""Runs that a laboratory could still make, as force states with its noise.
+"""Tests that could be made: runs, as force states with the laboratory's noise, and a test that hides an effect.
 
 Angles of several waveforms are prescribed. Where the campaign was driven by a moment, sinusoidal moments are among the
 runs: the joint is then taken to move as it did at the nearest level, at another scale and frequency.
@@ -7,18 +7,27 @@ runs: the joint is then taken to move as it did at the nearest level, at another
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sindyjoint.diagnosis.campaign.change import LEAST_PERIODS
+from sindyjoint.diagnosis.effects import load_effects, select_effects
+from sindyjoint.diagnosis.effects.fitted import FittedEffect, effect_law
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import compile_terms
 from sindyjoint.equation.model import INERTIA, JointModel
+from sindyjoint.equation.terms import Reference
 from sindyjoint.inputs import constant
 from sindyjoint.limits import STATES
+from sindyjoint.mechanics import INTER_PANEL, Law
 from sindyjoint.mechanics.excitation import TONES, Actuator, driven_at
-from sindyjoint.numeric import Array
+from sindyjoint.mechanics.stickslip import transfer_moment
+from sindyjoint.mechanics.virtual import LEVELS, virtual_campaign
+from sindyjoint.numeric import RNG, Array
+from sindyjoint.paper import FREQUENCIES
+from sindyjoint.record import Campaign
 from sindyjoint.response.drive import prescribed
 from sindyjoint.states import ForceStates, NoiseFloor, moving_mask, rate_limit, reversal_guard
 
@@ -31,13 +40,20 @@ PLANNED: dict[str, str] = {
     "multisine angle, harmonics 1 to 5 alike": "multisine",
     "swept angle, from f to 5*f and back in each period": "sweep",
 }
-PLAIN = 4  # of these, that are advised where nothing is known of the actuator
 WAVEFORMS = {words: TONES[name] for words, name in PLANNED.items()}
 #: What is asked for of a joint that a moment drives.
 BY_MOMENT = "sinusoidal moment that moves the joint so far"
-HARMONICS = 15  # of a motion under a moment
-FREQUENCIES = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # times the geometric mean of those tested
-LEVELS = (0.1, 0.2, 0.4, 0.7, 1.0)  # of the largest angle tested
+# Effects that a virtual test hides, and none.
+CHOICES = (
+    "amplitude_dependent_damping",
+    "dead_zone",
+    "position_dependent_friction",
+    "dahl_friction",
+    "maxwell_branch",
+    "quadratic_damping",
+    "jenkins_element",
+    "nothing",
+)
 
 
 @dataclass(frozen=True)
@@ -102,11 +118,12 @@ def designs(
         return ()
     middle = float(np.exp(np.mean(np.log(tested))))
     largest = max(_swing(s) for s in states)
-    usual = tuple(f * middle for f in FREQUENCIES)
+    usual = tuple(f * middle for f in (0.1, 0.25, 0.5, 1.0, 2.0, 4.0))
+    levels = [x * largest for x in (0.1, 0.2, 0.4, 0.7, 1.0)]
 
     def planned(lowest: float = 1.0, highest: float = 1.0) -> list[tuple[float, float]]:
         frequencies = usual if actuator is None else _over_band(actuator, lowest, highest)
-        return [(float(f"{f:.3g}"), float(f"{x * largest:.3g}")) for f, x in product(frequencies, LEVELS)]
+        return [(float(f"{f:.3g}"), float(f"{x:.3g}")) for f, x in product(frequencies, levels)]
 
     driven = [s for s in states if s.frequency and not prescribed(s)]
     # How the joint sticks far below the levels tested is not known; and a run or two may be misjudged.
@@ -121,7 +138,8 @@ def designs(
     ]
     if actuator is not None and actuator.drive == "moment":
         return tuple(moments)
-    words = [*PLANNED][: None if actuator is not None else PLAIN]
+    # Of nothing known of the actuator, the plainest four.
+    words = [*PLANNED][: None if actuator is not None else 4]
     angles = [
         Design(f, x, each, duration=duration) for each in words for f, x in planned(*driven_at(PLANNED[each]))
     ]
@@ -129,9 +147,9 @@ def designs(
 
 
 def _over_band(actuator: Actuator, lowest: float, highest: float) -> tuple[float, ...]:
-    """Return frequencies, Hz, of which these multiples lie in the actuator's band."""
+    """Return six frequencies, Hz, of which these multiples lie in the actuator's band."""
     low, high = actuator.band[0] / lowest, actuator.band[1] / highest
-    return tuple(dict.fromkeys(np.geomspace(low, high, len(FREQUENCIES)).tolist())) if low <= high else ()
+    return tuple(dict.fromkeys(np.geomspace(low, high, 6).tolist())) if low <= high else ()
 
 
 def within(design: Design, actuator: Actuator, model: JointModel) -> bool:
@@ -148,7 +166,8 @@ def within(design: Design, actuator: Actuator, model: JointModel) -> bool:
 def _series(states: ForceStates) -> tuple[tuple[int, float, float], ...]:
     """Return the harmonics of a measured angle."""
     assert states.frequency is not None
-    orders = np.arange(1, min(HARMONICS, max(1, round(states.bandwidth / states.frequency))) + 1)
+    # Of a motion under a moment fifteen harmonics say enough.
+    orders = np.arange(1, min(15, max(1, round(states.bandwidth / states.frequency))) + 1)
     phase = 2 * np.pi * states.frequency * np.outer(states.time, orders)
     basis = np.hstack([np.ones((states.time.size, 1)), np.cos(phase), np.sin(phase)])
     found = np.linalg.lstsq(basis, states.angle, rcond=None)[0][1:]
@@ -209,3 +228,56 @@ def expected_states(
 
 def _swing(states: ForceStates) -> float:
     return float(np.ptp(states.angle)) / 2
+
+
+def hidden_campaign(rng: RNG = None) -> tuple[Campaign, str]:
+    """Return a virtual test and the name of the effect, of 6 % of the moment's RMS, that the seed hid in it."""
+    generator = np.random.default_rng(0 if rng is None else rng)
+    name = str(generator.choice(CHOICES))
+    peak = LEVELS[0] * INTER_PANEL.softening_angle
+    law = None if name == "nothing" else hidden_law(name, INTER_PANEL, peak, FREQUENCIES, generator)
+    campaign = virtual_campaign(INTER_PANEL, hidden=law, noise=0.01, rng=generator, duration=8.0)
+    return campaign, name
+
+
+def hidden_law(
+    name: str,
+    law: Law,
+    peak: float,
+    frequencies: Sequence[float],
+    generator: np.random.Generator,
+    share: float = 0.06,
+) -> Any:
+    """Return the law of an effect of a joint, with nonlinear parameters drawn within their bounds.
+
+    Parameters
+    ----------
+    name : str
+        Of the effect.
+    law : Law
+        The joint.
+    peak : float
+        Angle, rad, of the motion in which the effect has its share.
+    frequencies : sequence of float
+        Of that motion, Hz.
+    generator : Generator
+    share : float
+        RMS of what the effect adds, of the moment's.
+    """
+    reference = Reference(peak, 2 * np.pi * max(frequencies) * peak)
+    effect = select_effects(load_effects(), [name])[0]
+    variant = effect.variants[0]
+    bounds = np.log(variant.bounds(reference)).reshape(-1, 2)
+    inner = np.exp(
+        bounds[:, 0] + generator.uniform(0.4, 0.7, bounds.shape[0]) * np.diff(bounds, axis=1)[:, 0]
+    )
+    unit = FittedEffect(effect, variant, inner, np.ones(len(variant.columns)), 0.0)
+    ours, whole = [], []
+    for frequency in frequencies:
+        time = np.arange(0, 3 / frequency, 2e-4)
+        w = 2 * np.pi * frequency
+        motion = peak * np.sin(w * time), peak * w * np.cos(w * time)
+        ours.append(transfer_moment(effect_law([unit], frequency), *motion, 5000.0)[0])
+        whole.append(transfer_moment(law, *motion, 5000.0)[0])
+    size = share * np.std(np.concatenate(whole)) / np.std(np.concatenate(ours))
+    return effect_law([FittedEffect(effect, variant, inner, np.full(len(variant.columns), size), 0.0)], 0.0)

@@ -13,9 +13,9 @@ from sindyjoint.diagnosis.campaign.other_starts import CONSTANT, with_delay, wit
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
 from sindyjoint.diagnosis.campaign.start import Work
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects import Effect
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect
-from sindyjoint.diagnosis.evidence.score import Ranking, Score
+from sindyjoint.diagnosis.evidence import Ranking, Score
 from sindyjoint.diagnosis.evidence.search import Candidate, Chosen, Search, deviate
 from sindyjoint.diagnosis.problem import Progress, Say, step_of, with_gaps_renewed
 from sindyjoint.discovery.delay import shifted

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.free import continuation_gap
+from sindyjoint.diagnosis.campaign import GapRun
 from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
+from sindyjoint.diagnosis.campaign.measure import continuation_gap
 from sindyjoint.diagnosis.campaign.numbers import number_columns
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
 from sindyjoint.diagnosis.campaign.repair import (
@@ -18,7 +19,6 @@ from sindyjoint.diagnosis.campaign.repair import (
     refit,
     simulated,
 )
-from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.diagnosis.parts import Place, Regions, most_informative
@@ -28,10 +28,10 @@ from sindyjoint.equation.element import Value
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import Enters, Nuisance, TestNuisances
 from sindyjoint.errors import SindyJointError
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics import Law
 from sindyjoint.numeric import Array, norms_of, rms
 from sindyjoint.record import Run
-from sindyjoint.response.compared import compare_run, compared_states, corrected, pooled_errors
+from sindyjoint.response import compare_run, compared_states, corrected, pooled_errors
 from sindyjoint.response.drive import prescribed
 from sindyjoint.response.laws import with_coefficients
 from sindyjoint.response.output_error import DRAWS

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.campaign.rows import (
+from sindyjoint.diagnosis.campaign import (
     Band,
     GapRun,
     HalfCycles,
@@ -21,7 +21,7 @@ from sindyjoint.diagnosis.campaign.rows import (
     kernel_noise_factor,
     reversals,
 )
-from sindyjoint.diagnosis.effects.motion import MeasuredMotion
+from sindyjoint.diagnosis.effects.setup import MeasuredMotion
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel

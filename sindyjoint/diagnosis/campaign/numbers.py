@@ -6,10 +6,10 @@ from typing import cast
 
 import numpy as np
 
+from sindyjoint.diagnosis.campaign import GapRun
 from sindyjoint.diagnosis.campaign.gap_rows import base_columns
 from sindyjoint.diagnosis.campaign.regression import stack
 from sindyjoint.diagnosis.campaign.repair import Repaired, modelled, scaled_covariance, unique_shares
-from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.campaign.start import ChannelDrift
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.element import Value

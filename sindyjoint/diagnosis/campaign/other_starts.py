@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from sindyjoint.diagnosis.campaign import GapRun
 from sindyjoint.diagnosis.campaign.gap import gap_of
 from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, score_of
 from sindyjoint.diagnosis.campaign.numbers import number_columns
@@ -33,11 +34,10 @@ from sindyjoint.diagnosis.campaign.repair import (
     rest_angle,
     without,
 )
-from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.campaign.start import Work, belief_in, first_model
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.evidence.score import Ranking
+from sindyjoint.diagnosis.evidence import Ranking
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.discovery.delay import ChannelDelay, columns_of, competing_delay, find_delay, shifted
 from sindyjoint.discovery.regression import TermRegression

@@ -8,14 +8,8 @@ from typing import Any, Self
 import numpy as np
 
 from sindyjoint.clock import Portion
+from sindyjoint.diagnosis.campaign.change import processing_error
 from sindyjoint.diagnosis.campaign.explain import Searched, with_found
-from sindyjoint.diagnosis.campaign.free import (
-    begun_with,
-    mean_square,
-    on_response,
-    ranked_on_response,
-    simplest,
-)
 from sindyjoint.diagnosis.campaign.gap import (
     gap_of,
     gap_rows,
@@ -27,9 +21,15 @@ from sindyjoint.diagnosis.campaign.gap import (
     response_error,
     run_gaps,
 )
+from sindyjoint.diagnosis.campaign.measure import (
+    begun_with,
+    mean_square,
+    on_response,
+    ranked_on_response,
+    simplest,
+)
 from sindyjoint.diagnosis.campaign.numbers import from_whole, is_element, nuisances_of, whole_model
 from sindyjoint.diagnosis.campaign.other_starts import ZERO, discovered, zero_start
-from sindyjoint.diagnosis.campaign.processing import processing_error
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit
 from sindyjoint.diagnosis.campaign.rivals import separating_runs
@@ -43,9 +43,9 @@ from sindyjoint.diagnosis.campaign.start import (
     without_drift_found,
 )
 from sindyjoint.diagnosis.campaign.unnamed import make_budget
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, input_effects
-from sindyjoint.diagnosis.evidence.score import Ranking
+from sindyjoint.diagnosis.evidence import Ranking
 from sindyjoint.diagnosis.parts import Budget, Place
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Problem, Say, Start, add_effects

@@ -11,18 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
+from sindyjoint.diagnosis.campaign import reference_scales
 from sindyjoint.diagnosis.campaign.numbers import is_element
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.campaign.regression import GapRegression, wrong_signs
 from sindyjoint.diagnosis.campaign.repair import Repaired, refine_effect, refit
-from sindyjoint.diagnosis.campaign.rows import reference_scales
-from sindyjoint.diagnosis.effects.catalogue import Variant
+from sindyjoint.diagnosis.effects import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.equation.formula import formula_text
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.test_record import TestNuisances
 from sindyjoint.record import Campaign
-from sindyjoint.response.compared import corrected, simulated_gap
+from sindyjoint.response import corrected, simulated_gap
 from sindyjoint.response.refinement import refine
 from sindyjoint.states import campaign_states, one_after_another
 

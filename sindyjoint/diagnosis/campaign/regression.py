@@ -13,11 +13,11 @@ from functools import cached_property
 import numpy as np
 
 from sindyjoint.clock import spend
+from sindyjoint.diagnosis.campaign import GapRun, reference_scales
 from sindyjoint.diagnosis.campaign.gap_rows import base_columns
-from sindyjoint.diagnosis.campaign.rows import GapRun, reference_scales
-from sindyjoint.diagnosis.effects.catalogue import Variant
+from sindyjoint.diagnosis.effects import Variant
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
-from sindyjoint.diagnosis.effects.motion import JoinedMotions
+from sindyjoint.diagnosis.effects.setup import JoinedMotions
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference

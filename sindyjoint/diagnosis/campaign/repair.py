@@ -8,14 +8,15 @@ import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.clock import STEP_SAMPLES, spend
+from sindyjoint.diagnosis.campaign import GapRun, reference_scales, row_groups
 from sindyjoint.diagnosis.campaign.gap_rows import base_columns
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
-from sindyjoint.diagnosis.campaign.rows import GapRun, reference_scales, row_groups
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.verdict import ZERO_ERRORS
 from sindyjoint.discovery.delay import shifted
-from sindyjoint.equation.formula import VARIABLES, compile_terms, made_by_shift
+from sindyjoint.equation.candidates import made_by_shift
+from sindyjoint.equation.formula import VARIABLES, compile_terms
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import SindyJointError
 from sindyjoint.mechanics.stickslip import STEPS_PER_SAMPLE

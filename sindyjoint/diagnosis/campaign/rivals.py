@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from sindyjoint.clock import Portion, spend
+from sindyjoint.diagnosis.campaign import GapRun
 from sindyjoint.diagnosis.campaign.designs import BY_MOMENT, Design, designs, expected_states, within
 from sindyjoint.diagnosis.campaign.gap_rows import base_columns, gap_runs
 from sindyjoint.diagnosis.campaign.regression import effect_rows, stack
-from sindyjoint.diagnosis.campaign.rows import GapRun
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.problem import Say

@@ -10,25 +10,30 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.campaign.change import MEMBER, changes, segments
+from sindyjoint.diagnosis.campaign import GapRun
+from sindyjoint.diagnosis.campaign.change import (
+    MEMBER,
+    changes,
+    processing_errors,
+    segments,
+    without_processing,
+)
 from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
-from sindyjoint.diagnosis.campaign.processing import processing_errors, without_processing
 from sindyjoint.diagnosis.campaign.repair import Repaired, about_zero, model_errors, refit, refit_nonlinear
-from sindyjoint.diagnosis.campaign.rows import GapRun
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects import Effect
 from sindyjoint.diagnosis.effects.fitted import FittedEffect, effects_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.result import Gap, Step
 from sindyjoint.diagnosis.verdict import grows
 from sindyjoint.equation.candidates import is_rate_free, rate_free
 from sindyjoint.equation.catalogue import as_catalogue
-from sindyjoint.equation.dimensions import unit_for
+from sindyjoint.equation.formula import unit_for
 from sindyjoint.equation.model import Fitted, JointModel
 from sindyjoint.equation.test_record import Drift, TestNuisances
 from sindyjoint.errors import InputError, UnknownNameError
 from sindyjoint.limits import STATES
 from sindyjoint.record import Campaign, Run
-from sindyjoint.response.compared import corrected
+from sindyjoint.response import corrected
 from sindyjoint.states import (
     ForceStates,
     campaign_states,

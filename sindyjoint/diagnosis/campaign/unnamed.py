@@ -15,8 +15,8 @@ import scipy
 from numba import njit
 from numpy.typing import NDArray
 
+from sindyjoint.diagnosis.campaign import GapRun, row_groups
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
-from sindyjoint.diagnosis.campaign.rows import GapRun, row_groups
 from sindyjoint.diagnosis.parts import Budget, divide_gap
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.equation.terms import Reference

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.diagnosis.effects import Effect, Variant
 from sindyjoint.diagnosis.effects.setup import PLACES, Scales, Setup
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.equation.terms import Reference
-from sindyjoint.mechanics.laws import FormulaLaw
+from sindyjoint.mechanics import FormulaLaw
 from sindyjoint.numeric import Array
 
 # Points of a search over the nonlinear parameters, by their number.

@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.effects.catalogue import Effect, Variant
+from sindyjoint.diagnosis.effects import Effect, Variant
 from sindyjoint.equation.candidates import dependences
-from sindyjoint.equation.dimensions import unit_for
 from sindyjoint.equation.element import Column, ElementState, JointElement, Value
-from sindyjoint.equation.formula import formula_text
+from sindyjoint.equation.formula import formula_text, unit_for
 from sindyjoint.equation.model import JointModel, ModelTerm
 from sindyjoint.equation.terms import Parameter, Reference
 from sindyjoint.inputs import Input, reference_values
-from sindyjoint.mechanics.laws import Law
+from sindyjoint.mechanics import Law
 from sindyjoint.numeric import Array
 from sindyjoint.response.laws import Instant, LawInRun, Part, law_in_run, sum_law, with_added
 from sindyjoint.states import ForceStates

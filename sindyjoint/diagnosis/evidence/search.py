@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sindyjoint.diagnosis.evidence.score import Evidence, Score
+from sindyjoint.diagnosis.evidence import Evidence, Score
 from sindyjoint.limits import EVIDENCE
 from sindyjoint.numeric import Array
 

@@ -8,7 +8,7 @@ import numpy as np
 from sindyjoint.diagnosis.parts import Place, Regions, most_informative
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import RecordGap
-from sindyjoint.diagnosis.structure.output_error import Fit, fit
+from sindyjoint.diagnosis.structure import Fit, fit
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
 from sindyjoint.errors import InputError, SimulationError

@@ -9,12 +9,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects import Effect
 from sindyjoint.diagnosis.effects.change import Change, joint_changes, structure_changes
 from sindyjoint.diagnosis.effects.setup import Scales
 from sindyjoint.diagnosis.parts import Place
 from sindyjoint.diagnosis.problem import Problem
 from sindyjoint.diagnosis.result import Diagnosis, Gap, InPlace, RecordGap
+from sindyjoint.diagnosis.structure import fit
 from sindyjoint.diagnosis.structure.gap import (
     UNITS,
     cells_of_gap,
@@ -23,7 +24,6 @@ from sindyjoint.diagnosis.structure.gap import (
     segment_gaps,
 )
 from sindyjoint.diagnosis.structure.kinds import with_slopes
-from sindyjoint.diagnosis.structure.output_error import fit
 from sindyjoint.diagnosis.structure.problem import StructureProblem
 from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
 from sindyjoint.diagnosis.structure.runs import RunsProblem
@@ -37,7 +37,7 @@ from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import SIMULATED
 from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.substructure.harmonic_balance import SAMPLES_PER_HARMONIC
-from sindyjoint.substructure.simulated.runs import SteadyRun
+from sindyjoint.substructure.simulated import SteadyRun
 
 
 def joint_motions(problem: RunsProblem, x: Array) -> Iterator[tuple[str, Array, Array]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.change import FRICTION, Change, JointLaws, place_of
 from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.setup import Setup
-from sindyjoint.diagnosis.structure.output_error import differences
+from sindyjoint.diagnosis.structure import differences
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.mechanics.rig_test import RigTest

@@ -9,16 +9,16 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from sindyjoint.clock import Portion
-from sindyjoint.diagnosis.effects.catalogue import Effect
+from sindyjoint.diagnosis.effects import Effect
 from sindyjoint.diagnosis.effects.change import Change
-from sindyjoint.diagnosis.evidence.score import Ranking, rise
+from sindyjoint.diagnosis.evidence import Ranking, rise
 from sindyjoint.diagnosis.parts import Budget, Place, divide_gap, most_informative
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Problem, Say
 from sindyjoint.diagnosis.result import Advice, Diagnosis, Gap, RecordGap, Step
+from sindyjoint.diagnosis.structure import Fit, FittedChange, covariance_of, fit, score_of
 from sindyjoint.diagnosis.structure.gap import locate_gap, record_gaps
 from sindyjoint.diagnosis.structure.kinds import assemble_model, with_slopes
-from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, covariance_of, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import PulseProblem, separating_pulses
 from sindyjoint.diagnosis.structure.search import rank_changes, search
 from sindyjoint.diagnosis.structure.start import (

@@ -18,14 +18,14 @@ from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.problem import Say
 from sindyjoint.diagnosis.result import Advice
-from sindyjoint.diagnosis.structure.kinds import JointKind
-from sindyjoint.diagnosis.structure.output_error import (
+from sindyjoint.diagnosis.structure import (
     STEP_PRIOR,
     FittedChange,
     OutputError,
     differences,
     parted,
 )
+from sindyjoint.diagnosis.structure.kinds import JointKind
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rigs import MeasuredResponse, Rig
 from sindyjoint.mechanics.virtual_rig import with_laws

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.structure.output_error import STEP_PRIOR, covariance_of, differences, parted
+from sindyjoint.diagnosis.structure import STEP_PRIOR, covariance_of, differences, parted
 from sindyjoint.diagnosis.structure.runs import RunsProblem
 from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel

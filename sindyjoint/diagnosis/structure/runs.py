@@ -21,16 +21,16 @@ from sindyjoint.clock import spend
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
+from sindyjoint.diagnosis.structure import OutputError, covariance_of, differences, parted
 from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
-from sindyjoint.diagnosis.structure.output_error import OutputError, covariance_of, differences, parted
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
 from sindyjoint.substructure.recovery import Recovery, Update, held_spectra, update_structure, with_numbers
-from sindyjoint.substructure.simulated.runs import Answer, SteadyRun
-from sindyjoint.substructure.simulated.steady import Condensed, Steady
+from sindyjoint.substructure.simulated import Answer, SteadyRun
+from sindyjoint.substructure.steady_response import Condensed, Steady
 
 Complex = NDArray[np.complex128]
 

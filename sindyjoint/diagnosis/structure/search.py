@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from sindyjoint.diagnosis.effects.change import Change
-from sindyjoint.diagnosis.evidence.score import Ranking, rank
+from sindyjoint.diagnosis.evidence import Ranking, rank
 from sindyjoint.diagnosis.policy import STRUCTURE
-from sindyjoint.diagnosis.structure.output_error import Fit, FittedChange, OutputError, fit, score_of
+from sindyjoint.diagnosis.structure import Fit, FittedChange, OutputError, fit, score_of
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
 from sindyjoint.numeric import Array, norms_of
 from sindyjoint.parallel import side_by_side

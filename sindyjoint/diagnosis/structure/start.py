@@ -6,18 +6,18 @@ from pathlib import Path
 
 import numpy as np
 
-from sindyjoint.diagnosis.effects.catalogue import Effect, load_effects
+from sindyjoint.diagnosis.effects import Effect, load_effects
 from sindyjoint.diagnosis.effects.change import Change, joint_changes, structure_changes
 from sindyjoint.diagnosis.effects.setup import PLACES, Scales
 from sindyjoint.diagnosis.policy import DiagnosisPolicy
+from sindyjoint.diagnosis.structure import Fit, fit
 from sindyjoint.diagnosis.structure.kinds import JointKind
-from sindyjoint.diagnosis.structure.output_error import Fit, fit
 from sindyjoint.diagnosis.structure.pulses import PulseProblem, RecordNoise, record_noise
 from sindyjoint.equation.model import INERTIA, Fitted, JointModel, ModelTerm
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.mechanics import PaperLaw
 from sindyjoint.mechanics.beam import Beam
-from sindyjoint.mechanics.laws import PaperLaw
 from sindyjoint.mechanics.rig_file import shipped_rigs
 from sindyjoint.mechanics.rigs import PLACEHOLDERS, UNKNOWN, MeasuredResponse, Rig, load_rig
 from sindyjoint.mechanics.structure import LumpedMass

@@ -28,8 +28,8 @@ from sindyjoint.reporting.tables import (
 from sindyjoint.reporting.view import FINDING, View
 from sindyjoint.text import list_some, percent, spelled
 from sindyjoint.trust import Light, Trust
+from sindyjoint.workflows.joints import CAMPAIGNS, CampaignRecord
 from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
-from sindyjoint.workflows.joints.record import CAMPAIGNS, CampaignRecord
 from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
 
 # More names than these cannot be read below an axis; characters of a name on a terminal.

@@ -27,9 +27,9 @@ from sindyjoint.reporting.tables import (
     tabulate,
 )
 from sindyjoint.reporting.view import View
+from sindyjoint.soundness import words_of
 from sindyjoint.soundness.check import Check
-from sindyjoint.soundness.finding import words_of
-from sindyjoint.soundness.record import Record
+from sindyjoint.soundness.detectors import Record
 from sindyjoint.text import quantities, spelled
 
 # The figure of all runs, or of so many.

@@ -29,7 +29,7 @@ from sindyjoint.reporting.tables import (
     tabulate,
 )
 from sindyjoint.reporting.view import FINDING, View
-from sindyjoint.soundness.finding import Soundness
+from sindyjoint.soundness import Soundness
 from sindyjoint.text import list_some, quantities, rounded, spelled
 
 

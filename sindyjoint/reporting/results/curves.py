@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.markup import escape
 
-from sindyjoint.judgement.headline import EXPORT
+from sindyjoint.judgement import EXPORT
 from sindyjoint.numeric import Array
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, cycled, fixed, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, Section, capital, section

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from sindyjoint.planning.plan import TELL_APART, Plan
-from sindyjoint.planning.plan_file import PLAN_NAME, drive_signal, plan_text, run_name
+from sindyjoint.planning.plan import PLAN_NAME, TELL_APART, Plan, drive_signal, plan_text, run_name
 from sindyjoint.planning.search import PAPER
 from sindyjoint.reporting.figure import Axes, Curve, Kind, by_name, plot, scaled
 from sindyjoint.reporting.page import Blocks, Page, capital, markup, number, section, sentence

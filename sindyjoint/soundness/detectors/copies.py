@@ -7,8 +7,8 @@ import numpy as np
 
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.finding import Finding, Words
-from sindyjoint.soundness.record import Channel, Record
+from sindyjoint.soundness import Finding, Words
+from sindyjoint.soundness.detectors import Channel, Record
 
 Block = tuple[int, int, int]
 # Samples that the search for scaled copies looks at, and the deviation from a constant ratio, in parts of the largest

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.finding import Finding, Spans, Words
-from sindyjoint.soundness.record import Record
+from sindyjoint.soundness import Finding, Spans, Words
+from sindyjoint.soundness.detectors import Record
 
 Lines = Mapping[str, NDArray[np.complex128]]
 # Periods on either side of a step that are compared, at most and of a record of few; the one that holds it is left out.

@@ -12,8 +12,8 @@ from sindyjoint.limits import SOUNDNESS
 from sindyjoint.measurement.sensors import disagreement
 from sindyjoint.numeric import Array, line_spectrum
 from sindyjoint.record import Campaign
-from sindyjoint.soundness.finding import Finding, Severity, Words
-from sindyjoint.soundness.record import Channel, Record
+from sindyjoint.soundness import Finding, Severity, Words
+from sindyjoint.soundness.detectors import Channel, Record
 from sindyjoint.trust import PLACES
 
 # Relative difference of two spellings of one unit.

@@ -7,8 +7,8 @@ import numpy as np
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.mechanics.rig_test import DRIVE
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.finding import Finding, Spans, Words
-from sindyjoint.soundness.record import Channel, Mask, Record, spans_of
+from sindyjoint.soundness import Finding, Spans, Words
+from sindyjoint.soundness.detectors import Channel, Mask, Record, spans_of
 
 # Equal but for rounding, in ranges of the channel.
 EQUAL, AT_LIMIT = 1e-12, 1e-9

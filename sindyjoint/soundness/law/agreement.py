@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import DIFFERENCE, Array
+from sindyjoint.substructure import jump_columns, open_joints
 from sindyjoint.substructure.recovery import Recovery, solved, with_numbers
 from sindyjoint.substructure.spectra import strongest
-from sindyjoint.substructure.transfer import jump_columns, open_joints
 
 Complex = NDArray[np.complex128]
 
@@ -47,7 +47,7 @@ class Equations:
         Derivatives by the structure's numbers.
     ends : ndarray of complex, shape (m, l, channels)
         What jumps at the ends of records that do not repeat add
-        (:func:`~sindyjoint.substructure.transfer.jump_columns`), each of the
+        (:func:`~sindyjoint.substructure.jump_columns`), each of the
         size that is expected of it.
     prior : ndarray, shape (k + m,)
         Standard uncertainty of the numbers, relative, and of the jumps.

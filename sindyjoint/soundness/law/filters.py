@@ -10,9 +10,9 @@ from sindyjoint.errors import SindyJointError
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Campaign, Run
-from sindyjoint.soundness.finding import Finding, Words
-from sindyjoint.soundness.law.motions import POINTS, Complex, Motions, least, misfit, scale_of
-from sindyjoint.soundness.record import Record
+from sindyjoint.soundness import Finding, Words
+from sindyjoint.soundness.detectors import Record
+from sindyjoint.soundness.law import POINTS, Complex, Motions, least, misfit, scale_of
 from sindyjoint.states import force_states, moment_floor
 
 # Of the inertia's moment over the measured one, from which it stops.

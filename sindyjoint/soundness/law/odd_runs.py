@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.numeric import Array, rms
+from sindyjoint.soundness import Finding, Words
 from sindyjoint.soundness.detectors.course import drift_of
-from sindyjoint.soundness.finding import Finding, Words
-from sindyjoint.soundness.law.filters import INVERSES
-from sindyjoint.soundness.law.motions import (
+from sindyjoint.soundness.law import (
     Motions,
     Rows,
     Scale,
@@ -25,6 +24,7 @@ from sindyjoint.soundness.law.motions import (
     solve,
     solved,
 )
+from sindyjoint.soundness.law.filters import INVERSES
 
 # What units are mistaken by: degrees, thousandths, kgf, lbf, inches.
 MISTAKES = {

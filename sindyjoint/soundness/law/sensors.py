@@ -13,7 +13,7 @@ from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.numeric import Array
-from sindyjoint.soundness.finding import Finding, Severity, Words
+from sindyjoint.soundness import Finding, Severity, Words
 from sindyjoint.soundness.law.agreement import (
     SMALLEST,
     Complex,

@@ -23,8 +23,8 @@ import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.limits import SUBSTRUCTURE
+from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.excitation import sampled
-from sindyjoint.mechanics.laws import Law
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure, craig_bampton, projected
 from sindyjoint.mechanics.transient import State, trajectory

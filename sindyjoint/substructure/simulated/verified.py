@@ -34,7 +34,7 @@ from sindyjoint.response.verification import (
 from sindyjoint.response.verify_rig import place_by_kind
 from sindyjoint.states import signals_hash
 from sindyjoint.substructure.recovery import Recovery, declared_noise, recover
-from sindyjoint.substructure.simulated.runs import SteadyRun
+from sindyjoint.substructure.simulated import SteadyRun
 from sindyjoint.substructure.simulated.segments import SegmentedRun
 from sindyjoint.substructure.spectra import channel_spectra
 

@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sindyjoint.described import Maybe, Shown, same
-from sindyjoint.discovery.evidence import Evidence, fit_columns, read_evidence
+from sindyjoint.discovery import Evidence, fit_columns, read_evidence
 from sindyjoint.errors import InputError
 from sindyjoint.numeric import Array
 from sindyjoint.policy import SHARED as POLICY
 from sindyjoint.text import spelled
+from sindyjoint.workflows.joints import FACTORS_FILE, CampaignRecord
 from sindyjoint.workflows.joints.population import CoefficientScatter, Population, population
-from sindyjoint.workflows.joints.record import FACTORS_FILE, CampaignRecord
 
 TEMPERATURE, SERIAL = "temperature", "serial number"
 
