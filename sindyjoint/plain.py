@@ -38,8 +38,6 @@ Identifier = Annotated[str, NAME]
 
 _WORDS = {str: "text in quotes", bool: "true or false", int: "a whole number", float: "a number"}
 PATTERNS = {ONE_LINE: re.compile(r"[^\n\r]+"), NAME: re.compile("[a-z][a-z0-9_]*")}
-# No number of a file is larger, and no text longer.
-LARGEST, LONGEST = 1e200, 2000
 
 
 class Misfit(InputError):
@@ -194,7 +192,8 @@ def from_plain(
         kinds = (float, int) if hint is float else hint
         known = isinstance(data, kinds) and (hint is bool or not isinstance(data, bool))
         if known and exact:
-            small = len(data) <= LONGEST if hint is str else abs(data) <= LARGEST
+            # No number of a file is larger, and no text longer.
+            small = len(data) <= 2000 if hint is str else abs(data) <= 1e200
             fits = all(PATTERNS[mark].fullmatch(data) for mark in marks if mark in PATTERNS)
             _expect(place, small, data, "a shorter text" if hint is str else "a finite number")
             _expect(place, fits and not (POSITIVE in marks and data < 0), data, ", ".join(marks))

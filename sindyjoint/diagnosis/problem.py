@@ -153,10 +153,6 @@ class Problem(Protocol):
         """Return the result: what was found, completed by model, effects, pictures and warnings."""
 
 
-# Of the rivals of a step so many are reported, with more than this probability.
-RIVALS, LEAST_RIVAL = 6, 1e-4
-
-
 @dataclass(frozen=True, eq=False)
 class Progress(Generic[P]):
     """How far a search has come.
@@ -247,12 +243,13 @@ def step_of(problem: P, ranking: Ranking[Any], before: Gap, after: Gap) -> Step:
     """Return the first candidate of a ranking as a step."""
     best = ranking.fitted[0]
     others = zip(ranking.fitted[1:], ranking.probabilities[1:], strict=True)
+    # Of the rivals of a step so many are reported, with more than this probability.
     return Step(
         effect=best.name,
         family=best.family,
         members=tuple(f.name for f in ranking.members),
         probability=ranking.probabilities[0],
-        rivals=tuple((f.name, p) for f, p in others if p > LEAST_RIVAL)[:RIVALS],
+        rivals=tuple((f.name, p) for f, p in others if p > 1e-4)[:6],
         parameters=best.parameters,
         terms_dropped=problem.dropped,
         gap_before=before,

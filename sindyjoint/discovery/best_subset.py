@@ -24,8 +24,6 @@ from sindyjoint.parallel import side_by_side
 
 # The search is exact and its worst case is 2^p: beyond this many columns it is refused.
 MOST_COLUMNS = 40
-# Replicates searched in one task: some tens of milliseconds.
-REPLICATES = 32
 
 
 def best_subsets(
@@ -86,7 +84,8 @@ def replicate_subsets(triangles: Array, largest: int) -> NDArray[np.bool_]:
         Marks of the best set of each size; row 0 is empty.
     """
     order = _search_order(Factor(np.array(triangles[0]), 1.0), [])
-    parts = [triangles[some] for some in chunks(len(triangles), REPLICATES)]
+    # Replicates searched in one task: some tens of milliseconds.
+    parts = [triangles[some] for some in chunks(len(triangles), 32)]
     return np.concatenate(side_by_side(partial(_subsets_of, order, largest), parts))
 
 

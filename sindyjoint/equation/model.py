@@ -28,10 +28,6 @@ from sindyjoint.text import rounded
 __all__ = ["INERTIA", "Fitted", "JointModel", "ModelTerm", "model_terms"]
 
 
-#: Entries that a model may have.
-MOST = {"terms": 200, "elements": 50, "inputs": 20}
-
-
 @dataclass(frozen=True)
 class JointModel(Described):
     """The equation of a joint: Σ coefficient · term(θ, θ̇), and the moments of elements with a memory.
@@ -312,7 +308,8 @@ class JointModel(Described):
                 f"not a joint model: expected 'schema': {cls.SCHEMA} (or 1) and 'terms', as in model.json"
             )
         # A model from elsewhere must be read in seconds, whatever it holds.
-        for name, most in MOST.items():
+        # Entries that a model may have.
+        for name, most in {"terms": 200, "elements": 50, "inputs": 20}.items():
             own = data.get(name)
             if isinstance(own, list) and len(own) > most:
                 raise InputError(f"not a joint model: {len(own)} {name}; expected at most {most}")

@@ -43,7 +43,6 @@ from sindyjoint.mechanics.excitation import Excitation
 from sindyjoint.mechanics.rigs import load_rig
 from sindyjoint.mechanics.structure import Hinge, Item, assemble
 
-POINTS = 19  # a COMBIN39 holds twenty
 DEFAULT_RIG = "pulse-rig"
 WAYS = {Maxwell: "2 x COMBIN14, a node between", Gap: "COMBIN39 and COMBIN40, a node between"}
 # A term for a COMBIN37, A·|θ|^p or A·|θ̇|^p as damping coefficient or friction limit: exponent, KEYOPT(1): 0 the value
@@ -103,7 +102,7 @@ class _Elements:
         theta = variable_symbols()[0]
         self.linear = bool(self.springs) and all(t.expression == theta for t in parts.elastic)
         self.straight = sum(t.coefficient for t in self.springs) if self.linear else 0.0
-        nodes = parts.elastic_nodes(POINTS)
+        nodes = parts.elastic_nodes(19)  # a COMBIN39 holds twenty
         values, middle = total(self.springs, nodes, 0.0), nodes.size // 2
         offset = float(values[middle])  # COMBIN39 passes through the origin
         self.curve = Curve(nodes, values - offset)
@@ -128,7 +127,9 @@ class _Elements:
             for t in self.springs:
                 table = Curve(self.curve.x, contribution(t, self.curve.x, 0.0))
                 load = ", its value at zero in the COMBIN37 load" if contribution(t, 0.0, 0.0) else ""
-                rows[t.id] = Represented(f"COMBIN39, table of {POINTS} points{load}", table(cycles.angle))
+                rows[t.id] = Represented(
+                    f"COMBIN39, table of {self.curve.x.size} points{load}", table(cycles.angle)
+                )
         elif not self.linear:
             rows = left_out(
                 self.springs, "a COMBIN39 table must rise on both sides of zero, and this one does not"

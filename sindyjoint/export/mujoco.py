@@ -6,7 +6,7 @@ branch, K²/L stiff and L/R slow, and one without a magnet holds LuGre's frictio
 """
 
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -41,8 +41,6 @@ from sindyjoint.export.fidelity import (
 from sindyjoint.export.parts import Parts, steepness
 from sindyjoint.numeric import Array
 
-# A step as a share of the fastest time constant, and the longest one, s.
-STEP, LONGEST = 0.1, 1e-3
 NEEDED = {"joint": "3.7", "tendon": "4.0"}
 
 
@@ -54,7 +52,8 @@ def export(model: JointModel) -> Export:
     stiffness, _ = steepness(model)
     fast = [speeds(element, cycles) for element in model.elements]
     fastest = sqrt((stiffness + sum(k for k, _ in fast)) / inertia) + max((d for _, d in fast), default=0.0)
-    step = float(f"{min(STEP / fastest if fastest else LONGEST, LONGEST):.1g}")
+    # A tenth of the fastest time constant, and a millisecond at most.
+    step = float(f"{min(0.1 / fastest if fastest else inf, 1e-3):.1g}")
     elastic = _Polynomial.of(parts.elastic, cycles, "angle")
     rates = _Polynomial.of(parts.rate, cycles, "rate")
     # The largest of a constraint that MuJoCo allows (mjMAXIMP): the closer to one, the less friction creeps.

@@ -19,8 +19,6 @@ from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Joint, Motion, Use
 
 FOUND = "found"
-# Stands for the sampling rate of samples without time.
-PATH = 1.0
 
 
 def campaign_from_arrays(
@@ -190,7 +188,8 @@ def campaign_from_frames(
         raise InputError(
             f"time=None says that the samples have no time, and rate is {rate!r}; give one of the two"
         )
-    runs = [_signals(bundle, found, rate if time else PATH, dialogue) for bundle in bundles]
+    # A rate that stands for that of samples without time.
+    runs = [_signals(bundle, found, rate if time else 1.0, dialogue) for bundle in bundles]
     if dialogue.questions:
         question = next(iter(dialogue.questions.values()))
         raise InputError(f"{question.text} Give columns={{{question.key!r}: ...}} (guess: {question.guess})")

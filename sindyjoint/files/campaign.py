@@ -40,9 +40,6 @@ from sindyjoint.measurement.runs import measured_run, travelled_run
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Joint, Motion, Run
 
-# Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and no more
-# than the columns of all harmonics may take of memory; of any other motion, which has no such columns, more.
-SEGMENT, WITHOUT_FREQUENCY = 1 << 16, 1 << 18
 # Periods that it has at least, and segments that a run of a sine is cut into: their scatter gives the errors.
 PERIODS, FEWEST = 16, 16
 # Samples of a run above which a search does not load it as a whole: the columns of its harmonics take 2 kB for each.
@@ -276,7 +273,10 @@ class _RunLoader:
         )
         # Without the filters that cost samples at the ends: only the sampling rate is needed.
         rate = replace(head, channels=channels.model_copy(update={"skew": None})).read()[1]
-        length = WITHOUT_FREQUENCY if frequency is None else max(SEGMENT, PERIODS * rate / frequency)
+        # Samples that a segment of a long run has: of a sine enough for its harmonics to stand out of the noise, and
+        # no more than the columns of all harmonics may take of memory; of any other motion, which has no such
+        # columns, more.
+        length = (1 << 18) if frequency is None else max(1 << 16, PERIODS * rate / frequency)
         count = max(4 if frequency is None else FEWEST, int(blocks.rows // length))
         edges = tuple(int(edge) for edge in np.linspace(0, blocks.rows, count + 1))
         return LongRecord(str(self.file), index, edges)

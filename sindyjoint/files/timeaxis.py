@@ -21,9 +21,6 @@ HALF_LENGTH = 32
 KAISER_BETA = 12.0
 # A line stands out of its surroundings; white noise does so in 1 of 200 runs of 3 periods, 1 of 3000 of 25.
 CONTRAST = 6.0
-# A harmonic of the true frequency stays below these parts of the largest line: a square wave's third has 1/3.
-ANGLE_SHARE = 0.25
-MOMENT_SHARE = 0.5
 # Of a run whose courses are compared.
 PARTS = 6
 
@@ -346,11 +343,12 @@ def check_frequency(
     if angle.size * frequency / rate < SHARED.fewest:
         return
     share, contrast, largest = _measure_line(angle, rate, frequency)
-    if share >= ANGLE_SHARE and contrast >= CONTRAST:
+    # A harmonic of the true frequency stays below these parts of the largest line: a square wave's third has 1/3.
+    if share >= 0.25 and contrast >= CONTRAST:
         return
     if moment is not None:
         share, contrast, _ = _measure_line(moment, rate, frequency)
-        if share >= MOMENT_SHARE and contrast >= CONTRAST:
+        if share >= 0.5 and contrast >= CONTRAST:
             return
     channel = "angle" if motion == "rotation" else "displacement"
     raise InputError(

@@ -41,8 +41,6 @@ from sindyjoint.text import spelled
 
 # What no sensor of the structure distinguishes from the angle at which the joint rests.
 UNSEEN = "constant_moment"
-# Terms that may be added one after another for they stand out of the sensors' noise.
-STANDING_OUT = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +192,8 @@ def _find_law(
             added, instead = (tuple(n for n in names if n != gone.id) for names in (added, instead))
             instead += put
             forbidden, dropped = (*forbidden, gone.id), [*dropped, gone]
-        elif more and not few and len(added) < STANDING_OUT:
+        # Terms that may be added one after another for they stand out of the sensors' noise.
+        elif more and not few and len(added) < 3:
             added = (*added, more)
         else:
             break

@@ -26,8 +26,6 @@ from sindyjoint.substructure.states import JointSeen
 from sindyjoint.text import list_some
 from sindyjoint.trust import ORDER, Light, Trust
 
-# Fits to the response at most, residuals whitened anew before each, until one finds no better end.
-ROUNDS = 5
 ITERATIONS = 8
 # Further starts are so many standard errors away from what the regression found.
 SPREAD = 4.0
@@ -135,7 +133,8 @@ def refine_rig(
     best = min((each for each in found if each is not None), key=lambda each: each.cost, default=None)
     if best is None:
         return RigRefinement(False, "no start could be simulated", models, None, np.nan, np.nan)
-    for _ in range(ROUNDS):
+    # Fits to the response at most, residuals whitened anew before each, until one finds no better end.
+    for _ in range(5):
         problem = problem.whitened(best.x)
         begun = problem.residuals(best.x)
         again = fit(problem, best.x, problem.duration, iterations=ITERATIONS)

@@ -38,9 +38,6 @@ from sindyjoint.states import (
 from sindyjoint.text import list_some, percent, quantities, spelled
 from sindyjoint.trust import Colour, Light
 
-#: Blocks of a run whose residuals show how sure a gap is.
-BLOCKS = 8
-
 
 class Explained(NamedTuple):
     """The residual of one run: sums of squares of it and of the transfer moment, in each of its blocks."""
@@ -279,7 +276,8 @@ def _explained(model: JointModel, test: TestNuisances, states: ForceStates, grou
     """Return what a model leaves of one run, block by block, over moving samples."""
     kept, residual = _residual(model, test, states)
     moment = larger_moment(kept, model.joint.inertia or 0.0)
-    rows = np.array_split(np.flatnonzero(kept.moving), BLOCKS)
+    # Blocks of a run whose residuals show how sure a gap is.
+    rows = np.array_split(np.flatnonzero(kept.moving), 8)
     squares = [np.array([np.sum(signal[part] ** 2) for part in rows]) for signal in (residual, moment)]
     return Explained(group, squares[0], squares[1])
 

@@ -180,8 +180,6 @@ def zero_of(elastic: Array, angle: Array, moment: Array) -> float | None:
     return nearest if np.polyval(np.polyder(elastic), nearest) > 0 else None
 
 
-# Of the slow correction, radians of the frequency at which the sensors weigh alike, per step of its grid.
-STEP = 0.03
 # A line of a spectrum this many times above the noise is motion.
 LINE = 25.0
 
@@ -226,7 +224,8 @@ def slow_correction(path: Array, step: float, fusion: Fusion) -> Array:
     alike = np.sqrt(noise / size)
     if np.isfinite(fusion.rate_noise):
         alike = max(alike, noise / fusion.rate_noise)
-    each = int(np.clip(STEP / (alike * step), 1, max(1, n // 16)))
+    # Of the slow correction, radians of the frequency at which the sensors weigh alike, per step of its grid.
+    each = int(np.clip(0.03 / (alike * step), 1, max(1, n // 16)))
     edges = np.linspace(0, n, n // each + 1).astype(int)
     centre = (edges[:-1] + edges[1:] - 1) / 2
     wide, blocks = step * n / centre.size, centre.size

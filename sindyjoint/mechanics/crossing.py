@@ -27,8 +27,6 @@ CHANGES = 200
 
 # Width of a friction interval, relative to its bounds, below which there is no friction.
 FRICTIONLESS = 1e-12
-# Of the instant of a change, as a share of the time that is searched: relative and absolute.
-RELATIVE, ABSOLUTE = 1e-10, 1e-12
 
 
 def room_for(coordinates, joints, states):
@@ -158,7 +156,8 @@ def _first_change(time, x, problem, side, scale, state, ahead, moments, rooms, w
             third, at_third, far, at_far = far, at_far, near, at_near
         near, at_near = last, value
         best = near if abs(at_near) < abs(at_far) else far
-        least = (2.0 * RELATIVE * abs(best) + 2.0 * ABSOLUTE) / abs(far - near)
+        # Of the instant of a change, as a share of the time that is searched: relative and absolute.
+        least = (2.0 * 1e-10 * abs(best) + 2.0 * 1e-12) / abs(far - near)
         if least > 0.5 or min(abs(at_near), abs(at_far)) == 0.0:
             break
         width, rise = (near - far) / (third - far), (at_near - at_far) / (at_third - at_far)

@@ -48,8 +48,6 @@ from sindyjoint.numeric import SAME, Array
 
 LAWS: dict[str, Law] = {**JOINTS, **PLACEHOLDERS}
 MOST_FREEDOMS = 2000
-#: To which the force of a pulse is known where nothing is stated: as the lines of its samples are.
-PULSE_KNOWN_TO = 1e-3
 
 
 class RigPlan(NamedTuple):
@@ -289,7 +287,8 @@ def _pulse_test(given: RigFile, path: Path) -> RigTest:
     n = min(record.displacement.size for record in records)
     time = np.arange(n) / rate
     force = build_excitation(given.pulse, path).mean(time - 0.5 / rate, time + 0.5 / rate)
-    relative = max(given.pulse.uncertainty, PULSE_KNOWN_TO)
+    # To which the force of a pulse is known where nothing is stated: as the lines of its samples are.
+    relative = max(given.pulse.uncertainty, 1e-3)
     # Records at one point are told apart by a number.
     points = [record.point for record in records]
     again = [points[:index].count(point) for index, point in enumerate(points)]

@@ -16,9 +16,6 @@ SENSOR_RIG = SensorRig(
     bending_stiffness=2333.0, section_height=0.020, joint_length=0.060, strain_position_factor=1.02
 )
 
-#: Part of the joint's motion that the test bed makes below the joint; it drops out of Eq. 3.
-BED_MOTION = 0.1
-
 
 @dataclass(frozen=True)
 class Channel:
@@ -117,7 +114,8 @@ def raw_channels(
     """
     theta = np.asarray(angle, dtype=np.float64)
     strains = SENSOR_RIG.strains(np.asarray(moment, dtype=np.float64))
-    spots = SENSOR_RIG.displacements(theta, BED_MOTION * SENSOR_RIG.joint_length * theta)
+    # Part of the joint's motion that the test bed makes below the joint; it drops out of Eq. 3.
+    spots = SENSOR_RIG.displacements(theta, 0.1 * SENSOR_RIG.joint_length * theta)
     names = [*(f"e{i}" for i in range(1, 5)), *(f"d{i}" for i in range(1, 4))]
     return {name: channel.read(x, generator) for name, x in zip(names, [*strains, *spots], strict=True)}
 

@@ -138,10 +138,6 @@ def predicts_worse(
     return f"the runs kept out would be missed {missed}, where they are by {100 * first:.3g} % without it"
 
 
-# Gauss–Newton steps of a run's zero and drift: their columns change with the law's slope alone.
-STEPS = 4
-
-
 def corrected(test: TestNuisances, campaign: Campaign) -> Campaign:
     """Return the campaign with channels and inertia put right."""
     runs = tuple(_corrected_run(test, run) for run in campaign.runs)
@@ -228,7 +224,8 @@ def _estimated_run(varies: Sequence[str], rig: TestNuisances, model: JointModel,
     left = [name for name in varies if name.startswith("angle") and name not in known]
     if left:
         values = np.zeros(len(left))
-        for _ in range(STEPS):
+        # Gauss–Newton steps of a run's zero and drift: their columns change with the law's slope alone.
+        for _ in range(4):
             states = force_states(run)
             step = _zero_step(law_of_test(rig, model, states), states, left)
             values += step

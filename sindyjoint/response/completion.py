@@ -38,8 +38,6 @@ from sindyjoint.states import (
 Complex = NDArray[np.complex128]
 # Points of a simulated period, and of the moment that drives it.
 POINTS, DRIVE_POINTS = 2048, 512
-# Periods of a kernel's cut-off at either end of a record in which it is not known.
-ENDS = 1.0
 
 
 def completed_states(
@@ -293,8 +291,10 @@ def _of_record(law: Law, run: Run, state: ForceStates, between: float) -> ForceS
         state.noise, rate=state.noise.rate * passed[0], acceleration=state.noise.acceleration * passed[1]
     )
     moving = state.moving.copy()
-    if not state.repeated:  # beyond the ends the kernel sees a reflection, noise and all
-        edge = int(np.ceil(ENDS * state.sample_rate / band))
+    if (
+        not state.repeated
+    ):  # a period of the cut-off beyond the ends the kernel sees a reflection, noise and all
+        edge = int(np.ceil(state.sample_rate / band))
         moving[:edge] = moving[moving.size - edge :] = False
     return replace(
         state, angle=angle, rate=rate, acceleration=acceleration, noise=noise, bandwidth=band, moving=moving,

@@ -21,12 +21,6 @@ from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates, with_lags
 from sindyjoint.text import in_words_of
 
-# The softening limit of a general law is searched up to this multiple of the largest angle tested.
-LIMIT_REACH = 3.0
-LIMIT_POINTS = 3000
-# No positive number of an element is drawn below this share of it.
-LEAST_DRAWN = 0.02
-
 
 def model_law(model: JointModel) -> Law:
     """Return a model as a law of :mod:`sindyjoint.mechanics`: its terms, and its elements with their internal states.
@@ -153,7 +147,8 @@ def physical_numbers(model: JointModel, numbers: Array) -> Array:
     """
     own = model.numbers
     rubs = [term.id == "coulomb_friction" and term.coefficient >= 0 for term in model.terms]
-    least = np.where(own > 0, LEAST_DRAWN * own, -np.inf)
+    # No positive number of an element is drawn below this share of it.
+    least = np.where(own > 0, 0.02 * own, -np.inf)
     least[: len(rubs)] = np.where(rubs, 0.0, -np.inf)
     return np.maximum(numbers, least)
 
@@ -191,7 +186,8 @@ def _find_softening_limit(law: Law, tested: float) -> tuple[float, float]:
     """Angles on either side of zero where the elastic moment first begins to fall; infinite where it never does."""
     if not tested > 0:
         return -np.inf, np.inf
-    angle = np.linspace(0, LIMIT_REACH * tested, LIMIT_POINTS)
+    # The softening limit of a general law is searched up to this multiple of the largest angle tested.
+    angle = np.linspace(0, 3.0 * tested, 3000)
     limits = []
     for side in (-1.0, 1.0):
         moment = elastic_moment(law, side * angle)

@@ -39,8 +39,6 @@ STEP, ROUGH_STEP = 2e-4, 1e-2
 WITHOUT_EFFECT = 1e-4
 # Simulations from which the effect of noise, of the moment or of a drive, is estimated.
 DRAWS = 4
-# Shapes of elements of which the columns are kept: those that a Jacobian asks for.
-KEPT = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +249,7 @@ class OutputError:
         names = [parameter.name for parameter in self.parameters]
         if name in names:
             return sets[:, names.index(name), None]
-        return np.full((len(sets), 1), NUISANCE[name].start)
+        return np.full((len(sets), 1), NUISANCE[name][0])
 
     def _simulate_motion(self, record: Record, sets: Array) -> tuple[Array, Array, Array]:
         """Angle, rate and acceleration for each set, each of shape (sets, n)."""
@@ -323,7 +321,8 @@ class OutputError:
         """Return the columns of an element along the motion of every run: they rest on its shape alone."""
         key, known = (element.id, *element.values), self._known
         if key not in known:
-            if len(known) == KEPT:
+            # Shapes of elements of which the columns are kept: those that a Jacobian asks for.
+            if len(known) == 32:
                 del known[next(iter(known))]
             motions = [(*each.followed, 1 / each.run.sample_rate, rest_of(each.states)) for each in self.runs]
             names = (each.run.name for each in self.runs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +36,6 @@ from sindyjoint.response.run import (
     window_of,
 )
 from sindyjoint.states import ForceStates, smoothing_kernels
-
-MANY = 6  # periods from which on one is simulated for all
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,7 +269,8 @@ def record_of(
         moment, skip = np.tile(states.moment, 2), states.n_samples
     elif drive == "moment" and states.method != "periodic":
         starts = (0,)
-    many = states.frequency is not None and states.n_samples >= MANY * states.sample_rate / states.frequency
+    # From six periods on one is simulated for all.
+    many = states.frequency is not None and states.n_samples >= 6 * states.sample_rate / states.frequency
     steady = drive == "moment" and states.method == "periodic" and many
     added = added_law(test, states) if drive == "motion" else None
     return Record(
@@ -320,18 +319,8 @@ def numbers_in_law(
 Nuisance = Literal["delay", "gain", "offset"]
 
 
-class NuisanceKind(NamedTuple):
-    """What a nuisance parameter starts at and how it is written."""
-
-    start: float
-    unit: str
-
-
-NUISANCE: dict[Nuisance, NuisanceKind] = {
-    "delay": NuisanceKind(0.0, " s"),
-    "gain": NuisanceKind(1.0, ""),
-    "offset": NuisanceKind(0.0, ""),
-}
+# What a nuisance parameter starts at, and its unit as it is written.
+NUISANCE: dict[Nuisance, tuple[float, str]] = {"delay": (0.0, " s"), "gain": (1.0, ""), "offset": (0.0, "")}
 
 
 @dataclass(frozen=True)
@@ -392,7 +381,7 @@ def range_of(element: JointElement, number: Value) -> float:
 
 def nuisance_parameter(name: Nuisance, size: float, period: float) -> Parameter:
     """Return a nuisance parameter for a response of this RMS whose fastest motion has this period, s."""
-    start, whole = NUISANCE[name].start, {"delay": period, "gain": 1.0, "offset": size}[name]
+    start, whole = NUISANCE[name][0], {"delay": period, "gain": 1.0, "offset": size}[name]
     reach = RESPONSE.reach * whole
     # A gain is one of one, a delay and an offset are small: their scale is a hundredth of the motion's.
     scale = whole if name == "gain" else 0.01 * whole

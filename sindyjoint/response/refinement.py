@@ -25,10 +25,6 @@ MOST_EVALUATIONS, FEW_EVALUATIONS = 40, 8
 FINELY, ROUGHLY = 1e-7, 1e-2
 # Samples of all runs up to which a response is fitted without being asked for.
 SIMULATED = 50_000
-# Of a free motion, to which it is fitted first.
-FIRST_CYCLES = 2
-# Two ends whose numbers differ by less than this share of their scales are one.
-SAME_END = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +67,7 @@ class Refinement:
     def notes(self) -> tuple[str, ...]:
         """Notes reported with the model."""
         values = [
-            f"{name} {value:.4g} ± {error:.2g}{NUISANCE[name].unit}"  # type: ignore[index]
+            f"{name} {value:.4g} ± {error:.2g}{NUISANCE[name][1]}"  # type: ignore[index]
             for name, (value, error) in self.nuisance.items()
         ]
         return (self.reason, *([f"estimated together with the coefficients: {', '.join(values)}"] if values else []),
@@ -196,7 +192,8 @@ def _grown(
 
     Over many cycles a wrong period has optima of its own, in which the phase is off by whole ones.
     """
-    x, cycles = problem.table[0], FIRST_CYCLES
+    # A free motion is fitted to its first two cycles first.
+    x, cycles = problem.table[0], 2
     lengths = [state.n_samples / state.sample_rate / cycle_of(state) for _, state in pairs]
     while cycles < max(lengths):
         ends = [(run, s.part(0.0, min(cycles / n, 1.0))) for (run, s), n in zip(pairs, lengths, strict=True)]
@@ -216,7 +213,8 @@ def _best_end(problem: OutputError, starts: Sequence[Array]) -> Array:
         # After a few evaluations another start is followed or left.
         trial, cost = _fit(problem, other, FEW_EVALUATIONS)
         apart = np.abs((trial - best) / problem.table[1])[: problem.n_shared].max()
-        if cost > (1 + RESPONSE.large_part) * least or (apart < SAME_END and cost >= lower * least):
+        # Two ends whose numbers differ by less than this share of their scales are one.
+        if cost > (1 + RESPONSE.large_part) * least or (apart < 0.02 and cost >= lower * least):
             continue
         end, cost = _fit(problem, trial, MOST_EVALUATIONS)
         if cost < lower * least:

@@ -40,8 +40,6 @@ from sindyjoint.states import ForceStates, force_states, rate_limit, without_noi
 WINDOW = 1.0
 # Steps of internal states along a measured motion: most in a sample, and enough in a cycle to place a reversal.
 SUBSTEPS, IN_A_CYCLE = 8, 500
-# Of the largest rate: one that is smaller is no motion.
-AT_REST = 0.05
 # Measured moments are noisy on the grid of their samples: a smaller tolerance would resolve noise.
 RTOL = 1e-6
 
@@ -356,7 +354,8 @@ def rest_of(states: ForceStates) -> float:
     """
     repeats = states.method == "periodic" or states.repeated
     early = states.lead if states.lead is not None and states.lead[0].size else (states.angle, states.rate)
-    at_rest = abs(early[1][0]) < AT_REST * float(np.max(np.abs(states.rate)))
+    # Of the largest rate: one that is smaller is no motion.
+    at_rest = abs(early[1][0]) < 0.05 * float(np.max(np.abs(states.rate)))
     if at_rest and not repeats and np.ptp(states.moment) > 0:
         return float(early[0][0])
     return float(np.mean(states.angle))

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, get_args
 
 from sindyjoint.described import same
 from sindyjoint.hooks import fetched
@@ -30,7 +30,6 @@ Severity = Literal["stops", "biases", "note"]
 SoundnessVerdict = Literal["sound", "doubtful", "unsound"]
 
 
-ORDER = {"stops": 0, "biases": 1, "note": 2}
 #: The ids that findings have: what ``--accept`` takes.
 KINDS = (
     "ac_coupling",
@@ -161,7 +160,7 @@ def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     unique: dict[tuple[str, str | None, str | None], Finding] = {}
     for finding in findings:
         unique.setdefault((finding.id, finding.run, finding.channel), finding)
-    return tuple(sorted(unique.values(), key=lambda f: ORDER[f.severity]))
+    return tuple(sorted(unique.values(), key=lambda f: get_args(Severity).index(f.severity)))
 
 
 OF_QUANTITY = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}

@@ -19,8 +19,6 @@ from sindyjoint.states import force_states
 from sindyjoint.text import list_some
 
 SATURATION, ENDS = "saturation", ("dead_start", "dead_tail")
-# Fewest samples on either side of a gap from which a cubic across it is estimated.
-FEWEST_BESIDE = 4
 
 
 def mask_campaign(campaign: Campaign, findings: Sequence[Finding]) -> tuple[Campaign, tuple[str, ...]]:
@@ -219,7 +217,8 @@ def bridge(signal: Array, valid: Mask, period: float | None = None) -> Array:
         if period is not None and (gap.size > 0.25 * period or 0 in gap or signal.size - 1 in gap):
             filled[gap] = _fill_from_periods(signal, valid, gap, period)
             continue
-        before, beside = np.searchsorted(good, start), max(FEWEST_BESIDE, gap.size)
+        # Fewest samples on either side of a gap from which a cubic across it is estimated.
+        before, beside = np.searchsorted(good, start), max(4, gap.size)
         near = good[max(before - beside, 0) : before + beside]
         if near[0] > start or near[-1] < stop:
             # At an end of the record there is nothing to lean on at the other side.

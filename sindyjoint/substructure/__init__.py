@@ -126,8 +126,6 @@ def static_moments(structure: Structure, at: str, drive: float) -> Array | None:
     return np.linalg.lstsq(on_joints, free.T @ load_row(structure, at) * drive, rcond=None)[0]
 
 
-# Modes up to so many times the highest frequency: the static part of those above is left out.
-BEYOND = 10.0
 # Jumps of a mode are expected up to so many times the RMS motion of the sensors.
 LARGEST = 3.0
 
@@ -210,7 +208,8 @@ def jump_columns(
     """
     joints = structure.n_joints
     squared, shapes = eigh(structure.stiffness, structure.mass)
-    kept = squared <= (BEYOND * angular[-1]) ** 2
+    # Modes up to so many times the highest frequency: the static part of those above is left out.
+    kept = squared <= (10.0 * angular[-1]) ** 2
     squared, shapes = squared[kept], shapes[:, kept]
     shapes = shapes / np.abs(np.array([*structure.points.values()]) @ shapes).max(axis=0)
     w, scale = angular[:, None, None], 2.0 / length

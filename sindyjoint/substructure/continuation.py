@@ -16,7 +16,6 @@ Scale = Callable[[Array], Array]
 STEP = 1e-6
 # A frequency that changes by this share counts, along a curve, as much as a motion that doubles.
 FREQUENCY_SHARE = 0.1
-TOLERANCE = 1e-7
 ITERATIONS = 12
 
 
@@ -80,7 +79,7 @@ def solve(
         # A long step is cut: sticking and slipping may change more than once on its way.
         size = float(np.linalg.norm(step))
         y = y + scale * step * min(1.0, 2.0 / size if size else 1.0)
-        if size <= TOLERANCE:
+        if size <= 1e-7:
             return y, jacobian, count
     return None
 

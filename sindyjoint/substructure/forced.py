@@ -23,9 +23,6 @@ from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import Varied
 from sindyjoint.substructure.modes import ModeCurve, sizes_of_unknowns
 
-# Where a force begins to rise that arrives at the first point of a curve, as a share of it.
-FIRST_FORCE = 0.02
-
 
 @dataclass(frozen=True, eq=False)
 class ForcedResponse:
@@ -224,7 +221,8 @@ def _first_guesses(balance: Balance, omega: float, force: float) -> Iterator[Arr
         return residual, np.column_stack([jacobian, column])
 
     sizes = np.append(sizes_of_unknowns(balance, 1, float(np.hypot(*sliding[-2:]))), force)
-    for point in follow(system, [np.append(FIRST_FORCE * stuck, FIRST_FORCE * force)], lambda y: sizes):
+    # Where a force begins to rise that arrives at the first point of a curve, as a share of it.
+    for point in follow(system, [0.02 * np.append(stuck, force)], lambda y: sizes):
         if point.unknowns[-1] >= force:
             yield point.unknowns[:-1]
             return

@@ -23,11 +23,6 @@ from sindyjoint.substructure.continuation import (
 from sindyjoint.substructure.harmonic_balance import Balance
 from sindyjoint.substructure.joint_curves import Varied
 
-# A curve begins at this share of the amplitude at which the first joint slips, or of the angles at which it ends.
-BEGIN_STUCK, BEGIN_FREE = 0.5, 0.02
-# Of a step along the curve: so that the onset of slip is seen where it is.
-LONGEST = 0.07
-
 
 @dataclass(frozen=True, eq=False)
 class ModeCurve:
@@ -147,7 +142,8 @@ def mode_over_amplitude(
     slips = slip_amplitudes(balance, number)
     points: list[tuple[Balance, Solution]] = []
     system, scale = curve(balance)
-    for solution in follow(system, [_first_motion(balance, number, slips, limits)], scale, longest=LONGEST):
+    # Steps along the curve so short that the onset of slip is seen where it is.
+    for solution in follow(system, [_first_motion(balance, number, slips, limits)], scale, longest=0.07):
         points.append(refined(curve, balance, solution, first=not points) if refine else (balance, solution))
         if np.any(balance.peak_angles(full(solution.unknowns)) > limits):
             break
@@ -247,11 +243,13 @@ def _first_motion(balance: Balance, number: int, slips: Array, limits: Array) ->
     angles = np.zeros(balance.size - 2)
     if slips.min() > 0:
         omega, shape = locked_mode(balance, number)
-        begin = BEGIN_STUCK * float(slips.min())
+        # A curve begins at half of the amplitude at which the first joint slips.
+        begin = 0.5 * float(slips.min())
     else:
         omega, shape = tangent_mode(balance, number)
         joints = len(balance.laws)
-        begin = BEGIN_FREE * float(np.min(limits / np.maximum(np.abs(shape[:joints]), 1e-12)))
+        # Where none slips, at a fiftieth of the angles at which it ends.
+        begin = 0.02 * float(np.min(limits / np.maximum(np.abs(shape[:joints]), 1e-12)))
         angles[1 :: 2 * balance.harmonics + 1] = shape[:joints] * begin
     growth = float(shape @ balance.damping @ shape / (shape @ balance.mass @ shape))
     return np.concatenate([angles, [omega, growth, np.log(begin)]])

@@ -101,12 +101,6 @@ def by_harmonic(factors: NDArray[np.complex128], spare: int = 0) -> Array:
     return matrix
 
 
-# Runge–Kutta steps of internal states per sample of a period, and periods until they repeat within the tolerance.
-SUBSTEPS = 4
-PERIODS = 60
-REPEATS = 1e-8
-
-
 @dataclass(frozen=True, eq=False)
 class PeriodMoment:
     """Moment over a period, M = middle + friction·s with s in [−1, 1] at standstill and sign θ̇ in slip, and its slopes.
@@ -152,14 +146,15 @@ def steady_states(law: Any, angle: Array, rate: Array, period: float) -> Array:
 
     closed = np.append(angle, angle[0]), np.append(rate, rate[0])
     ends = [states[:, 0].copy()]
-    for _ in range(PERIODS):
-        integrate_states(compiled.address, *closed, compiled.numbers, period / angle.size, SUBSTEPS, states)
+    # Runge–Kutta steps of internal states, four per sample, over periods until they repeat within the tolerance.
+    for _ in range(60):
+        integrate_states(compiled.address, *closed, compiled.numbers, period / angle.size, 4, states)
         if not np.isfinite(states).all():
             raise SimulationError(
                 "an internal state of the joint is no longer finite over a period", time=0.0
             )
         ends.append(states[:, -1].copy())
-        if np.all(np.abs(ends[-1] - ends[-2]) <= REPEATS * np.abs(states).max(axis=1)):
+        if np.all(np.abs(ends[-1] - ends[-2]) <= 1e-8 * np.abs(states).max(axis=1)):
             break
         states[:, 0] = ends[-1]
         if len(ends) % 4 == 0:
@@ -235,9 +230,6 @@ def _state_slopes(law: Any, at: list[Array], slopes: tuple[Array, Array], period
 
 
 Complex = NDArray[np.complex128]
-
-# Most harmonics of a run: a multisine of a hundred lines has them, and what they hold beyond is noise.
-MOST_HARMONICS = 400
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,7 +311,8 @@ def channel_spectra(run: RigRun, declared: Array | None = None, bandwidth: float
         if bandwidth is None
         else min(bandwidth, SUBSTRUCTURE.band * run.sample_rate)
     )
-    count = int(np.clip(top / frequency, 1, min(MOST_HARMONICS, 3 * (int(np.diff(edges).min()) - 8) // 8)))
+    # Most harmonics of a run: a multisine of a hundred lines has them, and what they hold beyond is noise.
+    count = int(np.clip(top / frequency, 1, min(400, 3 * (int(np.diff(edges).min()) - 8) // 8)))
     basis = HarmonicBasis.build(time, frequency, np.arange(1, count + 1))
     # Between harmonics lie as many lines of noise as there are periods, less one. Fifty estimate that of a harmonic: of
     # nine, weights that follow their scatter make standard errors a tenth too small.

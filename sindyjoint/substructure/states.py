@@ -258,8 +258,6 @@ def _with_jump(amplitudes: Complex, angular: Array, n: int) -> Array:
     )
 
 
-# Harmonics of each run from which the worth of sensors is computed.
-HARMONICS = 8
 UNSEEN = 1e6  # factor of a variance that leaves a sensor out
 
 
@@ -346,7 +344,8 @@ def worth_of_sensors(test: RigTest, recoveries: Sequence[Recovery]) -> Array:
     joints, sensors = test.structure.n_joints, len(test.sensors)
     with_all, without = np.zeros(joints), np.zeros((joints, sensors))
     for recovery in recoveries:
-        spectra, angular = strongest(recovery.freed, HARMONICS)
+        # Harmonics of each run from which the worth of sensors is computed.
+        spectra, angular = strongest(recovery.freed, 8)
         design = open_joints(test.structure, test.at, test.sensors, angular).design
 
         def information(variance: Array, spectra: Any = spectra, design: Any = design) -> Array:

@@ -24,13 +24,6 @@ from sindyjoint.substructure.spectra import by_harmonic
 Complex = NDArray[np.complex128]
 Factors = tuple[Array, NDArray[np.int32]]
 
-# Newton steps, from a motion that was recovered and from one nearby.
-STEPS, FURTHER_STEPS = 40, 6
-# Steps with the derivatives of a balance nearby, each of which leaves less than this share of the one before.
-CHORDS, LEADS_ON = 30, 0.6
-# Halvings of a Newton step that makes the balance worse, before it is taken nevertheless.
-HALVINGS = 3
-
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
@@ -144,7 +137,8 @@ class Steady:
         if balanced:
             return angles
         out, _ = self.residual(angles, slopes=False)
-        for _ in range(STEPS if factors is None else FURTHER_STEPS):
+        # Newton steps, from a motion that was recovered and from one nearby.
+        for _ in range(40 if factors is None else 6):
             worst = float(np.abs(out).max())
             if not np.isfinite(worst):
                 break
@@ -152,7 +146,8 @@ class Steady:
                 return angles
             step = -np.linalg.solve(self.residual(angles)[1], out)
             # Derivatives cost twenty times what the balance itself does: only steps that are taken need them.
-            for halving in range(HALVINGS + 1):
+            # A Newton step that makes the balance worse is halved three times before it is taken nevertheless.
+            for halving in range(4):
                 trial = angles + step / 2**halving
                 found, _ = self.residual(trial, slopes=False)
                 if float(np.linalg.norm(found)) < float(np.linalg.norm(out)):
@@ -165,12 +160,13 @@ class Steady:
     def _by_chords(self, angles: Array, factors: Factors, size: float) -> tuple[Array, bool]:
         """Return angles nearer to the balance, and whether they are in it."""
         before = np.inf
-        for _ in range(CHORDS):
+        # Steps with the derivatives of a balance nearby, each of which leaves less than this share of the one before.
+        for _ in range(30):
             out, _ = self.residual(angles, slopes=False)
             worst = float(np.abs(out).max())
             if worst <= size:
                 return angles, True
-            if not worst < LEADS_ON * before:
+            if not worst < 0.6 * before:
                 break
             before, angles = worst, angles - solve_factored(factors, out)
         return angles, False

@@ -20,11 +20,6 @@ from sindyjoint.states import ForceStates, moving_mask
 Complex = NDArray[np.complex128]
 Basis = tuple[Array, Array, Array]  # of angle, rate and moment, shapes (n, u)
 
-ROUNDS = 20
-ROWS = 2000  # of each run
-SETTLED = 1e-5  # change of an angle, of the largest, at which it is found
-FARTHEST = 0.3  # by which a step may change an angle, of the largest
-
 
 @dataclass(frozen=True, eq=False)
 class Slow:
@@ -175,7 +170,7 @@ def find_slow(
         return [m + basis[2] @ values for m, basis, values in zip(moments, bases, unknowns, strict=True)]
 
     target = np.concatenate([np.sqrt(w) * m for w, m in zip(weights, whole_moments(), strict=True)])
-    for number in range(ROUNDS):
+    for number in range(20):
         own, _, of_unknowns = linearised()
         if number == 0:
             # At first the law is not known, and the angles are as the sensors show them.
@@ -195,11 +190,12 @@ def find_slow(
         ]
         noise = float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
         moved = [float(np.abs(basis[0] @ step).max()) for basis, step in zip(bases, steps, strict=True)]
+        # A step may change an angle by three tenths of the largest.
         unknowns = [
-            value + step * min(1.0, FARTHEST * largest / max(most, 1e-300))
+            value + step * min(1.0, 0.3 * largest / max(most, 1e-300))
             for value, step, most in zip(unknowns, steps, moved, strict=True)
         ]
-        if max(moved) < SETTLED * largest:
+        if max(moved) < 1e-5 * largest:
             break
     own, slopes, of_unknowns = linearised()
     columns = _stacked(own, of_unknowns, weights)
@@ -337,4 +333,4 @@ def within_record(samples: int, sample_rate: float, bandwidth: float) -> NDArray
 
 def _thinned(state: ForceStates) -> NDArray[np.intp]:
     rows = np.flatnonzero(state.moving)
-    return rows[:: max(1, rows.size // ROWS)]
+    return rows[:: max(1, rows.size // 2000)]

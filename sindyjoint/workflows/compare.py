@@ -47,7 +47,6 @@ from sindyjoint.workflows.verify import given_model
 
 # Each name may join several catalogues: without the terms of the paper, special ones stand in for those.
 LIBRARIES = ("paper", "polynomial", "paper + stiffness", "paper + damping", "paper + friction", "extended")
-REPLICATES = 500
 
 
 @checks_options(lambda: (*inspect.signature(discover).parameters, *regressor_options()))
@@ -60,7 +59,7 @@ def compare(
     accept: Sequence[str] = (),
     methods: Sequence[str] | None = None,
     libraries: Sequence[str] = LIBRARIES,
-    replicates: int = REPLICATES,
+    replicates: int = 500,
     margin: float = DISCOVERY.margin,
     rng: RNG = 0,
     progress: Callable[[str], None] | None = None,

@@ -44,8 +44,6 @@ from sindyjoint.workflows.check import the_campaign
 if TYPE_CHECKING:
     from sindyjoint.mechanics.rigs import Rig
 
-DRAWS = 20
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CheckedVerification(Verification):
@@ -70,7 +68,7 @@ def verify(
     accept: Sequence[str] = (),
     align: bool = False,
     tolerance: float = JUDGEMENT.tolerated,
-    draws: int = DRAWS,
+    draws: int = 20,
     window: float = WINDOW,
     free_run: int | None = None,
     noise: float | None = None,

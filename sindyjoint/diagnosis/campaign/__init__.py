@@ -161,10 +161,6 @@ def transition_steps(slopes: tuple[Array, Array], inertia: float, step: float, a
     return even[:, None, None] * identity + odd[:, None, None] * shifted
 
 
-# How far beyond the bandwidth of a smoothed angle its unknown rest is accounted for.
-BEYOND = 2.0
-
-
 def folded_whitener(
     states: ForceStates, model: JointModel, motion: MeasuredMotion, sigma: Array, phase: Array
 ) -> Array:
@@ -230,7 +226,8 @@ def kernel_noise_factor(
     sigma : ndarray, shape (m,)
         Standard error of each row by independent noise, N·m.
     """
-    cutoff = min(BEYOND * states.bandwidth, WIDEST * states.sample_rate)
+    # How far beyond the bandwidth of a smoothed angle its unknown rest is accounted for.
+    cutoff = min(2.0 * states.bandwidth, WIDEST * states.sample_rate)
     low, first, second = smoothing_kernels(cutoff, states.sample_rate)
     longest = low.size - 1
     stiffness, damping = model.slopes(motion.angle[motion.keep], motion.rate[motion.keep])

@@ -24,7 +24,6 @@ from sindyjoint.limits import DISCOVERY
 from sindyjoint.numeric import Array
 
 LONGEST = DISCOVERY.longest_delay  # that the linear steps may reach
-TURNS = 4  # of delays and nonlinear parameters in turn; the third changes neither by its error
 
 
 def fitted_together(
@@ -92,7 +91,8 @@ def _settled(
     work: Work, shifts: list[FittedEffect], others: list[FittedEffect]
 ) -> tuple[Work, list[FittedEffect], list[FittedEffect]]:
     """Correct delays and the nonlinear parameters beside them in turn: neither is right while the other is not."""
-    for _ in range(TURNS):
+    # Delays and nonlinear parameters in turn; the third turn changes neither by its error.
+    for _ in range(4):
         before = work
         for index, delay in enumerate(shifts):
             work, shifts[index] = _realigned(work, others, delay)
@@ -117,9 +117,6 @@ def _realigned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> t
 
 # The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
 Problem = Any
-
-# States are made again where a channel is put right, and the search with them.
-ROUNDS = 3
 
 
 @dataclass(frozen=True)
@@ -253,7 +250,8 @@ def _in_common(one: Work, other: Work) -> tuple[Work, Work]:
     return masked(one), masked(other)
 
 
-def _found(begun: Begun, most: int, say: Say, rounds: int = ROUNDS) -> Found:
+# States are made again where a channel is put right, and the search with them.
+def _found(begun: Begun, most: int, say: Say, rounds: int = 3) -> Found:
     """Return the best set on some states; where it corrects a channel, on the states that are made again with that."""
     say("trying sets of effects")
     work = begun.work

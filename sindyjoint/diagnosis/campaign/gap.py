@@ -227,7 +227,6 @@ def _labelled(runs: Sequence[GapRun]) -> Iterator[tuple[str, str, NDArray[np.boo
 
 # Of a long run one stretch, of which curves are drawn, and evenly some of the other rows, for maps.
 CURVE_ROWS = 400
-MOST_ROWS = 1500
 
 
 def run_gaps(
@@ -283,7 +282,8 @@ def _stretch(run: GapRun, time: Array) -> NDArray[np.intp]:
 
 def _others(size: int, curve: NDArray[np.intp]) -> NDArray[np.intp]:
     left = np.setdiff1d(np.arange(size), curve)
-    return left[:: max(1, -(-left.size // (MOST_ROWS - CURVE_ROWS)))]
+    # Of all rows 1500 are kept, for maps.
+    return left[:: max(1, -(-left.size // (1500 - CURVE_ROWS)))]
 
 
 def _noise(run: GapRun) -> float:

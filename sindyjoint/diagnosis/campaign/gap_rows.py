@@ -30,14 +30,8 @@ from sindyjoint.numeric import Array
 from sindyjoint.response.run import released, rest_of, settling
 from sindyjoint.states import ForceStates, rate_limit, smoothing_kernels, without_noise_travel
 
-PHASES = 240
 FEWEST_PHASES = 12
-# Rows of a run that does not repeat: this many per period of its bandwidth, and of all runs together at most so many.
-ROWS_PER_PERIOD = 5
-MOST_ROWS = 16_000
 STRETCH = 150
-# The steps of a mean period, coarser than samples, are cut into this many where internal states are integrated.
-SUBSTEPS = 3
 LEAST_NOISE = 1e-6
 
 
@@ -48,7 +42,7 @@ def gap_runs(
     policy: DiagnosisPolicy = CAMPAIGN,
     errors: Sequence[float] | None = None,
     free: bool = False,
-    most: int = MOST_ROWS,
+    most: int = 16_000,  # rows, of all runs together
 ) -> tuple[GapRun, ...]:
     """Return the rows of every run.
 
@@ -82,7 +76,7 @@ def gap_runs(
 def _folded(states: ForceStates, model: JointModel, group: str, error: float) -> GapRun:
     """Fold a periodic run onto one mean period and whiten it."""
     assert states.frequency is not None
-    motion, moment, count = _mean_period(states, model, PHASES)
+    motion, moment, count = _mean_period(states, model, 240)
     keep, size = motion.keep, motion.angle.size
     sigma = np.sqrt(states.noise.moment**2 / np.maximum(count, 1)[keep] + error**2)
     factor = folded_whitener(states, model, motion, sigma, np.arange(size)[keep] / size)
@@ -124,7 +118,8 @@ def _mean_period(
     step = 1 / (states.frequency * phases)
     motion = _motion(states, model, (angle, rate, acceleration), step, keep, True)
     inputs = {name: mean(values) for name, values in states.inputs.items()}
-    motion = replace(motion, time=time, substeps=SUBSTEPS, inputs=inputs)
+    # The steps of a mean period, coarser than samples, are cut into this many where internal states are integrated.
+    motion = replace(motion, time=time, substeps=3, inputs=inputs)
     return motion, moment, count
 
 
@@ -170,7 +165,8 @@ def _strided(states: ForceStates, model: JointModel, group: str, error: float, m
 
 
 def _stride(states: ForceStates) -> int:
-    return max(1, int(states.sample_rate / (ROWS_PER_PERIOD * states.bandwidth)))
+    # A run that does not repeat has five rows per period of its bandwidth.
+    return max(1, int(states.sample_rate / (5 * states.bandwidth)))
 
 
 def _strided_motion(

@@ -230,10 +230,6 @@ def _along(run: GapRun) -> tuple[Array, bool]:
     return motion.time[motion.keep] * (frequency or 1.0), False
 
 
-# Effects that lead after a few steps and are fitted to the simulated motion to the end.
-FITTED = 3
-
-
 def on_response(work: Work, repaired: Repaired) -> Repaired:
     """Return model and effects with all numbers, those within effects too, fitted to the simulated motion.
 
@@ -306,7 +302,8 @@ def ranked_on_response(
     alone = search.chosen(())
     leading = search.with_numbers(search.extended(alone), alone.score.total)
     begun = [begun_with(work, now, ev.fitted(each)) for each in leading]
-    nearby = sorted(((_misfit_nearby(work, each), i) for i, each in enumerate(begun)))[:FITTED]
+    # The three that lead after a few steps are fitted to the simulated motion to the end.
+    nearby = sorted(((_misfit_nearby(work, each), i) for i, each in enumerate(begun)))[:3]
     least, done = float(now.residual @ now.residual) + 2 * np.log(EVIDENCE.chance), list[Repaired]()
     for misfit, i in nearby:
         if misfit < least and (fitted := on_response(work, begun[i])).residual is not None:

@@ -26,10 +26,6 @@ from sindyjoint.response import corrected, simulated_gap
 from sindyjoint.response.refinement import refine
 from sindyjoint.states import campaign_states, one_after_another
 
-# Forms of an element whose misfits, a χ², are within this of the least are not told apart: they are as probable as one
-# to twenty.
-FORM_LEAD = 6.0
-
 
 def refined_problem(
     problem: CampaignProblem,
@@ -67,7 +63,9 @@ def refined_problem(
     if not done:
         return problem, tried[0][1].notes
     least = min(each.misfit for _, each in done)
-    alike = [(form, each) for form, each in done if each.misfit <= least + FORM_LEAD]
+    # Forms of an element whose misfits, a χ², are within this of the least are not told apart: they are as probable
+    # as one to twenty.
+    alike = [(form, each) for form, each in done if each.misfit <= least + 6.0]
     best, refinement = min(alike, key=lambda pair: (_rank(pair[0]), pair[1].misfit))
     before, after = (simulated_gap(model, campaign, test) for model in (problem.whole, refinement.model))
     if not after <= (1 + problem.policy.trivial_share) * before:

@@ -29,8 +29,6 @@ from sindyjoint.states import ForceStates
 from sindyjoint.text import spelled
 
 FRICTION = "friction"  # the family
-# Nonlinear parameters are refined until their gain rises by less than this, or this share of it.
-LEAST_RISE, SHARE_OF_RISE = 0.02, 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,19 +299,17 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
         method="Nelder-Mead",
         options={
             "initial_simplex": np.vstack(
+                # Nonlinear parameters are refined until their gain rises by less than this, or this share of it.
                 [start, start + np.diag(np.where(start + 0.1 < bounds[1], 0.1, -0.1))]
             ),
             "xatol": 1e-3,
-            "fatol": max(LEAST_RISE, SHARE_OF_RISE * fitted.gain),
+            "fatol": max(0.02, 1e-5 * fitted.gain),
             "maxfev": 80 * start.size,
         },
     )
     values = np.exp(np.clip(found.x, *bounds))
     gain, coefficients = problem.gain(fitted.variant, values)
     return replace(fitted, values=values, gain=gain, coefficients=coefficients)
-
-
-SLOW = 0.05  # of the largest rate: below it a sign is noise
 
 
 def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun], policy: DiagnosisPolicy = CAMPAIGN) -> str:
@@ -337,7 +333,8 @@ def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun], policy: Diagno
 def _reversals(run: GapRun) -> NDArray[np.float64]:
     """Return the angles at which a run's motion turns round."""
     angle, rate = run.motion.angle, run.motion.rate
-    fast = np.flatnonzero(np.abs(rate) > SLOW * np.max(np.abs(rate), initial=0.0))
+    # Below a twentieth of the largest rate a sign is noise.
+    fast = np.flatnonzero(np.abs(rate) > 0.05 * np.max(np.abs(rate), initial=0.0))
     turns = np.flatnonzero(np.diff(np.sign(rate[fast])) != 0)
     return angle[(fast[turns] + fast[turns + 1]) // 2]
 

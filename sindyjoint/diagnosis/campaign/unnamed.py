@@ -7,7 +7,6 @@ runs.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
@@ -22,12 +21,6 @@ from sindyjoint.diagnosis.policy import DiagnosisPolicy
 from sindyjoint.equation.terms import Reference
 from sindyjoint.numeric import ROUNDING, Array
 
-# Knots of the surface: of each sheet over (|θ̇|, θ), and of what changes quickly along θ or along |θ̇| alone.
-SHEET = (9, 5)
-# Thresholds, as shares of the largest angle; stops that first do nothing, as shares of the threshold.
-THRESHOLDS = np.geomspace(0.015, 0.8, 9)
-# Relaxation times, in units of the motion's own 1/ω.
-FORGETTING = np.array([0.15, 0.4, 1.0, 2.5, 6.0])
 TURNS = 3
 
 
@@ -71,8 +64,8 @@ def hats(x: Array, knots: Array) -> Array:
 def _knots() -> tuple[Array, Array, Array, Array]:
     # Stribeck friction lives near rest: knots of the rate lie closer there.
     return (
-        np.linspace(-1, 1, SHEET[0]),
-        np.linspace(0, 1, SHEET[1]),
+        np.linspace(-1, 1, 9),
+        np.linspace(0, 1, 5),
         np.linspace(-1, 1, 49),
         np.linspace(0, 1, 15) ** 2,
     )
@@ -90,7 +83,10 @@ def relaxation_columns(run: GapRun, pulse: float) -> Array:
     ``pulse`` is the angular frequency that all runs have on the whole, rad/s.
     """
     motion = run.motion
-    return forgotten(motion.angle, motion.step, FORGETTING / pulse, motion.repeats)[motion.keep]
+    # Relaxation times, in units of the motion's own 1/ω.
+    return forgotten(motion.angle, motion.step, np.array([0.15, 0.4, 1.0, 2.5, 6.0]) / pulse, motion.repeats)[
+        motion.keep
+    ]
 
 
 def stop_columns(run: GapRun, largest: float) -> Array:
@@ -98,7 +94,8 @@ def stop_columns(run: GapRun, largest: float) -> Array:
 
     ``largest`` is the largest angle of all runs, rad.
     """
-    motion, thresholds = run.motion, largest * THRESHOLDS
+    # Thresholds, as shares of the largest angle.
+    motion, thresholds = run.motion, largest * np.geomspace(0.015, 0.8, 9)
     z = stopped(motion.angle, thresholds, motion.repeats)[motion.keep]
     return np.hstack(
         [z, *(np.sign(z) * np.maximum(np.abs(z) - gap * thresholds, 0.0) for gap in (0.6, 0.85))]
@@ -177,20 +174,8 @@ KINDS: dict[str, tuple[tuple[str, ...], ...]] = {
 }
 
 
-@dataclass(frozen=True)
-class Fold:
-    """Rows to predict, and the blocks of rows to predict them from."""
-
-    out: int
-    known: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Predictor:
-    """Sets of columns, and the squared error that is left with the smoothness and shrinkage that predict best."""
-
-    columns: tuple[str, ...]
-    error: float
+# Blocks of rows to predict, each with those to predict it from.
+Folds = tuple[tuple[int, tuple[int, ...]], ...]
 
 
 class Prediction:
@@ -208,7 +193,7 @@ class Prediction:
         self._columns = _columns(problem)
         ends = np.cumsum([0, *(c.shape[1] for c in self._columns.values())])
         self._place = {n: np.arange(a, b) for n, a, b in zip(self._columns, ends[:-1], ends[1:], strict=True)}
-        self.rows = sum(int(np.count_nonzero(self.blocks[fold.out])) for fold in self.folds)
+        self.rows = sum(int(np.count_nonzero(self.blocks[out])) for out, _ in self.folds)
 
     @cached_property
     def _products(self) -> tuple[list[Array], list[Array], list[float]]:
@@ -221,7 +206,7 @@ class Prediction:
     def _known(self) -> dict[tuple[int, ...], tuple[Array, Array]]:
         """Return X'X and X'y of every set of blocks that others are predicted from."""
         square, product, _ = self._products
-        sets = dict.fromkeys(fold.known for fold in self.folds)
+        sets = dict.fromkeys(known for _, known in self.folds)
         return {
             known: (np.sum([square[i] for i in known], axis=0), np.sum([product[i] for i in known], axis=0))
             for known in sets
@@ -232,13 +217,13 @@ class Prediction:
         """Squared error of the model's own terms."""
         return self._error((BASE,), 0.0, LEAST_SHRINKAGE)
 
-    def best(self, kind: str, beside: tuple[str, ...] = ()) -> Predictor:
-        """Return the set of a kind's columns that predicts best, beside other columns."""
+    def best(self, kind: str, beside: tuple[str, ...] = ()) -> tuple[float, tuple[str, ...]]:
+        """Return the least squared error that a set of a kind's columns leaves beside other columns, and all these."""
         tried = [
-            Predictor((*beside, *names), self._least((BASE, *beside, *names))) for names in KINDS[kind]
+            (self._least((BASE, *beside, *names)), (*beside, *names)) for names in KINDS[kind]
             if all(self._columns[name].shape[1] for name in names)
         ]  # fmt: skip
-        return min(tried, key=lambda each: each.error, default=Predictor(beside, np.inf))
+        return min(tried, key=lambda each: each[0], default=(np.inf, beside))
 
     def _least(self, names: tuple[str, ...]) -> float:
         smooth = (1e-6, 1e-4, 1e-2, 1.0) if "surface" in names else (0.0,)
@@ -256,10 +241,10 @@ class Prediction:
             for known, (normal, right) in self._known.items()
         }
         total = 0.0
-        for fold in self.folds:
-            c = solved[fold.known]
-            total += own[fold.out] - 2 * float(c @ product[fold.out][use])
-            total += float(c @ square[fold.out][grid] @ c)
+        for out, known in self.folds:
+            c = solved[known]
+            total += own[out] - 2 * float(c @ product[out][use])
+            total += float(c @ square[out][grid] @ c)
         return total
 
     def _penalty(self, names: tuple[str, ...], smoothness: float, shrinkage: float) -> Array:
@@ -305,7 +290,7 @@ def _normed(columns: Array) -> Array:
     return columns[:, kept] / norm[kept]
 
 
-def _folds(problem: GapRegression) -> tuple[NDArray[np.object_], tuple[Fold, ...]]:
+def _folds(problem: GapRegression) -> tuple[NDArray[np.object_], Folds]:
     """Return the block of every row, and which blocks predict which.
 
     Of periodic runs each is predicted from those of other levels, where one of them is larger. Where there is but one
@@ -316,17 +301,17 @@ def _folds(problem: GapRegression) -> tuple[NDArray[np.object_], tuple[Fold, ...
         return np.concatenate([np.full(r.target.size, i, dtype=object) for i, r in enumerate(runs)]), folds
     labels = row_groups(runs, white=True)
     count = len(dict.fromkeys(labels.tolist()))
-    return labels, tuple(Fold(i, tuple(j for j in range(count) if j != i)) for i in range(count))
+    return labels, tuple((i, tuple(j for j in range(count) if j != i)) for i in range(count))
 
 
-def _between_levels(runs: Sequence[GapRun], policy: DiagnosisPolicy) -> tuple[Fold, ...]:
+def _between_levels(runs: Sequence[GapRun], policy: DiagnosisPolicy) -> Folds:
     # To the percent, so that runs of one level are predicted from the same others.
     amplitude = np.exp(np.round(np.log([float(np.abs(run.angle).max()) for run in runs]), 2))
     folds = []
     for index, own in enumerate(amplitude):
         known = np.flatnonzero(np.abs(np.log(amplitude / own)) > np.log1p(policy.tolerated))
         if known.size and amplitude[known].max() > own:
-            folds.append(Fold(index, tuple(int(i) for i in known)))
+            folds.append((index, tuple(int(i) for i in known)))
     return tuple(folds)
 
 
@@ -350,13 +335,14 @@ def shares(problem: GapRegression, noise: float, measured: bool = False) -> dict
     beside: tuple[str, ...] = ()
     while open_kinds:
         tried = {kind: prediction.best(kind, beside) for kind in open_kinds}
-        least = min(each.error for each in tried.values())
-        kind = next(k for k in KINDS if k in tried and tried[k].error <= least + deviation)
-        gain = residual - max(tried[kind].error, floor)
+        least = min(error for error, _ in tried.values())
+        kind = next(k for k in KINDS if k in tried and tried[k][0] <= least + deviation)
+        error, columns = tried[kind]
+        gain = residual - max(error, floor)
         if gain <= margin:
             break
         credit[kind] = gain
-        residual, beside = max(tried[kind].error, floor), tried[kind].columns
+        residual, beside = max(error, floor), columns
         open_kinds.remove(kind)
     # What repeats and nothing predicts is the run's own. Where nothing repeats it cannot be distinguished from noise,
     # unless that is known.

@@ -13,9 +13,6 @@ from sindyjoint.equation.terms import Reference
 from sindyjoint.mechanics import FormulaLaw
 from sindyjoint.numeric import Array
 
-# Points of a search over the nonlinear parameters, by their number.
-GRID = {0: (), 1: (5,), 2: (3, 2), 3: (3, 1, 2)}
-
 
 @dataclass(frozen=True, eq=False)
 class Change:
@@ -77,7 +74,8 @@ class Change:
     def grid(self) -> Array:
         """Starting points of a search, shape (m, n)."""
         low, high = self.low[self.scales.size :], self.high[self.scales.size :]
-        shape = GRID.get(low.size, (2,) * low.size)
+        # Points of a search over the nonlinear parameters, by their number.
+        shape = {0: (), 1: (5,), 2: (3, 2), 3: (3, 1, 2)}.get(low.size, (2,) * low.size)
         axes = [a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, shape, strict=True)]
         mesh = (
             np.array(np.meshgrid(*axes, indexing="ij")).reshape(low.size, -1).T if axes else np.zeros((1, 0))

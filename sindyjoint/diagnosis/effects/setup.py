@@ -19,9 +19,6 @@ from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.structure import Item, LumpedMass
 from sindyjoint.numeric import Array
 
-# Shares of itself that a mass loses at most, and of one that a loss factor comes to.
-MOST_LOST, MOST_LOSS = 0.95, 0.95
-
 
 @dataclass(frozen=True, eq=False)
 class Setup:
@@ -117,7 +114,7 @@ def _loss(setup: Setup, scales: Scales) -> list[Way]:
         return setup.with_beams(lambda b: replace(b, loss_factor=max(b.loss_factor + value, 0.0)))
 
     most = max((beam.loss_factor for beam in setup.beams), default=0.0)
-    return [Way(act, 1.0, -most, MOST_LOSS - most)] if setup.beams else []
+    return [Way(act, 1.0, -most, 0.95 - most)] if setup.beams else []
 
 
 def _of_beams(name: str) -> Callable[[Setup, Scales], list[Way]]:
@@ -145,8 +142,9 @@ def _point_mass(setup: Setup, scales: Scales) -> list[Way]:
 
         return act
 
+    # At most nearly all of a mass is lost.
     return [
-        Way(at(place), whole, -MOST_LOST * mass / whole, name=str(place))
+        Way(at(place), whole, -0.95 * mass / whole, name=str(place))
         for place, mass in (masses or {len(setup.items): 0.0}).items()
         if setup.items
     ]

@@ -24,8 +24,6 @@ from sindyjoint.numeric import Array, norms_of
 
 # Length over which a discrepancy keeps its sign, in periods of the motion (of its main frequency).
 LENGTH = 0.05
-# Rows that a segment has at least.
-SHORTEST = 12
 
 
 class Whitened(Protocol):
@@ -87,7 +85,8 @@ class Rotated:
 
 def _edges(rows: int, segments: int, whole: bool) -> NDArray[np.intp]:
     """Return the ends of pieces of some rows, whole numbers of which are a segment."""
-    segments = max(1, min(segments, rows // SHORTEST))
+    # Rows that a segment has at least.
+    segments = max(1, min(segments, rows // 12))
     # A long run is rotated in pieces of so many rows.
     pieces = 1 if whole else segments * max(1, round(rows / 160 / segments))
     return np.round(np.linspace(0, rows, pieces + 1)).astype(int)

@@ -17,10 +17,6 @@ from sindyjoint.numeric import Array
 
 # Simulated noise of which the chance is a quantile, and where its exponential tail begins.
 SHAMS, TAIL = 60, 0.95
-# Sets that are kept from round to round, and members that are added at most.
-BEAM, DEPTH = 5, 4
-# Of the sets that lead a round so many have the numbers of their last member refined.
-REFINED = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +173,8 @@ class Search:
     def with_numbers(self, pool: Sequence[Chosen], least: float) -> list[Chosen]:
         """Return sets, the best first, the numbers of the last members of those that lead refined."""
         later = list(pool)
-        for i, each in enumerate(later[:REFINED]):
+        # Of the sets that lead a round so many have the numbers of their last member refined.
+        for i, each in enumerate(later[:6]):
             if each.score.total > least and each.members[-1].values.size:
                 later[i] = self.refined(each)
         return sorted(later, key=lambda each: -each.score.total)
@@ -195,7 +192,8 @@ class Search:
         better = later.score.total > found.score.total and self.admissible(later.members, later.score)
         return later if better else found
 
-    def run(self, begin: Sequence[Candidate] = (), most: int = DEPTH) -> Chosen:
+    # Four members are added at most.
+    def run(self, begin: Sequence[Candidate] = (), most: int = 4) -> Chosen:
         """Return the best set of at most so many candidates.
 
         Two may win together of which neither wins alone: the beam goes one step beyond the best set.
@@ -211,7 +209,8 @@ class Search:
             if not leading:
                 break
             rise = leading[0].score.total - best.score.total
-            beam = self.with_numbers(leading, best.score.total + max(0.5 * rise, 0.4 * self.limits[0]))[:BEAM]
+            # Five sets are kept from round to round.
+            beam = self.with_numbers(leading, best.score.total + max(0.5 * rise, 0.4 * self.limits[0]))[:5]
             if self.wins(beam[0], best) and not self.enough(best, beam[0], start):
                 best, idle = self.without_needless(beam[0]), 0
                 if len(best.members) < len(beam[0].members):

@@ -86,10 +86,6 @@ def beyond_tested(problem: RunsProblem) -> list[str]:
 
 Complex = NDArray[np.complex128]
 
-# Periods and samples of each in the pictures.
-SHOWN, SAMPLES = 8, 64
-FEW = 4  # runs, of which none is kept out unless it is marked
-
 
 @dataclass(frozen=True, eq=False)
 class RunsDiagnosis(StructureProblem):
@@ -225,7 +221,8 @@ def divide_runs(test: RigTest) -> tuple[list[RigRun], list[RigRun]]:
     if not runs:
         raise InputError("no run is for identification; expected at least one [[run]] with use = 'identify'")
     marked = [run for run in test.runs if run.use == "validate"]
-    if marked or len(runs) < FEW:
+    # Of fewer than four runs none is kept out unless it is marked.
+    if marked or len(runs) < 4:
         return runs, marked
     return [run for i, run in enumerate(runs) if i % 3 != 1], runs[1::3]
 
@@ -254,7 +251,8 @@ def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tup
 def _record(run: SteadyRun, sensor: int, pair: Sequence[Complex | None]) -> RecordGap:
     """Return a sensor of a run over some periods beside its simulations, by the harmonics that are compared."""
     orders = np.arange(1, run.measured.shape[1] + 1)
-    time = np.arange(SHOWN * SAMPLES) / SAMPLES * 2 * np.pi / run.omega
+    # Of the pictures eight periods, 64 samples of each.
+    time = np.arange(8 * 64) / 64 * 2 * np.pi / run.omega
     wave = np.exp(1j * run.omega * np.outer(time, orders))
     size = float(np.linalg.norm(run.measured[sensor]))
 

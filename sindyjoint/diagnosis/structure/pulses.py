@@ -32,8 +32,6 @@ from sindyjoint.mechanics.virtual_rig import with_laws
 from sindyjoint.numeric import Array, delayed, main_frequency, noise_by_differences
 from sindyjoint.response.output_error import STEP
 
-# Modes are added to the search only as far as records can show them.
-MODES = 6
 # Pulses that are tried, as multiples of the one that was given; that one first, which costs no further test.
 FORCES = (1.0, 0.3, 3.0)
 
@@ -147,8 +145,9 @@ class PulseProblem(OutputError):
         found: dict[float, dict[str, Array]] = {}
         try:
             for rate in {r.sample_rate for r in self.records}:
+                # Modes are added to the search only as far as records can show them.
                 found[rate] = rig.respond(
-                    points=points, duration=duration, sample_rate=rate, modes=min(rig.modes, MODES),
+                    points=points, duration=duration, sample_rate=rate, modes=min(rig.modes, 6),
                     step=rig.step if step is None else step,
                 ).displacement  # fmt: skip
         except (SimulationError, InputError, np.linalg.LinAlgError):
@@ -257,12 +256,6 @@ def _promised(
     return found
 
 
-# The late part of a record is explained window by window, each of so many main periods, by so many lines.
-WINDOW_PERIODS = 3.0
-MOST_LINES = 5
-LONGEST = 200  # lags of the correlation
-
-
 @dataclass(frozen=True)
 class RecordNoise:
     """Noise of a record.
@@ -312,7 +305,8 @@ def record_noise(
     white = noise_by_differences(values, 4)
     frequency = main_frequency(values, sample_rate)
     late = values[-max(int(policy.late_share * values.size), min(values.size, 64)) :]
-    width = int(WINDOW_PERIODS * sample_rate / frequency)
+    # Window by window, each of three main periods, by at most five lines.
+    width = int(3.0 * sample_rate / frequency)
     count = late.size // max(width, 1)
     if count < 1 or width < 24:
         return RecordNoise(max(white, 1e-9 * float(np.std(values))), 1.0)
@@ -321,11 +315,7 @@ def record_noise(
     lines = [_refined(windows, sample_rate, [], frequency, sample_rate / values.size)]
     while True:
         residual, used = _explained(windows, sample_rate, lines)
-        extra = (
-            _line(residual, sample_rate, policy)
-            if len(lines) < MOST_LINES and used + 4 < width // 2
-            else None
-        )
+        extra = _line(residual, sample_rate, policy) if len(lines) < 5 and used + 4 < width // 2 else None
         if extra is None or min(abs(extra - f) for f in lines) < 0.5 * sample_rate / width:
             break
         lines.append(_refined(windows, sample_rate, lines, extra, sample_rate / width))
@@ -374,7 +364,8 @@ def _length(windows: Array) -> float:
     """Return 1 + 2·Σρ over the lags before the correlation first vanishes."""
     width = windows.shape[1]
     spectrum = np.mean(np.abs(np.fft.rfft(windows, 2 * width, axis=1)) ** 2, axis=0)
-    correlation = np.fft.irfft(spectrum)[: min(width, LONGEST)] / (width - np.arange(min(width, LONGEST)))
+    lags = min(width, 200)
+    correlation = np.fft.irfft(spectrum)[:lags] / (width - np.arange(lags))
     rho = correlation / correlation[0]
     end = np.flatnonzero(rho < 2 / np.sqrt(windows.size))
     return float(max(1.0, 1 + 2 * rho[1 : end[0] if end.size else rho.size].sum()))

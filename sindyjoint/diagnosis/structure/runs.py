@@ -34,10 +34,6 @@ from sindyjoint.substructure.steady_response import Condensed, Steady
 
 Complex = NDArray[np.complex128]
 
-# Laws' numbers without a prior may move by so many of their standard errors.
-FREE = 300.0
-KEPT = 200
-
 
 @dataclass(frozen=True, eq=False)
 class RunsProblem(OutputError):
@@ -135,7 +131,8 @@ class RunsProblem(OutputError):
         """How far each number with a prior may move, in its standard errors; laws' numbers without one, further."""
         free = np.full(self.priors, 8.0)
         if not self.known:
-            free[self.numbers :] = FREE
+            # Laws' numbers without a prior may move by so many of their standard errors.
+            free[self.numbers :] = 300.0
         return free
 
     def parts(self, x: NDArray[Any]) -> dict[str, NDArray[Any]]:
@@ -207,7 +204,7 @@ class RunsProblem(OutputError):
         return found
 
     def _keep(self, key: object, value: Any) -> Any:
-        if len(self._kept) > KEPT:
+        if len(self._kept) > 200:
             self._kept.clear()
         self._kept[key] = value
         return value

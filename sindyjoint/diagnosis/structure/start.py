@@ -39,7 +39,6 @@ from sindyjoint.response.verify_rig import (
 )
 
 CHOICES = ("beam_loss", "lumped_mass", "clamp_stiffness", "dahl_friction", "nothing")
-NOISE = 0.01
 
 
 def model_of_law(law: PaperLaw, angle: float, rate: float, known_to: float) -> JointModel:
@@ -86,7 +85,7 @@ def hidden_pulse_test(
     if name == "dahl_friction" and not all(isinstance(h.law, PaperLaw) for h in hinges(truth)):
         name = "beam_loss"
     truth = hide(truth, name, float(generator.uniform(0.5, 1.5)))
-    first, *others = virtual_records(truth, NOISE, generator)
+    first, *others = virtual_records(truth, 0.01, generator)
     return replace(rig, measured=first, also_measured=tuple(others)), name
 
 

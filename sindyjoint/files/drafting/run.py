@@ -47,10 +47,6 @@ RATES = {"fs", "fsamp", "srate", "samplerate", "samplingrate", "samplefrequency"
 INTERVALS = {
     "dt", "ts", "deltat", "sampletime", "sampleinterval", "samplinginterval", "samplingtime", "samplingperiod",
 }  # fmt: skip
-# Stamps this far apart, in seconds, are rather milliseconds.
-COARSE = 0.5
-# Share of its power by which a motion may change from one period to the next.
-REPEATS = 0.03
 _HERTZ = re.compile(r"(\d+(?:[.,p]\d+)?)\s*[hH]z")
 _LEVEL_WORD = re.compile(
     r"(?:^|[^a-z])(low|lo|middle|mid|medium|high|hi|small|large|max|min|full|half)(?![a-z])", re.IGNORECASE
@@ -108,7 +104,8 @@ def draft_time(
     if not unit:
         step = float(np.median(np.diff(column.values)))
         text = f"in which unit are the time stamps (column {column.key}, steps of {step:.3g})?"
-        unit = (dialogue.ask("time.unit", text, "ms") if step >= COARSE else None) or "s"
+        # Stamps this far apart, in seconds, are rather milliseconds.
+        unit = (dialogue.ask("time.unit", text, "ms") if step >= 0.5 else None) or "s"
     time = column.values * conversion(unit, "s", f"{bundle.name}: time")
     pairs = f"{{ column = {toml_string(column.key)}, unit = {toml_string(unit)} }}"
     channels["time"] = pairs + dialogue.mark("time.unit")
@@ -191,7 +188,8 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     later = at + rate / found
     inside = later <= at[-1]
     changed = _without_drift(np.interp(later[inside], at, moving[0]) - moving[0][inside], 2)
-    if np.mean(changed**2) / (2 * np.var(steady)) > REPEATS:
+    # Share of its power by which a motion may change from one period to the next.
+    if np.mean(changed**2) / (2 * np.var(steady)) > 0.03:
         return None
     # The fewest digits that lie within its error.
     rounded = [float(f"{found:.{digits}g}") for digits in range(1, 8)]

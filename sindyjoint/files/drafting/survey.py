@@ -22,13 +22,8 @@ from sindyjoint.policy import SHARED
 from sindyjoint.record import MINIMUM_SAMPLES, Motion
 from sindyjoint.text import control_character
 
-# Two columns so alike are one signal, wanted and measured.
-TWINS = 0.999
 # Files that speak of runs beside them; of a longer one nobody writes.
 NOTES = (".json", ".yaml", ".yml", ".txt", ".md", ".ini", ".cfg", ".hdr", ".log", ".xml")
-LONGEST_NOTE = 1 << 16
-# Of a larger file only so many rows are looked at.
-LARGE, ROWS = 1 << 26, 1 << 18
 # What a unit can only be the unit of, by SI unit.
 BY_UNIT = {
     "s": "time",
@@ -184,7 +179,7 @@ def survey_folder(folder: Path) -> tuple[tuple[Bundle, ...], tuple[tuple[str, st
     for name, path in sorted(found):
         if path.suffix.lower() in NOTES and name not in names:
             with suppress(SindyJointError):
-                text = read_regular(path, LONGEST_NOTE).decode("utf-8", "replace")
+                text = read_regular(path, 1 << 16).decode("utf-8", "replace")
                 notes.append((*os.path.splitext(name), text))
     own = {name: max((s for s, *_ in notes if _begins(name, s)), key=len, default=None) for name in names}
     shared = [each for each in notes if each[0] not in own.values()]
@@ -212,8 +207,9 @@ def _is_above(stem: str, name: str) -> bool:
 
 
 def _read(path: Path, name: str) -> Bundle:
-    blocks = open_blocks(path) if path.stat().st_size > LARGE else None
-    table = read_table(path)[0] if blocks is None else blocks.table(0, min(ROWS, blocks.rows))
+    # Of a larger file only so many rows are looked at.
+    blocks = open_blocks(path) if path.stat().st_size > (1 << 26) else None
+    table = read_table(path)[0] if blocks is None else blocks.table(0, min(1 << 18, blocks.rows))
     columns, scalars, refused = [], [], []
     for position, title in enumerate(table.names, start=1):
         try:
@@ -433,7 +429,8 @@ def _told(file: Bundle, known: dict[tuple[tuple[str, ...], str], str]) -> tuple[
 def is_twin(one: Array, other: Array) -> bool:
     """Return whether two signals are one but for their scale and noise."""
     moving = np.ptp(one) > 0 and np.ptp(other) > 0
-    return bool(moving and one.size == other.size and abs(np.corrcoef(one, other)[0, 1]) > TWINS)
+    # Two columns so alike are one signal, wanted and measured.
+    return bool(moving and one.size == other.size and abs(np.corrcoef(one, other)[0, 1]) > 0.999)
 
 
 def moves_otherwise(own: Array, other: Array) -> bool:

@@ -37,9 +37,7 @@ from sindyjoint.numeric import Array
 SIMULATED = "simulated by sindyjoint"
 VARIABLE = "SINDYJOINT_LARGEST"
 """Environment variable, which worker processes have as well; ``sindyjoint --largest`` sets it."""
-DEFAULT = 1 << 30
 MOST_COLUMNS = 10_000
-LARGEST_ITEM = 1 << 16
 # What programs call the unit of a column in its attributes.
 UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string", "NI_UnitDescription")
 _SIZE = re.compile(r"\s*(\d{1,15}(?:\.\d{1,3})?)\s*([kMGT]?)(i?)B?\s*", re.IGNORECASE)
@@ -318,7 +316,7 @@ def parse_size(text: str) -> int:
 def largest_bytes() -> int:
     """Return how many bytes the content of one file may take in memory."""
     given = os.environ.get(VARIABLE)
-    return parse_size(given) if given else DEFAULT
+    return parse_size(given) if given else 1 << 30
 
 
 def check_bytes(path: Path, size: int, what: str = "its content") -> None:
@@ -345,7 +343,7 @@ def check_array(path: Path, shape: Sequence[int], item: int, what: str = "an arr
     """
     size = math.prod(shape) * item
     wide = len(shape) > 1 and min(shape) > MOST_COLUMNS
-    no_table = wide or not 1 <= item <= LARGEST_ITEM or any(n < 0 for n in shape)
+    no_table = wide or not 1 <= item <= (1 << 16) or any(n < 0 for n in shape)
     # An array without a single number still has as many columns as its shape states.
     empty = size == 0 and len(shape) > 1 and max(shape) > MOST_COLUMNS
     shown = f"{path}: {what} of shape {tuple(shape)!s:.60}"

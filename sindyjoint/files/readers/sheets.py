@@ -18,9 +18,6 @@ from sindyjoint.files.readers import MOST_COLUMNS, Table, begins, check_array, c
 from sindyjoint.files.readers.text import LONGEST, is_stamp, seconds_since_first, table_of_text
 from sindyjoint.record import MINIMUM_SAMPLES
 
-# Rows of Parquet decoded at once.
-BATCH = 1 << 16
-
 
 def read_parquet(path: Path, data: bytes | None = None) -> Table:
     """Return the columns of a Parquet file; a null is read as NaN, and refused with its row.
@@ -46,7 +43,8 @@ def read_parquet(path: Path, data: bytes | None = None) -> Table:
     def batches(number: int, wanted: Sequence[int]) -> Iterator[Any]:
         unique = len(set(schema.names)) == len(schema.names)
         names = [schema.names[position] for position in wanted] if unique else None
-        for batch in file.iter_batches(BATCH, row_groups=list(range(number, len(groups))), columns=names):
+        # Rows of Parquet decoded at once.
+        for batch in file.iter_batches(1 << 16, row_groups=list(range(number, len(groups))), columns=names):
             yield [batch.column(key) for key in names or wanted]
 
     def largest(column: str | int) -> float | None:
@@ -134,8 +132,6 @@ class _Batches:
 
 
 MOST_ROWS = 1 << 20  # as Excel has it
-# Bytes of memory that a byte of JSON may come to: "1.5," is an entry of a list and a number.
-MEMORY = 8
 
 
 def read_xlsx(path: Path, data: bytes, skip: int | None = None) -> Table:
@@ -249,7 +245,8 @@ def read_json(path: Path, data: bytes) -> Table:
         For text that is not JSON, or without lists of numbers.
     """
     with foreign(path, "JSON"):
-        check_bytes(path, MEMORY * len(data))
+        # Bytes of memory that a byte of JSON may come to: "1.5," is an entry of a list and a number.
+        check_bytes(path, 8 * len(data))
         record = json.loads(data.decode("utf-8-sig"), object_pairs_hook=without_repetition)
         known: dict[str, Any] = record if isinstance(record, dict) else {}
         content = record

@@ -168,7 +168,6 @@ def _is_broken_row(kinds: Sequence[str], pattern: Sequence[str]) -> bool:
 
 COMMENTS = ("#", "%", "//")
 # Bytes of text scanned at once, and lines between two line offsets that are kept.
-CHUNK = 1 << 24
 STRIDE = 1 << 15
 COMPARED = 20  # lines that the last one of a file is compared with
 # What no text table holds: control characters other than tab, line ends, form feed and DOS's end of file.
@@ -464,7 +463,7 @@ class _Segments:
         """Where every so many lines begin, and how many lines there are after the header."""
         offsets, lines, at, last = [self.start], 0, self.start, b"\n"
         while at < self.size:
-            chunk = self._bytes(at, at + CHUNK)
+            chunk = self._bytes(at, at + (1 << 24))
             ends = np.flatnonzero(np.frombuffer(chunk, dtype=np.uint8) == 10)
             first = -(-(lines + 1) // STRIDE) * STRIDE - lines - 1
             offsets += (at + ends[first::STRIDE] + 1).tolist()

@@ -33,7 +33,6 @@ from sindyjoint.workflows.joints.population import CoefficientScatter, Trend
 from sindyjoint.workflows.joints.summary import TEMPERATURE, Batch
 
 # More names than these cannot be read below an axis; characters of a name on a terminal.
-NAMED, NAME = 24, 24
 KELVIN = 273.15
 NORMAL95 = 1.96
 STATUS = {"found": "found", "none": "no model", "broken": "broken"}
@@ -84,7 +83,8 @@ def draw_joints(result: Batch, ax: Axes, term: str) -> None:
             plain(shortened(ids[i], 18)), (i, up.factor * values[i]), xytext=(5 if right else -5, 2),
             textcoords="offset points", ha="left" if right else "right", color=ACCENT, fontsize=7,
         )  # fmt: skip
-    if len(ids) <= NAMED:
+    # More names than these cannot be read below an axis.
+    if len(ids) <= 24:
         ax.set_xticks(x, [plain(shortened(name, 14)) for name in ids], rotation=90)
     else:
         ax.set_xlabel("campaign, in the order of the table")
@@ -337,7 +337,7 @@ def _page(result: Batch, data: Batch, show: Blocks, folder: Path | None) -> Page
 def _printed(result: Batch, console: Console) -> Iterator[Any]:
     """Yield the table, in blocks as wide as the screen."""
     joints = joints_table(result)
-    rows = tuple(tuple(shortened(cell, NAME) for cell in row) for row in joints.rows)
+    rows = tuple(tuple(shortened(cell, 24) for cell in row) for row in joints.rows)
     yield ""
     for block in fitting_blocks(replace(joints, rows=rows, ruled=True), console.width):
         yield from (block, "")

@@ -33,7 +33,7 @@ from sindyjoint.soundness.detectors import Record
 from sindyjoint.text import quantities, spelled
 
 # The figure of all runs, or of so many.
-TOGETHER, RUNS_TOGETHER = "runs", 24
+TOGETHER = "runs"
 ROW, GAP = 1.0, 0.25
 
 
@@ -197,7 +197,7 @@ def kinds_of_check(data: CheckData) -> dict[str, Kind]:
     starts = range(0, max(len(data.runs), 1), MOST_PANELS)
     figures = [_kind_of(data, start, MOST_PANELS) for start in starts]
     # A page shows them by and by; one picture of all is what a person wants of a folder.
-    together = replace(_kind_of(data, 0, RUNS_TOGETHER), name=TOGETHER, part=True, columns=2)
+    together = replace(_kind_of(data, 0, 24), name=TOGETHER, part=True, columns=2)
     return by_name(*figures, together)
 
 

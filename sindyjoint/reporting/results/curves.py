@@ -26,7 +26,6 @@ from sindyjoint.trust import Light, Trust
 UNITS = {"rotation": ("rad", "N*m/rad"), "translation": ("m", "N/m")}
 UNTESTED: Any = {"ls": (0, (1, 1.5))}
 BAND: Any = {"alpha": 0.2, "lw": 0}
-ROWS = 5  # of a joint's table for each frequency
 
 
 def _parts(x: Array, y: Array, *parts: tuple[NDArray[np.bool_], Any]) -> Iterator[Curve]:
@@ -197,7 +196,8 @@ def _joint_tables(result: JointCurves) -> tuple[TextTable, ...]:
     rows = [
         (curve, int(i))
         for curve in result.curves
-        for i in np.unique(np.linspace(0, curve.amplitude.size - 1, ROWS).round().astype(int))
+        # Five rows of a joint's table for each frequency.
+        for i in np.unique(np.linspace(0, curve.amplitude.size - 1, 5).round().astype(int))
     ]
 
     def width(measure: str, unit: str) -> Any:

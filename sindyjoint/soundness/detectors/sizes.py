@@ -241,7 +241,6 @@ def find_coverage(records: Sequence[Record], words: Words) -> Iterator[Finding]:
             yield Finding("coverage", record.name, None, "note", extent, effect, remedy)
 
 
-MAINS = (50.0, 60.0)
 # Bins on either side of the mains that are its line, that belong to neither, and that are compared.
 LINE, GAP, AROUND = 1.5, 3, 12
 LOST = "periods are cut at the wrong places: "
@@ -337,7 +336,7 @@ def find_noise(records: Sequence[Record], words: Words) -> Iterator[Finding]:
 def find_mains(record: Record, words: Words) -> Iterator[Finding]:
     """Yield channels of a steady run that carry a line of the mains, which is no harmonic of the excitation."""
     for channel in record.alive if record.frequency else ():
-        for mains in MAINS if channel.name != "rate" else ():
+        for mains in (50.0, 60.0) if channel.name != "rate" else ():
             amplitude = mains_line(channel.values, record, mains)
             share = amplitude / np.sqrt(2) / channel.std
             if share < SOUNDNESS.small_share:

@@ -12,8 +12,6 @@ from sindyjoint.soundness.detectors import Channel, Mask, Record, spans_of
 
 # Equal but for rounding, in ranges of the channel.
 EQUAL, AT_LIMIT = 1e-12, 1e-9
-# Share of the samples at one limit from which it is one of the law: Coulomb friction is there for half of the time.
-PLATEAU = 1 / 3
 
 
 def find_dead(records: Sequence[Record], words: Words) -> Iterator[Finding]:
@@ -100,7 +98,9 @@ def saturated_samples(channel: Channel, sign: float) -> Mask | None:
         return None
     way = sign * ((levels[-1] if sign > 0 else levels[0]) - channel.values)
     at: Mask = way <= AT_LIMIT * channel.range
-    if channel.noise == 0 and np.mean(at) > PLATEAU:
+    # Share of the samples at one limit from which it is one of the law: Coulomb friction is there for half of the
+    # time.
+    if channel.noise == 0 and np.mean(at) > (1 / 3):
         return None
     # Noise far above the resolution rules out a standstill: it would not stay at one value.
     return at if not channel.quantised or _arrives_with_slope(way, at, channel.step) else None

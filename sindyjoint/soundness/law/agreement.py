@@ -22,10 +22,6 @@ from sindyjoint.substructure.spectra import strongest
 
 Complex = NDArray[np.complex128]
 
-# Harmonics of all runs together that are looked at, and of one run.
-LINES, FEWEST_LINES, MOST_LINES = 240, 8, 60
-ROUNDS = 5
-SETTLED = 1e-4  # relative change of χ² at which an iteration ends
 SMALLEST = 1e-3  # factor below which a channel shows nothing
 
 
@@ -119,7 +115,8 @@ class Fit(NamedTuple):
 
 def equations_of(test: RigTest, recoveries: Sequence[Recovery]) -> Equations:
     """Return the strongest harmonics of runs as equations; the test's uncertain numbers are the structure's."""
-    each = int(np.clip(LINES // max(len(recoveries), 1), FEWEST_LINES, MOST_LINES))
+    # Harmonics of all runs together that are looked at, and of one run.
+    each = int(np.clip(240 // max(len(recoveries), 1), 8, 60))
     kept = [strongest(recovery.spectra, each) for recovery in recoveries]
     angular = np.concatenate([lines for _, lines in kept])
     ends = _ends_of(test, recoveries, [lines for _, lines in kept])
@@ -200,9 +197,10 @@ def fit_fault(equations: Equations, fault: Fault | None = None, delayed: bool = 
         Whether its delay is found as well.
     """
     best = now = _step(equations, fault, delayed)
-    for _ in range(ROUNDS - 1 if fault else 0):
+    # Four further rounds at most, until χ² falls by less than a ten-thousandth.
+    for _ in range(4 if fault else 0):
         now = _step(equations, now[1], delayed)
-        settled = now[0].chi_squared > (1 - SETTLED) * best[0].chi_squared
+        settled = now[0].chi_squared > (1 - 1e-4) * best[0].chi_squared
         best = min(best, now, key=lambda each: each[0].chi_squared)
         if settled:
             break

@@ -15,9 +15,6 @@ from sindyjoint.soundness.detectors import Record
 from sindyjoint.soundness.law import POINTS, Complex, Motions, least, misfit, scale_of
 from sindyjoint.states import force_states, moment_floor
 
-# Of the inertia's moment over the measured one, from which it stops.
-ABSURD = 3.0
-
 
 def find_signs(
     records: Sequence[Record], cycles: Motions, inertia: float | None, words: Words
@@ -87,21 +84,16 @@ def find_inertia(cycles: Motions, inertia: float | None, words: Words) -> Iterat
         return
     # At resonance the moment of the inertia is above the measured one, and rightly so.
     denied = misfit(cycles, None) ** 2 < SOUNDNESS.explains * misfit(cycles, inertia) ** 2
+    # Of the inertia's moment over the measured one, from which it stops.
     yield Finding(
         "implausible_size",
         None,
         "moment",
-        "stops" if denied and ratio > ABSURD else "biases" if denied else "note",
+        "stops" if denied and ratio > 3.0 else "biases" if denied else "note",
         f"inertia times acceleration is {ratio:.3g} times the measured {words.of('moment')}",
         "k1 is wrong by inertia times ω²",
         f"check the unit of the {words.of('angle')}, of the {words.of('moment')} and of the inertia",
     )
-
-
-# Corner of a high-pass, and delay and time of a low-pass in radians of the slowest run, up to which they are tried.
-HIGHEST_CORNER, LONGEST = 0.6, 0.3
-# Samples in which a delay is sought.
-ENOUGH = 100_000
 
 
 class Undone(NamedTuple):
@@ -180,8 +172,10 @@ def _undone(runs: Motions, inertia: float | None, kinds: Sequence[str] = tuple(I
     scale, slowest = scale_of(runs), float(runs.cycle.min())
     found = []
     for kind in kinds:
-        time = LONGEST / (2 * np.pi * slowest)
-        grid = np.linspace(0, HIGHEST_CORNER * slowest if kind == "ac_coupling" else time, 9)
+        # Corner of a high-pass, and delay and time of a low-pass in radians of the slowest run, up to which they are
+        # tried.
+        time = 0.3 / (2 * np.pi * slowest)
+        grid = np.linspace(0, 0.6 * slowest if kind == "ac_coupling" else time, 9)
         for channel in ("moment", "angle"):
 
             def left(parameter: float, kind: str = kind, channel: str = channel) -> float:
@@ -209,7 +203,8 @@ def find_channel_delay(campaign: Campaign, runs: Sequence[Run], words: Words) ->
     words : Words
     """
     try:
-        every = [force_states(run) for run in runs[:: 1 + sum(r.n_samples for r in runs) // ENOUGH]]
+        # Samples in which a delay is sought.
+        every = [force_states(run) for run in runs[:: 1 + sum(r.n_samples for r in runs) // 100_000]]
         states = [s for s in every if np.count_nonzero(s.moving) >= POINTS]
         delay = find_delay(states, campaign.joint.inertia, campaign.inputs) if states else None
     # A joint that hardly moves, too short a run, states that are all alike or beyond what squares can hold.

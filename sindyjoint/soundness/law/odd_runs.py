@@ -34,8 +34,6 @@ MISTAKES = {
     "N and lbf": 4.4482216,
     "mm and inch": 25.4,
 }
-# Places at which runs are parted by their stiffness, and mistakes that are tried at each.
-SPLITS, NEAREST = 3, 2
 # Parts of a run whose mean residuals are followed, and the fewest samples of one.
 PARTS, FEWEST = 24, 5
 DRAWN = "k1, k3, c1 and M_F are drawn towards that run"
@@ -96,11 +94,12 @@ def _mistaken(runs: Motions) -> Iterator[tuple[NDArray[np.bool_], str, float]]:
     size = np.log(np.maximum(np.std(load, axis=1), 1e-300) / np.maximum(np.std(angle, axis=1), 1e-300))
     order = np.sort(size)
     known = np.array(list(MISTAKES.values()))
-    for at in np.argsort(-np.diff(order))[:SPLITS]:
+    # Places at which runs are parted by their stiffness, and mistakes that are tried at each.
+    for at in np.argsort(-np.diff(order))[:3]:
         above = size > order[at]
         group = above if above.sum() <= len(runs) / 2 else ~above
         apart = float(np.median(size[group]) - np.median(size[~group]))
-        for factor in known[np.argsort(np.abs(np.log(known) - abs(apart)))[:NEAREST]]:
+        for factor in known[np.argsort(np.abs(np.log(known) - abs(apart)))[:2]]:
             yield group, "moment", float(factor ** np.sign(apart))
             yield group, "angle", float(factor ** -np.sign(apart))
 

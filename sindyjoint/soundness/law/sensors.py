@@ -29,8 +29,6 @@ from sindyjoint.soundness.law.agreement import (
 )
 from sindyjoint.substructure.recovery import Recovery, recover
 
-# Runs that may have a fault of their own, at most; faults that are looked for one after the other.
-ODD_RUNS, FAULTS = 3, 3
 # Factors that look like a unit taken for another.
 UNITS = {
     9.80665: "g for m/s²", 1 / 9.80665: "m/s² for g", 1000.0: "mm for m", 0.001: "m for mm", 25.4e-3: "inch for m",
@@ -123,7 +121,8 @@ def find_in_sensors(test: RigTest, recoveries: Sequence[Recovery], words: Words)
     equations = equations_of(numbered, recoveries)
     names = [DRIVE, *(sensor.name for sensor in test.sensors)]
     main = max(_main_frequency(equations, run) for run in range(len(recoveries)))
-    for _ in range(FAULTS):
+    # Faults are looked for one after the other.
+    for _ in range(3):
         fit = fit_fault(equations)
         # Beams and masses that are not as described show in no linear way where a mode is near.
         nearer = fit_fault(moved(equations, numbered, fit.numbers))
@@ -161,9 +160,8 @@ def _main_frequency(equations: Equations, run: int) -> float:
 def _odd_runs(fit: Fit, equations: Equations) -> list[int | None]:
     """Return the runs that agree worst, each of which may have a fault of its own, and None for all runs."""
     per = fit.by_run / np.maximum(np.bincount(equations.run), 1)
-    odd = [
-        int(r) for r in np.argsort(-per)[:ODD_RUNS] if per[r] > (1 + SOUNDNESS.large_part) * np.median(per)
-    ]
+    # Three runs at most may have a fault of their own.
+    odd = [int(r) for r in np.argsort(-per)[:3] if per[r] > (1 + SOUNDNESS.large_part) * np.median(per)]
     return [None, *odd] if len(per) > 1 else [None]
 
 

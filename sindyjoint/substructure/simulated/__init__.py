@@ -33,13 +33,9 @@ from sindyjoint.substructure.steady_response import (
 
 Complex = NDArray[np.complex128]
 
-# Harmonics that are compared, at least, or as multiples of the highest one of the drive.
-COMPARED, COMPARED_ABOVE = 20, 2
-# Harmonics of the balance alike: with 41 of a sine the twentieth is off by half of itself near a lightly damped mode.
+# Harmonics of the balance, at least, or as multiples of the highest one of the drive: with 41 of a sine the twentieth
+# is off by half of itself near a lightly damped mode.
 BALANCED, BALANCED_ABOVE = 81, 10
-# Share of the stiffness that is not trusted at the structure's first frequency; it grows with the frequency's square.
-# A simulation by steps of 0.25 ms is 0.7e-5 softer at 4 Hz.
-TRUSTED = 3e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +108,8 @@ class SteadyRun:
         # The count of harmonics follows strong lines of the drive: one of noise would make it thirty times as large.
         strong = driven & (size > 0.01 * size.max())
         top = int(np.flatnonzero(strong)[-1]) + 1 if strong.any() else 1
-        compared = min(count, max(COMPARED, COMPARED_ABOVE * top))
+        # Harmonics that are compared, at least, or as multiples of the highest one of the drive.
+        compared = min(count, max(20, 2 * top))
         harmonics = max(BALANCED, BALANCED_ABOVE * top)
         drive, drive_error = np.zeros(harmonics + 1, dtype=complex), np.zeros(harmonics + 1)
         # Force cells do not see a constant well: where there seems to be one, it is as uncertain as it is large.
@@ -201,7 +198,9 @@ class SteadyRun:
     def _structure_errors(self, answer: Answer, structure: Structure) -> Iterator[Complex]:
         """Yield what the sensors show of what is not trusted of stiffness, and of loss, at each harmonic."""
         first = 2 * np.pi * float(structure.frequencies(1, locked=True)[0])
-        elastic = structure.stiffness[:, :] * TRUSTED
+        # Share of the stiffness that is not trusted at the structure's first frequency; it grows with the frequency's
+        # square. A simulation by steps of 0.25 ms is 0.7e-5 softer at 4 Hz.
+        elastic = structure.stiffness[:, :] * 3e-5
         for changed in (
             replace(structure, stiffness=structure.stiffness + elastic),
             replace(structure, loss=structure.loss + elastic),

@@ -41,10 +41,6 @@ from sindyjoint.substructure.spectra import channel_spectra
 UNITS = {"acceleration": "m/s^2", "velocity": "m/s", "displacement": "m"}
 Complex = NDArray[np.complex128]
 
-#: A record begins at rest where its first samples are less than this share of the RMS of their sensors. In the midst of
-#: a motion they are as large as that; a blow may begin with the first sample.
-AT_REST = 0.5
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -170,7 +166,9 @@ def verify_runs(
         steady = None if run.frequency is None else channel_spectra(run, declared_noise(test))
         recovery = recover(test, run, steady)
         measured = (_steady_run if recovery.spectra.repeats else _recorded_run)(test, recovery)
-        begins = rms(run.responses[:, 0] / run.responses.std(axis=1)) < AT_REST
+        # A record begins at rest where its first samples are less than this share of the RMS of their sensors. In the
+        # midst of a motion they are as large as that; a blow may begin with the first sample.
+        begins = rms(run.responses[:, 0] / run.responses.std(axis=1)) < 0.5
         if not (measured.repeats or begins):
             warnings.append(
                 f"{run.name}: simulated from standstill, and it does not begin there: begin the record before the drive"
