@@ -5,7 +5,8 @@ number, so what is merged in that order does not depend on who worked when. Line
 task: threads would change the order of sums, and the tasks already keep every core busy. Matrices are small here; the
 threads that linear algebra would have had are given to blocks of rows instead (:func:`sindyjoint.clock.on_threads`).
 
-A worker that dies (out of memory) costs no result: its task is done again, and given up (:class:`Lost`) after three.
+A worker that dies (out of memory) costs no result: its task is done again, and given up after three; a
+:class:`~sindyjoint.errors.WorkerError` is then its result.
 """
 
 import os
@@ -13,7 +14,6 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
@@ -47,16 +47,9 @@ WORKER_SETTINGS = {
 }
 
 
-@dataclass(frozen=True)
-class Lost:
-    """What stands for the result of a task whose workers died.
-
-    Parameters
-    ----------
-    reason : str
-    """
-
-    reason: str = f"{ATTEMPTS} workers died on it, one after the other (killed, or out of memory)"
+def _lost() -> WorkerError:
+    """Return what stands for the result of a task whose workers died."""
+    return WorkerError(f"{ATTEMPTS} workers died on it, one after the other (killed, or out of memory)")
 
 
 # Whatever runs tasks: of a function and tasks it yields the number of each task and ``function(task)`` as it ends, in
@@ -88,9 +81,9 @@ def ordered_map(
     """
     results: dict[int, R] = {}
     for number, result in executor(function, tasks):
-        if isinstance(result, Lost):
+        if isinstance(result, WorkerError):
             raise WorkerError(
-                f"task {number + 1} of {len(tasks)} was given up: {result.reason}; give it more memory"
+                f"task {number + 1} of {len(tasks)} was given up: {result}; give it more memory"
             )
         results[number] = result
         if done is not None:
@@ -200,7 +193,7 @@ def _threads(function: Callable[..., R], tasks: Sequence[T]) -> Iterator[tuple[i
 
 def _on_processes(
     jobs: int, function: Callable[..., R], tasks: Sequence[T]
-) -> Iterator[tuple[int, R | Lost]]:
+) -> Iterator[tuple[int, R | WorkerError]]:
     """Run tasks on processes of this machine."""
     from concurrent.futures.process import BrokenProcessPool
 
@@ -211,12 +204,12 @@ def _on_processes(
         with interruption_held():
             return iter(Parallel(n_jobs=jobs, batch_size=1, return_as="generator_unordered")(given))
 
-    def isolated(number: int) -> R | Lost:
+    def isolated(number: int) -> R | WorkerError:
         for _ in range(ATTEMPTS - 1):
             # Two, for with one joblib would run it in this very process.
             with suppress(BrokenProcessPool):
                 return next(pool([number], 2))[1]
-        return Lost()
+        return _lost()
 
     waiting = list(range(len(tasks)))
     while waiting:
@@ -232,7 +225,9 @@ def _on_processes(
                 yield number, isolated(number)
 
 
-def _on_dask(client: Any, function: Callable[..., R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Lost]]:
+def _on_dask(
+    client: Any, function: Callable[..., R], tasks: Sequence[T]
+) -> Iterator[tuple[int, R | WorkerError]]:
     """Run tasks on a Dask cluster, whose scheduler sends the task of a dead worker to another one."""
     from distributed import KilledWorker, as_completed
 
@@ -243,7 +238,7 @@ def _on_dask(client: Any, function: Callable[..., R], tasks: Sequence[T]) -> Ite
             try:
                 yield number_of[future.key], future.result()
             except KilledWorker:
-                yield number_of[future.key], Lost()
+                yield number_of[future.key], _lost()
             future.release()
     finally:
         client.cancel(futures, force=True)

@@ -12,7 +12,14 @@ from typing import Any
 from sindyjoint.discovery import Evidence, evidence_bytes
 from sindyjoint.documents import SUMS, changed_files, sums_of, sums_text
 from sindyjoint.equation.catalogue import as_catalogue
-from sindyjoint.errors import InputError, MissingInputError, OutputError, SindyJointError, checks_options
+from sindyjoint.errors import (
+    InputError,
+    MissingInputError,
+    OutputError,
+    SindyJointError,
+    WorkerError,
+    checks_options,
+)
 from sindyjoint.files.atomic import (
     check_output,
     hold_folder,
@@ -23,7 +30,7 @@ from sindyjoint.files.atomic import (
 )
 from sindyjoint.judgement.discovery import Discovery
 from sindyjoint.numeric import seed_of
-from sindyjoint.parallel import Lost, executor
+from sindyjoint.parallel import executor
 from sindyjoint.record import Campaign
 from sindyjoint.soundness.check import check_accepted
 from sindyjoint.states import check_bandwidth
@@ -123,8 +130,8 @@ def batch(
         folder = prepare_output(Path(out) / CAMPAIGNS)
         stack.enter_context(_only_batch(folder))
         for number, answer in workers_here(run_task, tasks):
-            if isinstance(answer, Lost):
-                record, fresh = _recorded_broken(tasks[number], answer.reason), True
+            if isinstance(answer, WorkerError):
+                record, fresh = _recorded_broken(tasks[number], str(answer)), True
             else:
                 record, fresh = answer
             kept += not fresh

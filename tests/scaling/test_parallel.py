@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sindyjoint.errors import InputError, WorkerError
-from sindyjoint.parallel import Lost, check_unused, executor, ordered_map
+from sindyjoint.parallel import check_unused, executor, ordered_map
 from tests.light_tasks import hears_ctrl_c
 
 
@@ -59,7 +59,7 @@ def test_a_task_that_kills_every_worker_is_given_up_and_the_others_are_not(tmp_p
     tasks = [(number, str(tmp_path / "mark"), True) for number in range(6)]
     with executor(jobs=2) as workers:
         results = dict(workers(mortal, tasks))
-        assert isinstance(results.pop(3), Lost)
+        assert isinstance(results.pop(3), WorkerError)
         assert results == {number: number for number in (0, 1, 2, 4, 5)}
         with pytest.raises(WorkerError, match="task 4 of 6 was given up: 3 workers died on it"):
             ordered_map(workers, mortal, tasks)
