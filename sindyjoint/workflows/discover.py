@@ -105,7 +105,7 @@ def discover(
         Highest frequency kept in the angle, Hz.
     align : bool
         Remove the time delay between the channels whatever the law found leaves; by default one with which it leaves no
-        more than noise, and needs no more terms.
+        more than noise, and needs no more terms, or with which fewer terms predict better what was left out.
     accept : sequence of str
         Ids of findings of the check of the data that shall not stop the work; see :func:`~sindyjoint.check`.
     correct : bool
