@@ -30,9 +30,9 @@ from sindyjoint.mechanics.virtual_rig import with_laws  # noqa: E402
 from sindyjoint.substructure.forced import ForcedResponse, frequency_response  # noqa: E402
 from sindyjoint.substructure.harmonic_balance import Balance  # noqa: E402
 
-PER_PERIOD, STEPS_PER_PERIOD = 100, 400
+PER_PERIOD, STEPS_PER_PERIOD = 100, 1600
 # Periods that a simulation has, and over how many its force rises.
-PERIODS, RISE = 120, 60
+PERIODS, RISE = 400, 60
 # Where the two are held beside each other: shares of the band in which a joint moves at least a tenth of its most.
 # Where all stick, the response is linear, and only the beams' 0.2 % would end what a start leaves.
 SHARES, MOVES = (0.0, 0.25, 0.5, 0.75, 1.0), 0.1
@@ -100,7 +100,8 @@ def levels_of(name: str) -> list[dict]:
     balance, rows = Balance.of(structure, rig.at), []
     for level in made.levels:
         began = time.process_time()
-        curve = frequency_response(balance, level.force, (made.levels[0].frequency[0], made.locked[0] * 1.15))
+        band = made.levels[0].frequency[0], made.locked[0] * 1.15
+        curve = frequency_response(balance, level.force, band, refine=True)
         balanced = time.process_time() - began
         ends = curve.frequency[curve.angle.max(axis=0) > MOVES * curve.angle.max()][[0, -1]]
         chosen = [*(ends[0] + share * np.ptp(ends) for share in SHARES), curve.peak[0]]

@@ -1,6 +1,6 @@
 """The law of each kind of joint from the states that were recovered of it in a structure."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -18,7 +18,7 @@ from sindyjoint.judgement import RECOVERED
 from sindyjoint.judgement.changed import MANY
 from sindyjoint.judgement.discovery import Discovery, fitted_to
 from sindyjoint.judgement.joint_search import beyond, exchanged, moving_as, search, terms_of, weakest
-from sindyjoint.judgement.term_search import campaign_model
+from sindyjoint.judgement.term_search import TermSearch, campaign_model, regressed_with
 from sindyjoint.judgement.verdict import (
     few_rows,
     judge,
@@ -27,7 +27,7 @@ from sindyjoint.judgement.verdict import (
     of_slight_terms,
     within_the_states,
 )
-from sindyjoint.limits import SUBSTRUCTURE
+from sindyjoint.limits import DISCOVERY, SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Joint, Run
 from sindyjoint.soundness.warnings import list_warnings
@@ -257,6 +257,41 @@ def recovered_campaign(test: RigTest, kind: str, states: Sequence[ForceStates]) 
     )
     joint = Joint(name=kind, motion=test.motion, inertia=0.0)
     return Campaign(joint, runs, simulated=test.simulated, notes=(RECOVERED,))
+
+
+def with_terms(law: JointLaw, terms: Collection[str]) -> JointLaw:
+    """Return a law with such terms instead, as a regression of its states has them; itself where it has them."""
+    found = law.discovery
+    if found is None or {*found.model.ids} == {*terms}:
+        return law
+    other = regressed_with(terms, TermSearch(found.regressor, found.model, found.states), found.campaign)
+    more = " and ".join(spelled(each) for each in other.model.ids if each not in found.model.ids)
+    words = (f"{more}: told by the simulated response, not by the recovered states",) if more else ()
+    model = _recorded(fitted_to(other.model, found.campaign), law.recovered)
+    return replace(
+        law,
+        discovery=replace(found, model=model, regressor=other.regressor, warnings=(*found.warnings, *words)),
+    )
+
+
+def terms_by_kind(laws: Sequence[JointLaw], more: Collection[str] = ()) -> dict[str, set[str]]:
+    """Return the terms of each law that was found, and those of `more` that were its candidates."""
+    found = {
+        law.kind: law.discovery for law in laws if law.discovery is not None and law.discovery.model.terms
+    }
+    return {
+        kind: {*each.model.ids} | ({term.id for term in catalogue_of(each.regressor.library)} & {*more})
+        for kind, each in found.items()
+    }
+
+
+def told_terms(model: JointModel) -> set[str]:
+    """Return the terms of a model that stand out of their errors."""
+    return {
+        term.id
+        for term in model.terms
+        if abs(term.coefficient) > DISCOVERY.term_significance * term.standard_error
+    }
 
 
 def with_uncertain_structure(law: JointLaw, test: RigTest, update: Update) -> JointLaw:

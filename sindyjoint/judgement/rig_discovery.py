@@ -1,6 +1,6 @@
 """What was found of the joints inside an assembled structure from its sensors, and their laws fitted again to these."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
@@ -13,12 +13,13 @@ from sindyjoint.diagnosis.structure.records import runs_problem
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError
 from sindyjoint.judgement.headlines import MOST_STEPS
-from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind
+from sindyjoint.judgement.joint_laws import JointLaw, place_of_kind, terms_by_kind, told_terms, with_terms
 from sindyjoint.judgement.trust import judge_soundness
 from sindyjoint.judgement.verdict import undecided_by_data
 from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.numeric import Array
+from sindyjoint.paper import TERMS as PAPER_TERMS
 from sindyjoint.soundness import Soundness
 from sindyjoint.soundness.check import Check
 from sindyjoint.substructure.recovery import Recovery, Update, UpdatedNumber, recover, with_numbers
@@ -110,10 +111,6 @@ def refine_rig(
     random_state : int, Generator or None
         Of the further starts.
     progress : callable, optional
-
-    Returns
-    -------
-    RigRefinement
     """
     say = progress or (lambda stage: None)
     try:
@@ -295,6 +292,34 @@ def _steps_of(kind: str, trust: Trust) -> tuple[tuple[str, str], ...]:
     """Return what to do next with a law, of which the model stands in the folder of its kind."""
     model = f"export RESULTS/{place_of_kind(kind)}"
     return tuple((do.replace("export RESULTS", model), to) for do, to in trust.next_steps)
+
+
+def with_terms_of_the_response(
+    found: RigDiscovery,
+    first: RigRefinement,
+    refine: Callable[[dict[str, JointModel]], RigRefinement],
+    forbidden: Collection[str] = (),
+) -> tuple[RigDiscovery, RigRefinement]:
+    """Return a discovery and its refinement with the paper's terms that the simulated response tells alone.
+
+    Where a joint hardly moves, or all runs are blows, recovered states do not tell a term from nothing that the
+    response shows by far; without it the other numbers make up for it.
+    """
+    known = terms_by_kind(found.laws)
+    fuller = terms_by_kind(found.laws, {*PAPER_TERMS} - {*forbidden})
+
+    def refined_with(terms: dict[str, set[str]]) -> tuple[RigDiscovery, RigRefinement]:
+        laws = tuple(with_terms(law, terms[law.kind]) if law.kind in terms else law for law in found.laws)
+        models = {law.kind: law.discovery.model for law in laws if law.discovery is not None}
+        return replace(found, laws=laws), refine(models)
+
+    if not first.refined or fuller == known:
+        return found, first
+    tried = refined_with(fuller)
+    told = {kind: known[kind] | told_terms(tried[1].models[kind]) & fuller[kind] for kind in known}
+    if not tried[1].refined or told == known:
+        return found, first
+    return tried if told == fuller else refined_with(told)
 
 
 def with_refinement(found: RigDiscovery, result: RigRefinement) -> RigDiscovery:

@@ -55,7 +55,7 @@ def search_completed(
         return found
     candidates = {term.id for term in first.regressor.terms_}
     terms = {*first.regressor.forced} | (candidates & expected - {*first.regressor.forbidden})
-    law = _with_terms(terms, first, campaign).model
+    law = regressed_with(terms, first, campaign).model
     other = _completed_from(law, first, campaign, say)
     return min(found, other, key=error_left_out)
 
@@ -91,7 +91,7 @@ def _on_response(
 
     terms, less = {*terms}, list[tuple[JointModel, float]]()
     while terms:
-        trial = _with_terms(terms, found, campaign)
+        trial = regressed_with(terms, found, campaign)
         say("fitting the simulated response")
         result = refine(trial.model, campaign, states=found.states)
         if not result.refined:
@@ -169,11 +169,12 @@ def _sureness(term: ModelTerm) -> float:
     return abs(term.coefficient) / term.standard_error
 
 
-def _with_terms(terms: Collection[str], found: TermSearch, campaign: Campaign) -> TermSearch:
+def regressed_with(terms: Collection[str], found: TermSearch, campaign: Campaign) -> TermSearch:
     """Return what a regression of some terms comes to on the states of a search."""
     fitted = found.regressor.again()
     fitted.forced = tuple(terms)
-    fitted.forbidden = tuple({term.id for term in found.regressor.terms_} - {*terms})
+    others = {*found.regressor.forbidden, *(term.id for term in found.regressor.terms_)}
+    fitted.forbidden = tuple(others - {*terms})
     fitted.fit(**regression_rows(found.states, campaign.joint.inertia).fit_arguments())
     return TermSearch(fitted, campaign_model(fitted, campaign, found.states), found.states)
 

@@ -390,6 +390,7 @@ def laws_of_rig(
         unstated_numbers,
         with_narrow_intervals,
         with_refinement,
+        with_terms_of_the_response,
     )
     from sindyjoint.soundness.law.sensors import with_assumed_numbers
     from sindyjoint.substructure.recovery import (
@@ -435,7 +436,10 @@ def laws_of_rig(
     state = options.get("random_state")
     # Numbers that were found untold are known well, and fitting them needs segments in which the joints stand still.
     known = replace(found.test, uncertain=()) if unstated else described(found)
-    return with_refinement(
-        found,
-        refine_rig(known, recoveries, models, starts=3 if refine else 1, random_state=state, progress=say),
+    refined = partial(
+        refine_rig, known, recoveries, starts=3 if refine else 1, random_state=state, progress=say
     )
+    first = refined(models)
+    if passing:
+        found, first = with_terms_of_the_response(found, first, refined, options.get("forbidden", ()))
+    return with_refinement(found, first)
