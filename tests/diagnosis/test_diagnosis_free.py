@@ -15,12 +15,12 @@ from sindyjoint.record import Campaign, Joint, Run
 from tests.seeds import seeds
 
 INERTIA, STIFFNESS, DAMPING = 1.0, 64.0, 0.05
-RATE = 500.0
+RATE = 250.0
 
 
-def decay(moment, duration=30.0, start=1.0):
+def decay(moment, duration=30.0, start=1.0, sample_rate=RATE):
     """Angle and rate of I·θ̈ = −moment(θ, θ̇, direction) from rest, the direction that of the swing in hand."""
-    time = np.arange(int(duration * RATE)) / RATE
+    time = np.arange(int(duration * sample_rate)) / sample_rate
     angle, rate = np.full(time.size, np.nan), np.full(time.size, np.nan)
     state, now, direction = (start, 0.0), 0.0, -1.0
     while now < time[-1]:
@@ -152,7 +152,7 @@ def test_nothing_is_missing_from_a_release_that_is_over_in_a_few_swings():
     assert "response gap" in str(found) and "moment gap" not in str(found) and "probability" not in str(found)
 
 
-def stopped(level, damping, friction, duration=10.0, steps=20):
+def stopped(level, damping, friction, duration=10.0, steps=40):
     """Angle of I·θ̈ = −k·θ − c·θ̇ − M_F·sign θ̇ from rest: leapfrog steps, friction at most what stops the joint."""
     count = int(duration * RATE)
     angle, rate, step = level, 0.0, 1 / (RATE * steps)
@@ -191,10 +191,10 @@ def test_friction_that_grows_with_the_angle_is_no_damping():
     rng, runs = np.random.default_rng(5), []
     for start in (1.0, 0.7):
         _, angle, _ = decay(
-            lambda a, r, way: STIFFNESS * a + 0.2 * r + (0.2 + 2.0 * abs(a)) * way, 6.0, start
+            lambda a, r, way: STIFFNESS * a + 0.2 * r + (0.2 + 2.0 * abs(a)) * way, 6.0, start, 500.0
         )
         angle = angle + 2e-3 * rng.standard_normal(angle.size)
-        runs.append(Run(f"{start:g}", np.zeros(angle.size), angle, RATE))
+        runs.append(Run(f"{start:g}", np.zeros(angle.size), angle, 500.0))
     result = diagnose(Campaign(Joint("released", inertia=INERTIA), tuple(runs)), advise=False)
     assert result.verdict == "named"
     assert [s.effect for s in result.steps] == ["position_dependent_friction"]

@@ -1,5 +1,6 @@
 """From a campaign to a model: the right terms, the right verdict, and controls in which something must not be found."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -13,7 +14,13 @@ from sindyjoint.record import Campaign, Joint, Run
 from sindyjoint.states import regression_rows
 from tests.seeds import seeds, slow
 
-PLAN = {"frequencies": [3, 4, 5], "levels": [0.9, 0.6, 0.35], "noise": 0.01, "random_state": 0}
+PLAN = {
+    "frequencies": [3, 4, 5],
+    "levels": [0.9, 0.6, 0.35],
+    "noise": 0.01,
+    "random_state": 0,
+    "duration": 5.0,
+}
 
 
 def campaign(joint="inter-panel", **options):
@@ -234,7 +241,7 @@ def test_a_joint_that_hardly_moves_is_said():
 
 def test_record_holds_what_it_promises():
     record = plain().to_dict()
-    assert record["fit"]["samples"] > 30_000 and record["fit"]["runs"] == 9
+    assert record["fit"]["samples"] > 15_000 and record["fit"]["runs"] == 9
     assert record["fit"]["noise_floor"] == pytest.approx(0.01 * 3.5, rel=0.1)
     assert record["fit"]["noise_floor"] < record["fit"]["residual_rms"] < 0.02 * record["fit"]["moment_rms"]
     for term in record["terms"]:
@@ -245,11 +252,12 @@ def test_record_holds_what_it_promises():
 
 def test_damping_that_is_negative_in_a_joint_that_dissipates_is_pointed_at():
     # Friction falls from 1.87 N·m at standstill by 10 N·m·s/rad: dissipation stays positive at all tested rates.
-    said = "the viscous damping is negative, -9.99 N*m*s/rad: the moment falls as the rate grows"
+    said = r"the viscous damping is negative, (\S+) N\*m\*s/rad: the moment falls as the rate grows"
     for damping, expected in ((-10.0, 1), (INTER_PANEL.c1, 0)):
         made = campaign(replace(INTER_PANEL, c1=damping), drive="displacement")
         found = discover(made, library="paper")
-        assert sum(warning.startswith(said) for warning in found.warnings) == expected
+        numbers = [float(match[1]) for each in found.warnings if (match := re.match(said, each))]
+        assert numbers == pytest.approx([damping] * expected, rel=0.01)
         assert not any("gives off energy in every run" in warning for warning in found.warnings)
 
 
