@@ -181,6 +181,8 @@ class _RunLoader:
     notes: list[str] = field(default_factory=list)
     simulated: bool = False
     """Whether a file that was read says so."""
+    last: dict[tuple[Path, int | None], tuple[Table, str]] = field(default_factory=dict)
+    """The file that was read last, and its hash: a workbook or a table may hold many runs."""
 
     def __post_init__(self) -> None:
         self.inputs = DeclaredInputs(self.manifest, str(self.file))
@@ -201,7 +203,10 @@ class _RunLoader:
             rows = whole.edges[0], whole.edges[1]
         blocks = None if rows is None else open_blocks(path, channels.skip)
         if blocks is None or rows is None:
-            opened, sha256 = read_table(path, channels.skip)
+            if (path, channels.skip) not in self.last:
+                self.last.clear()
+                self.last[path, channels.skip] = read_table(path, channels.skip)
+            opened, sha256 = self.last[path, channels.skip]
         else:
             # A hash where the first rows are among them.
             opened, sha256 = blocks.table(*rows), "" if rows[0] else hash_file(path)

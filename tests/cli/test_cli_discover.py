@@ -18,7 +18,7 @@ NUMBER = (int, float)
 def written(tmp_path_factory):
     """A virtual campaign of three frequencies and levels, as files."""
     path = tmp_path_factory.mktemp("campaign")
-    made = simulate(frequencies=[3, 4, 5], levels=[0.9, 0.6, 0.35], duration=5.0, noise=0.01, random_state=7)
+    made = simulate(frequencies=[3, 4, 5], levels=[0.9, 0.6, 0.35], duration=3.0, noise=0.01, random_state=7)
     write_campaign(made, path)
     return path
 
