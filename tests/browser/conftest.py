@@ -1,4 +1,4 @@
-"""A browser, the pages, and a folder for screenshots; without a browser the tests skip and say so.
+"""A browser, the pages, and a folder for pictures; without a browser the tests skip and say so.
 
 SINDYJOINT_BROWSER names a browser that is not on the path; SINDYJOINT_SCREENSHOTS a folder in which pictures are kept
 for eyes.
@@ -56,12 +56,16 @@ def report(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def screenshots(tmp_path_factory):
-    """Return the folder where pictures are kept for eyes: SINDYJOINT_SCREENSHOTS, or pytest's temporary one."""
+def picture_of():
+    """Return a function that keeps a picture of a page or of a part of it in SINDYJOINT_SCREENSHOTS, where that is."""
     kept = os.environ.get("SINDYJOINT_SCREENSHOTS")
-    folder = Path(kept) if kept else tmp_path_factory.mktemp("screenshots")
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
+
+    def keep(shown, name, **options):
+        if kept:
+            Path(kept).mkdir(parents=True, exist_ok=True)
+            shown.screenshot(path=Path(kept) / name, **options)
+
+    return keep
 
 
 @pytest.fixture

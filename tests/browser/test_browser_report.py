@@ -26,12 +26,12 @@ def luminance(page, selector="body", what="backgroundColor"):
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
-def test_the_verdict_is_in_the_first_screen(open_page, screenshots):
+def test_the_verdict_is_in_the_first_screen(open_page, picture_of):
     page = open_page()
-    page.screenshot(path=screenshots / "whole-page.png", full_page=True)
+    picture_of(page, "whole-page.png", full_page=True)
     for width in (1280, 420):
         page.set_viewport_size({"width": width, "height": 800})
-        page.screenshot(path=screenshots / f"first-screen-{width}.png")
+        picture_of(page, f"first-screen-{width}.png")
         # Verdict, equation, the picture that convinces, and the next step.
         for selector in (".answer", ".lights", ".equation math", ".hero svg", ".next"):
             box = page.locator(selector).bounding_box()
@@ -69,14 +69,14 @@ def test_an_injected_script_would_not_run(browser, report, tmp_path):
     page.close()
 
 
-def test_the_map_is_drawn_and_turned(open_page, screenshots):
+def test_the_map_is_drawn_and_turned(open_page, picture_of):
     page = open_page()
     canvas = page.locator("#map3d canvas")
     canvas.scroll_into_view_if_needed()
     page.locator("#map3d canvas[data-faces]:not([data-faces='0'])").wait_for()
     assert int(canvas.get_attribute("data-faces")) > 100
     assert colours_of(page, "#map3d canvas") > 50
-    page.locator("#map3d").screenshot(path=screenshots / "map.png")
+    picture_of(page.locator("#map3d"), "map.png")
     seen, view = picture(canvas), canvas.get_attribute("data-view")
     box = canvas.bounding_box()
     page.mouse.move(box["x"] + 300, box["y"] + 200)
@@ -85,7 +85,7 @@ def test_the_map_is_drawn_and_turned(open_page, screenshots):
     page.mouse.up()
     turned = picture(canvas)
     assert turned != seen and canvas.get_attribute("data-view") != view
-    page.locator("#map3d").screenshot(path=screenshots / "map-turned.png")
+    picture_of(page.locator("#map3d"), "map-turned.png")
     page.locator('#map3d [data-role="reset"]').click()
     assert canvas.get_attribute("data-view") == view
 
@@ -122,12 +122,12 @@ def test_pointing_at_a_cell_reads_it(open_page):
     assert "samples, residual" in readout.inner_text() and "mrad" in readout.inner_text()
 
 
-def test_loops_are_chosen_hidden_zoomed_and_read(open_page, screenshots):
+def test_loops_are_chosen_hidden_zoomed_and_read(open_page, picture_of):
     page = open_page()
     canvas = page.locator("#loops2d canvas")
     canvas.scroll_into_view_if_needed()
     page.locator("#loops2d canvas[data-shown='2']").wait_for()
-    page.locator("#loops2d").screenshot(path=screenshots / "loops.png")
+    picture_of(page.locator("#loops2d"), "loops.png")
     page.locator("#loops2d [data-role=group]").select_option("all")
     assert canvas.get_attribute("data-shown") == "6"
     page.locator("#loops2d [data-role=legend] button").first.click()
@@ -174,22 +174,22 @@ def test_a_table_is_copied(open_page):
     assert len(copied) == 6 and all(len(line.split("\t")) == 7 for line in copied)
 
 
-def test_print_view(open_page, screenshots):
+def test_print_view(open_page, picture_of):
     page = open_page(color_scheme="dark")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     page.emulate_media(media="print")
-    page.screenshot(path=screenshots / "print.png", full_page=True)
+    picture_of(page, "print.png", full_page=True)
     assert page.locator("button:not(th button):visible").count() == 0
     assert not page.locator(".bar").is_visible() and not page.locator("#map3d").is_visible()
     assert page.locator("#figure-map svg").is_visible() and page.locator("#path-table").is_visible()
     assert luminance(page) == 1.0 and luminance(page, "h1", "color") == 0.0
-    pdf = page.pdf(format="A4", path=screenshots / "print.pdf")
+    pdf = page.pdf(format="A4")
     assert pdf.startswith(b"%PDF") and pdf.count(b"/Type /Page\n") <= 12
 
 
-def test_narrow_view_does_not_scroll_sideways(open_page, screenshots):
+def test_narrow_view_does_not_scroll_sideways(open_page, picture_of):
     page = open_page(viewport={"width": 360, "height": 740})
-    page.screenshot(path=screenshots / "narrow.png", full_page=True)
+    picture_of(page, "narrow.png", full_page=True)
     assert page.evaluate("document.documentElement.scrollWidth") <= 360
     box = page.locator(".answer").bounding_box()
     assert box["y"] + box["height"] < 740
@@ -206,9 +206,9 @@ def test_no_value_breaks_at_its_error_on_a_phone(open_page):
     assert "±\u00a0" in page.locator(".lights").first.inner_text()
 
 
-def test_dark_view(open_page, screenshots):
+def test_dark_view(open_page, picture_of):
     page = open_page(color_scheme="dark")
-    page.screenshot(path=screenshots / "dark.png", full_page=True)
+    picture_of(page, "dark.png", full_page=True)
     assert luminance(page) < 0.1 < 0.7 < luminance(page, "h1", "color")
     # The drawings follow: the axes of a figure and the floor of the map are light on dark.
     assert (

@@ -13,9 +13,9 @@ def reproduction(browser, tmp_path_factory):
     return folder / "report.html"
 
 
-def test_the_page_reads_turns_narrow_and_prints(open_page, reproduction, screenshots):
+def test_the_page_reads_turns_narrow_and_prints(open_page, reproduction, picture_of):
     page = open_page(reproduction)
-    page.screenshot(path=screenshots / "reproduction.png", full_page=True)
+    picture_of(page, "reproduction.png", full_page=True)
     box = page.locator(".verdict").bounding_box()
     assert box["y"] + box["height"] < 800 and "within" in page.locator(".verdict").inner_text().lower()
     assert page.locator("figure svg").count() == 7
@@ -28,5 +28,5 @@ def test_the_page_reads_turns_narrow_and_prints(open_page, reproduction, screens
     page.emulate_media(media="print")
     assert page.locator("figure svg").first.is_visible() and not page.locator(".bar").is_visible()
     narrow = open_page(reproduction, viewport={"width": 360, "height": 740}, color_scheme="dark")
-    narrow.screenshot(path=screenshots / "reproduction-narrow-dark.png")
+    picture_of(narrow, "reproduction-narrow-dark.png")
     assert narrow.evaluate("document.documentElement.scrollWidth") <= 360

@@ -24,9 +24,9 @@ def page_path(request, tmp_path_factory):
     return path
 
 
-def test_page_reads_and_prints(open_page, page_path, screenshots):
+def test_page_reads_and_prints(open_page, page_path, picture_of):
     page = open_page(page_path)
-    page.screenshot(path=screenshots / f"{page_path.stem}-{page_path.parent.parent.name}.png", full_page=True)
+    picture_of(page, f"{page_path.stem}-{page_path.parent.parent.name}.png", full_page=True)
     assert page.locator("h1").inner_text().startswith("<script>document.title='taken'</script>")
     assert page.title() != "taken"
     box = page.locator(".next").bounding_box()
