@@ -7,6 +7,7 @@ import pytest
 
 from sindyjoint import diagnose
 from sindyjoint.diagnosis.campaign.change import processing_error, processing_errors
+from sindyjoint.diagnosis.effects import load_effects
 from tests.diagnosis.hidden_effects import hide_in_noise
 from tests.diagnosis.test_diagnosis_budget import work_on
 
@@ -27,6 +28,16 @@ def test_without_noise_the_chain_is_what_is_left(kind):
     assert processing_error(work.runs, work.states, work.rows, work.model) == pytest.approx(
         np.mean(left**2) / np.mean(whole**2), rel=0.05
     )
+
+
+def test_a_slider_in_sweeps_is_known_by_the_simulated_response():
+    # Seed 62: it yields within the smoothing of a reversal, and by the rows alone this was Dahl's friction.
+    hidden = hide_in_noise("jenkins_element", "sweep", 62)
+    known = [each for each in load_effects() if each.id in ("jenkins_element", "dahl_friction")]
+    runs = hidden.campaign.with_runs(hidden.campaign.runs[:2])
+    (step,) = diagnose(runs, effects=known, advise=False).steps
+    assert step.members == ("jenkins_element",)
+    assert step.parameters["theta_y"] == pytest.approx(hidden.parameters[1], rel=0.03)
 
 
 @pytest.mark.slow

@@ -8,7 +8,8 @@ import numpy as np
 import scipy
 
 from sindyjoint.diagnosis.campaign.gap_rows import gap_runs
-from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, score_of
+from sindyjoint.diagnosis.campaign.measure import CampaignEvidence, forms_on_response, score_of
+from sindyjoint.diagnosis.campaign.numbers import is_element
 from sindyjoint.diagnosis.campaign.other_starts import CONSTANT, with_delay, with_zero_fitted
 from sindyjoint.diagnosis.campaign.regression import GapRegression
 from sindyjoint.diagnosis.campaign.repair import Repaired, refit, refit_nonlinear
@@ -115,8 +116,7 @@ def _realigned(work: Work, others: list[FittedEffect], delay: FittedEffect) -> t
     return later, replace(delay, coefficients=delay.coefficients + more.coefficients)
 
 
-# The problem of a campaign is made of this module's functions: its class, which imports them, cannot be named here.
-Problem = Any
+Problem = Any  # the class of a campaign's problem, which imports this module
 
 
 @dataclass(frozen=True)
@@ -340,9 +340,8 @@ def odds_of(best: Chosen, other: Chosen) -> float:
 
 def _needless(work: Work, repaired: Repaired, found: Found) -> frozenset[str]:
     """Return which of several effects do not win, at the numbers that all have together, what they must."""
-    names = [each.name for each in found.effects]
+    names, gone = [each.name for each in found.effects], frozenset[str]()
     adding = [each for each in repaired.effects if not each.shifts]
-    gone: frozenset[str] = frozenset()
     whole = score_of(work.plain, repaired.model, adding)
     while len(names) - len(gone) > 1:
         without = {}
@@ -357,15 +356,28 @@ def _needless(work: Work, repaired: Repaired, found: Found) -> frozenset[str]:
     return gone
 
 
+def told_by_response(found: Found, given: Sequence[FittedEffect], say: Say) -> Found:
+    """Return what was found with each element in the form that the simulated response of smoothed runs shows."""
+    effects, rankings, work = [*found.effects], [*found.rankings], found.work
+    if found.shifts or work.campaign.moves_freely or all(s.method != "broadband" for s in work.states):
+        return found
+    for place, first in [(i, r.fitted[0]) for i, r in enumerate(rankings) if is_element(r.fitted[0])]:
+        say("forms of an element on the simulated response")
+        others = [*given, *(each for each in effects if each.name != first.name)]
+        rankings[place] = forms_on_response(work, others, rankings[place])
+        effects = [rankings[place].fitted[0] if each.name == first.name else each for each in effects]
+    return replace(found, effects=effects, rankings=rankings)
+
+
 def with_found(begun: Progress[Any], most: int, say: Say) -> Progress[Any]:
     """Return the progress with the best set of effects that the data show, fitted together, as steps."""
-    problem = begun.problem
-    found = find_effects(problem, most - len(begun.steps), say)
+    found = find_effects(problem := begun.problem, most - len(begun.steps), say)
     cost = found.cost(problem.rows) + found.least * len(begun.steps)
     problem = replace(problem, search=Searched(*found.misfit, found.rows, cost))
     if not found.rankings:
         return replace(begun, problem=problem)
     moved, given = ([e for e in problem.found if e.shifts is kind] for kind in (True, False))
+    found = told_by_response(found, given, say)
     work, repaired = fitted_together(found.work, [*moved, *found.shifts], [*given, *found.effects])
     idle = _needless(work, repaired, found)
     if idle:

@@ -55,6 +55,7 @@ def key_facts(model: JointModel) -> list[tuple[str, str, str]]:
     else:
         known = "declared" if model.joint.inertia is not None else "identified"
         known += ": negative, which is impossible" if model.inertia < 0 else ""
+        known += ": the moment is that of the joint alone" if model.inertia == 0 else ""
         inertia = (q.inertia, f"{model.inertia:.4g} {pretty_unit(q.inertia_unit)}", known)
     return [
         (
