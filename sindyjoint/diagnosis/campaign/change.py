@@ -272,8 +272,9 @@ def _error(
         return None
     there = along_replicate(row, states, replicate, model)
     error = there.target - modelled(there, model, effects)
-    # Where the replicate moves the other way, its friction is not that of the row.
-    return np.where(there.rate * row.rate > 0, error, 0.0)
+    # Where the replicate sticks its friction is not determined.
+    places = np.round((row.motion.time[row.motion.keep] - states.time[0]) * states.sample_rate).astype(int)
+    return np.where(replicate.moving[places], error, 0.0)
 
 
 def _replicate(

@@ -339,8 +339,9 @@ def forms_on_response(
         return found
     numbers = np.array([form.variant.degrees for form in forms] + [0])
     totals = -0.5 * (np.minimum(left / least, FARTHEST) * samples + numbers * np.log(samples))
-    # What further steps may win, no form has lost.
-    totals = np.minimum(totals + 0.5 * UNFINISHED * samples, totals.max())
+    # What further steps may win, no form has lost; nor has the one that the rows prefer.
+    totals[0] = max(totals)
+    totals = np.minimum(totals + 0.5 * UNFINISHED * samples, totals[0])
     *scores, alone = (Score(np.array([total]), np.array([samples]), 0.0, 1.0) for total in totals)
     plainest = sorted(range(len(forms)), key=lambda i: (numbers[i], left[i]))
     return rank([(forms[i], scores[i]) for i in plainest], alone, work.policy.rival_nats)
