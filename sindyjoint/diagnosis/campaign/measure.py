@@ -41,7 +41,7 @@ from sindyjoint.response.refinement import Refinement, misfit_nearby, refine
 
 # Points of a grid of nonlinear parameters, by their number; trials of a refinement, per parameter.
 GRID, TRIALS = {1: (13,), 2: (7, 5), 3: (5, 3, 3)}, 30
-# Samples along which forms of an element are simulated; how far above a fit's end a few steps end, seen in 20 fits.
+# Samples along which forms of an element are simulated; share of a sum of squares that most fits win after a few steps.
 SIMULATED, UNFINISHED = 20_000, 0.0025
 # The term of a model that may not push.
 FRICTION = "coulomb_friction"
