@@ -5,21 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sindyjoint.diagnosis import CAMPAIGN, FittedEffect, load_effects
+from sindyjoint.diagnosis import CAMPAIGN, load_effects
 from sindyjoint.diagnosis.campaign import reference_scales
+from sindyjoint.diagnosis.campaign.measure import CampaignEvidence
 from sindyjoint.diagnosis.campaign.problem import CampaignProblem
 from sindyjoint.diagnosis.campaign.regression import GapRegression
-from sindyjoint.diagnosis.campaign.repair import yield_complaint
+from sindyjoint.diagnosis.campaign.repair import sticks
 from sindyjoint.mechanics import virtual_campaign
 
 EFFECTS = {effect.id: effect for effect in load_effects()}
-
-
-def fitted(name, values, coefficients=(1.0,), variant=0):
-    effect = EFFECTS[name]
-    return FittedEffect(
-        effect, effect.variants[variant], np.array(values, float), np.array(coefficients), 1.0
-    )
 
 
 @pytest.fixture(scope="module")
@@ -30,18 +24,28 @@ def problem():
     return CampaignProblem.build(campaign, None, "paper", tuple(EFFECTS.values()), CAMPAIGN)
 
 
+def is_spring(name, values, rows, share=CAMPAIGN.sticking_share):
+    return sticks(EFFECTS[name].variants[0], values, rows, share)
+
+
 def test_a_slider_that_mostly_sticks_is_a_spring(problem):
-    largest = max(np.abs(run.motion.angle).max() for run in problem.work.rows)
-    assert yield_complaint(fitted("jenkins_element", [0.3 * largest]), problem.work.rows) == ""
-    assert "that is a spring" in yield_complaint(
-        fitted("jenkins_element", [1.05 * largest]), problem.work.rows
-    )
-    assert yield_complaint(fitted("dahl_friction", [1.05 * largest]), problem.work.rows) == ""
+    rows = problem.work.rows
+    largest = max(np.abs(run.motion.angle).max() for run in rows)
+    assert not is_spring("jenkins_element", [0.3 * largest], rows)
+    assert is_spring("jenkins_element", [1.05 * largest], rows)
+    assert not is_spring("dahl_friction", [1.05 * largest], rows)
     # Play whose slider never slips is a stop.
-    assert "that is a spring" in yield_complaint(
-        fitted("backlash_play", [largest, largest]), problem.work.rows
-    )
-    assert yield_complaint(fitted("backlash_play", [0.3 * largest, 0.1 * largest]), problem.work.rows) == ""
+    assert is_spring("backlash_play", [largest, largest], rows)
+    assert not is_spring("backlash_play", [0.3 * largest, 0.1 * largest], rows)
+
+
+def test_the_policy_says_how_much_a_slider_may_stick(problem):
+    """At a share below zero no slider is one, at one every slider is."""
+    for share, there in ((-1.0, False), (1.0, True)):
+        known = [EFFECTS["jenkins_element"], EFFECTS["cubic_damping"]]
+        ev = CampaignEvidence(problem.work.plain, problem.work.model, known, (), share)
+        names = {each.name for each in ev.candidates()}
+        assert ("jenkins_element" in names) is there and "cubic_damping" in names
 
 
 def test_little_half_cycles_between_pulls_do_not_make_a_slider_a_spring(problem):
@@ -52,8 +56,8 @@ def test_little_half_cycles_between_pulls_do_not_make_a_slider_a_spring(problem)
     angle, rate = size * np.sin(turns), size * np.cos(turns)
     motion = replace(row.motion, angle=angle, rate=rate, acceleration=-angle)
     pulls = replace(row, motion=motion)
-    assert yield_complaint(fitted("jenkins_element", [0.3]), [pulls]) == ""
-    assert "that is a spring" in yield_complaint(fitted("jenkins_element", [1.05]), [pulls])
+    assert not is_spring("jenkins_element", [0.3], [pulls])
+    assert is_spring("jenkins_element", [1.05], [pulls])
 
 
 def test_a_slider_whose_stiffness_would_be_negative_explains_nothing(problem):

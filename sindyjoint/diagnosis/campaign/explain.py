@@ -255,7 +255,7 @@ def _found(begun: Begun, most: int, say: Say, rounds: int = 3) -> Found:
     """Return the best set on some states; where it corrects a channel, on the states that are made again with that."""
     say("trying sets of effects")
     work = begun.work
-    ev = CampaignEvidence(work.plain, work.model, begun.candidates, begun.given)
+    ev = CampaignEvidence(work.plain, work.model, begun.candidates, begun.given, work.policy.sticking_share)
     search = ev.search(begun.won)
     before = float(search.chosen(()).score.chi_square.sum()) if begun.before is None else begun.before
     best = simplest(search, search.run(most=most - len(begun.shifts)))

@@ -23,8 +23,8 @@ from sindyjoint.diagnosis.campaign.repair import (
     refine_effect,
     refit,
     simulated,
+    sticks,
     without,
-    yield_complaint,
 )
 from sindyjoint.diagnosis.campaign.start import Work
 from sindyjoint.diagnosis.effects import Effect, Variant
@@ -32,6 +32,7 @@ from sindyjoint.diagnosis.effects.fitted import FittedEffect
 from sindyjoint.diagnosis.effects.setup import JoinedMotions
 from sindyjoint.diagnosis.evidence import GROUPS, Evidence, Ranking, Rotated, Score, rank
 from sindyjoint.diagnosis.evidence.search import Candidate, Chosen, Search
+from sindyjoint.diagnosis.policy import CAMPAIGN
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.terms import Reference
 from sindyjoint.errors import SindyJointError
@@ -59,12 +60,15 @@ class CampaignEvidence:
         Candidates.
     beside : sequence of FittedEffect
         Whose columns are there in any case, as the model's terms are.
+    sticking : float
+        Share of the motion beyond which a slider that sticks is no slider.
     """
 
     runs: Sequence[GapRun]
     model: JointModel
     effects: Sequence[Effect]
     beside: Sequence[FittedEffect] = ()
+    sticking: float = CAMPAIGN.sticking_share
 
     def __post_init__(self) -> None:
         runs = self.runs
@@ -107,7 +111,7 @@ class CampaignEvidence:
                 points = self._grid(variant)
                 spend(float(len(points) * self.rough.angle.size))
                 for values in points:
-                    if yield_complaint(FittedEffect(effect, variant, values, np.ones(1), 0.0), self.runs):
+                    if sticks(variant, values, self.runs, self.sticking):
                         continue
                     columns = self.column(variant, values, rough=True)
                     if columns is None or not self._independent(columns):
@@ -180,9 +184,7 @@ class CampaignEvidence:
         found = scipy.optimize.minimize(loss, start, method="Nelder-Mead", options=options)
         values = np.exp(np.clip(found.x, *bounds))
         columns = self.column(variant, values)
-        effect = self.by_id[candidate.name]
-        stuck = yield_complaint(FittedEffect(effect, variant, values, np.ones(1), 0.0), self.runs)
-        if columns is None or stuck:
+        if columns is None or sticks(variant, values, self.runs, self.sticking):
             return candidate
         mix = mixed(columns * weight[:, None], residual, basis)[1]
         (place,) = self.evidence.add(columns @ np.array(mix)[:, None])
@@ -293,12 +295,8 @@ def ranked_on_response(
     if now.residual is None:
         return None
     known = {*refused, *now.model.ids, *(each.name for each in now.effects)}
-    ev = CampaignEvidence(
-        work.plain,
-        now.model,
-        [e for e in candidates if e.id not in known and e.enters == "moment"],
-        now.effects,
-    )
+    free = [e for e in candidates if e.id not in known and e.enters == "moment"]
+    ev = CampaignEvidence(work.plain, now.model, free, now.effects, work.policy.sticking_share)
     search = ev.search()
     alone = search.chosen(())
     leading = search.with_numbers(search.extended(alone), alone.score.total)
@@ -324,8 +322,8 @@ def forms_on_response(
 ) -> Ranking[FittedEffect]:
     """Return the forms of an element in the order of what a few steps of a fit leave of the simulated response.
 
-    In runs that do not repeat, smoothing takes more off the corners of a law than what tells one form of hysteresis
-    from another. As it is where something beside is none of the law, or no form can be simulated.
+    Smoothing takes more off the corners of a law than what tells one form of hysteresis from another. As it is where
+    something beside is none of the law, or no form can be simulated.
     """
     share = min(1.0, SIMULATED / sum(s.n_samples for s in work.states))
     short = replace(work, states=tuple(s.part(0.0, share) for s in work.states))

@@ -11,6 +11,7 @@ from sindyjoint.clock import STEP_SAMPLES, spend
 from sindyjoint.diagnosis.campaign import GapRun, reference_scales, row_groups
 from sindyjoint.diagnosis.campaign.gap_rows import base_columns
 from sindyjoint.diagnosis.campaign.regression import GapRegression, stack
+from sindyjoint.diagnosis.effects import Variant
 from sindyjoint.diagnosis.effects.fitted import Corrections, FittedEffect, law_of
 from sindyjoint.diagnosis.policy import CAMPAIGN, DiagnosisPolicy
 from sindyjoint.diagnosis.verdict import ZERO_ERRORS
@@ -26,7 +27,6 @@ from sindyjoint.response.drive import Drive, choose_drive, prescribed
 from sindyjoint.response.laws import with_coefficients
 from sindyjoint.response.run import SimulatedRun, simulate_run
 from sindyjoint.states import ForceStates
-from sindyjoint.text import spelled
 
 FRICTION = "friction"  # the family
 
@@ -312,22 +312,17 @@ def refine_effect(problem: GapRegression, fitted: FittedEffect) -> FittedEffect:
     return replace(fitted, values=values, gain=gain, coefficients=coefficients)
 
 
-def yield_complaint(fitted: FittedEffect, runs: Sequence[GapRun], policy: DiagnosisPolicy = CAMPAIGN) -> str:
-    """Return whether a slider sticks along most of the way of the measured motion: it is then a spring, and no slider.
+def sticks(variant: Variant, values: Array, runs: Sequence[GapRun], share: float) -> bool:
+    """Return whether a slider sticks along more than a share of the measured motion: it is then a spring.
 
     Of sliders with a sharp limit: smooth hysteresis dissipates long before it yields. Half-cycles count by their
     stroke: between pulls a motion that hardly moves turns round many times.
     """
-    if all(state.limit is None for state in fitted.variant.states):
-        return ""
-    limit = float(np.min(fitted.variant.limits(np.asarray(fitted.values, dtype=np.float64))))
+    if all(state.limit is None for state in variant.states):
+        return False
+    limit = float(np.min(variant.limits(np.asarray(values, dtype=np.float64))))
     strokes = np.concatenate([np.abs(np.diff(_reversals(run))) for run in runs] or [np.empty(0)])
-    stuck = float(strokes[strokes / 2 < limit].sum() / max(strokes.sum(), 1e-300))
-    if stuck > policy.sticking_share:
-        return (
-            f"{spelled(fitted.name)} would not yield along {100 * stuck:.0f} % of the way: that is a spring"
-        )
-    return ""
+    return bool(strokes[strokes / 2 < limit].sum() > share * strokes.sum())
 
 
 def _reversals(run: GapRun) -> NDArray[np.float64]:
