@@ -101,9 +101,9 @@ def chunks(count: int, size: int) -> Iterator[slice]:
         yield slice(start, min(start + size, count))
 
 
-def norms_of(columns: Array, axis: int = 0) -> Array:
-    """Return the norms of columns along an axis; one for a column of zeros."""
-    norms = np.linalg.norm(columns, axis=axis)
+def norms_of(columns: Array) -> Array:
+    """Return the norms of columns; one for a column of zeros."""
+    norms = np.linalg.norm(columns, axis=0)
     return np.where(norms == 0, 1.0, norms)
 
 

@@ -261,15 +261,8 @@ class StrictTable(BaseModel):
         return given
 
 
-def first_complaint(error: ValidationError, data: Any = None) -> str:
-    """Turn pydantic's list into one sentence: the field, what was expected, what was given.
-
-    Parameters
-    ----------
-    error : ValidationError
-    data : mapping, optional
-        The document, whose entries are then called by their ids or names.
-    """
+def first_complaint(error: ValidationError) -> str:
+    """Turn pydantic's list into one sentence: the field, what was expected, what was given."""
     # Of a key that may be a number or text, pydantic complains once per type: one per key is enough.
     complaints: dict[tuple[int | str, ...], ErrorDetails] = {}
     for complaint in error.errors(include_url=False):
@@ -284,7 +277,7 @@ def first_complaint(error: ValidationError, data: Any = None) -> str:
     else:
         told = first["type"] in ("value_error", "too_short", "too_long")
         message = expectation(first) + ("" if told else f", not {first['input']!r:.60}")
-    field = heading([str(part + 1) if isinstance(part, int) else part for part in place], data)
+    field = heading([str(part + 1) if isinstance(part, int) else part for part in place])
     more = f" (and {len(complaints) - 1} more)" if len(complaints) > 1 else ""
     return f"{field}: {message}{more}" if field else f"{message}{more}"
 

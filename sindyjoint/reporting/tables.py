@@ -191,14 +191,12 @@ def _cell(cell: object) -> object:
     return cell
 
 
-def terminal(width: int = 100, markup: bool = True) -> Console:
-    """Return the console that results are printed on: as wide as its window, or ``width`` where output is piped."""
+def terminal() -> Console:
+    """Return the console that results are printed on: as wide as its window, or 100 where output is piped."""
     from rich.console import Console
 
     # In a notebook, too, text is text: what a result shows there is its own matter.
-    return Console(
-        width=None if sys.stdout.isatty() else width, highlight=False, markup=markup, force_jupyter=False
-    )
+    return Console(width=None if sys.stdout.isatty() else 100, highlight=False, force_jupyter=False)
 
 
 def terminal_table(table: TextTable) -> Table:
