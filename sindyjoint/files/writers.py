@@ -145,52 +145,50 @@ def _file_names(names: list[str], format: str) -> list[str]:
 
 def _manifest(campaign: Campaign, files: list[str], rig: SensorRig | None) -> str:
     """Return the text of ``campaign.toml`` for runs written in SI units under the given file names."""
-    joint, units, q = campaign.joint, UNITS[campaign.joint.motion], toml_string
-    head = ["simulated = true"] if campaign.simulated else []
-    listed = {"notes": campaign.notes, "guessed": campaign.guessed}
-    head += [f"{key} = [{', '.join(map(q, each))}]" for key, each in listed.items() if each]
+    joint, units = campaign.joint, UNITS[campaign.joint.motion]
     inertia = list(units)[3]
-    labels = ", ".join(f"{q(key)} = {q(value)}" for key, value in joint.labels.items())
-    stated = {
-        "name": q(joint.name),
-        "motion": q(joint.motion),
-        inertia: None if joint.inertia is None else _quantity(joint.inertia, units[inertia]),
-        "temperature": None if joint.temperature is None else _quantity(joint.temperature, "K"),
-        "serial": None if joint.serial is None else q(joint.serial),
-        "labels": f"{{ {labels} }}" if labels else None,
+    head = {
+        "simulated": campaign.simulated or None,
+        "notes": list(campaign.notes) or None,
+        "guessed": list(campaign.guessed) or None,
     }
-    skew = [] if campaign.skew is None else [f"skew_removed = {_quantity(campaign.skew, 's')}"]
+    stated = {
+        "name": joint.name,
+        "motion": joint.motion,
+        inertia: _quantity(joint.inertia, units[inertia]),
+        "temperature": _quantity(joint.temperature, "K"),
+        "serial": joint.serial,
+        "labels": {toml_value(key): value for key, value in joint.labels.items()} or None,
+    }
     channels = [_channels_of(run, joint.motion, rig, campaign.gain_uncertainty) for run in campaign.runs]
     runs = []
     for run, file in zip(campaign.runs, files, strict=True):
         held = [(each, run.inputs[each.name]) for each in campaign.inputs]
-        values = ", ".join(f"{each.name} = {_number(each, v[0])}" for each, v in held if np.ptp(v) == 0)
         entry = {
-            "file": q(file),
-            "name": q(run.name),
-            "frequency": None if run.frequency is None else repr(float(run.frequency)),
-            "level": None if run.level is None else q(run.level),
-            "use": q(run.use),
-            "inputs": f"{{ {values} }}" if values else None,
+            "file": file,
+            "name": run.name,
+            "frequency": None if run.frequency is None else float(run.frequency),
+            "level": run.level,
+            "use": run.use,
+            "inputs": {each.name: _number(each, v[0]) for each, v in held if np.ptp(v) == 0} or None,
         }
-        runs.append(_pairs(entry))
+        runs.append(toml_pairs(entry))
     raw = rig and {
-        "strain": '["e1", "e2", "e3", "e4"]',
-        "strain_unit": '"m/m"',
-        "displacement": '["d1", "d2", "d3"]',
-        "displacement_unit": '"m"',
+        "strain": ["e1", "e2", "e3", "e4"],
+        "strain_unit": "m/m",
+        "displacement": ["d1", "d2", "d3"],
+        "displacement_unit": "m",
         "bending_stiffness": _quantity(rig.bending_stiffness, "N*m^2"),
         "section_height": _quantity(rig.section_height, "m"),
-        "strain_position_factor": repr(float(rig.strain_position_factor)),
+        "strain_position_factor": float(rig.strain_position_factor),
         "joint_length": _quantity(rig.joint_length, "m"),
     }
-    tables = [
-        *skew,
-        *_input_lines(campaign),
-        *_limit_lines(campaign),
-        *(["", "[rig]", *_pairs(raw)] if raw else []),
-    ]
-    return manifest_text(head, _pairs(stated), channels, runs, tables)
+    keys = {name: key for name, (key, _) in KEYS[joint.motion].items()}
+    limits = {keys[name]: _quantity(value, units[keys[name]]) for name, value in campaign.limits.items()}
+    tables: dict[str, Any] = {"inputs": _inputs_of(campaign), "limits": limits, "rig": raw}
+    lines = [f for title, own in tables.items() if own for f in ("", f"[{title}]", *toml_pairs(own))]
+    skew = {"skew_removed": _quantity(campaign.skew, "s")}
+    return manifest_text(toml_pairs(head), toml_pairs(stated), channels, runs, [*toml_pairs(skew), *lines])
 
 
 def manifest_text(
@@ -215,83 +213,81 @@ def manifest_text(
         Lines between ``[channels]`` and the runs, and at the end.
     """
     shared = {key: text for key, text in channels[0].items() if all(own.get(key) == text for own in channels)}
-    lines = [*head, "", "[joint]", *joint, "", "[channels]", *_pairs(shared), *tables]
+    lines = [*head, "", "[joint]", *joint, "", "[channels]", *_lines(shared), *tables]
     for run, own in zip(runs, channels, strict=True):
-        particular = _pairs({key: text for key, text in own.items() if key not in shared})
+        particular = _lines({key: text for key, text in own.items() if key not in shared})
         lines += ["", "[[run]]", *run, *(["[run.channels]", *particular] if particular else [])]
     return "\n".join([*lines, *tail]).lstrip("\n") + "\n"
 
 
-def toml_string(value: str | int | None) -> str:
-    """Return a TOML basic string, or a number.
+def _lines(texts: Mapping[str, str]) -> list[str]:
+    return [f"{key} = {text}" for key, text in texts.items()]
+
+
+def toml_value(item: Any) -> str:
+    """Return text, a number, a list or a table as TOML, in a line.
 
     JSON's escapes are TOML's but for DEL; an unpaired surrogate is no text.
     """
-    clean = str(value).encode("utf-8", errors="replace").decode("utf-8")
-    return (
-        clean if isinstance(value, int) else json.dumps(clean, ensure_ascii=False).replace("\x7f", "\\u007f")
-    )
+    if isinstance(item, Mapping):
+        return f"{{ {', '.join(toml_pairs(item))} }}"
+    text = json.dumps(item, ensure_ascii=False).encode("utf-8", errors="replace").decode("utf-8")
+    return text.replace("\x7f", "\\u007f")
 
 
-def _pairs(entry: Mapping[str, str | None]) -> list[str]:
-    return [f"{key} = {text}" for key, text in entry.items() if text is not None]
+def toml_pairs(table: Mapping[str, Any]) -> list[str]:
+    """Return the lines of a table without those of None."""
+    return _lines({key: toml_value(item) for key, item in table.items() if item is not None})
 
 
-def _input_lines(campaign: Campaign) -> list[str]:
+def _inputs_of(campaign: Campaign) -> dict[str, dict[str, Any]]:
     """Return ``[inputs]``: what changes along a run is a column of its file, in SI; all else stands with the runs."""
-    lines = []
+    tables = {}
     for each in campaign.inputs:
         column = any(np.ptp(run.inputs[each.name]) > 0 for run in campaign.runs)
-        unit = each.unit if column else each.shown_unit
-        parts = [f"column = {toml_string(each.name)}"] * column + [f"unit = {toml_string(unit)}"]
-        parts.append(f"reference = {_number(each, each.reference)}")
-        parts.append(f"name = {toml_string(each.label)}")
-        lines.append(f"{each.name} = {{ {', '.join(parts)} }}")
-    return ["", "[inputs]", *lines] if lines else []
+        tables[each.name] = {
+            "column": each.name if column else None,
+            "unit": each.unit if column else each.shown_unit,
+            "reference": _number(each, each.reference),
+            "name": each.label,
+        }
+    return tables
 
 
-def _limit_lines(campaign: Campaign) -> list[str]:
-    keys = {name: key for name, (key, _) in KEYS[campaign.joint.motion].items()}
-    units = UNITS[campaign.joint.motion]
-    lines = [
-        f"{keys[name]} = {_quantity(value, units[keys[name]])}" for name, value in campaign.limits.items()
-    ]
-    return ["", "[limits]", *lines] if lines else []
-
-
-def _number(each: Input, value: float) -> str:
-    return repr(float(value)) if each.unit == "1" else _quantity(value, each.unit)
+def _number(each: Input, value: float) -> float | str | None:
+    return float(value) if each.unit == "1" else _quantity(value, each.unit)
 
 
 def _channels_of(
     run: Run, motion: Motion, rig: SensorRig | None, gains: Mapping[str, float]
 ) -> dict[str, str]:
     """Return the ``[channels]`` entries of one run as TOML text."""
-    channels = {"rate": _quantity(run.sample_rate, "Hz")}
+    channels: dict[str, Any] = {"rate": _quantity(run.sample_rate, "Hz")}
     fusion = run.fusion if rig is None else None
     wanted = ["moment"] if fusion is not None and fusion.angle is None else ["moment", "angle"]
     wanted += [] if fusion is None else ["acceleration"]
     wanted += ["rate"] if run.rate is not None or (run.fusion and run.fusion.rate is not None) else []
     for quantity in wanted:
-        key, unit = KEYS[motion][quantity]
+        key, unit = KEYS[motion][quantity][0], UNITS[motion][KEYS[motion][quantity][0]]
+        columned = rig is None or quantity == "rate"
         # An accelerometer alone has the gain of the angle.
         alone = quantity == "acceleration" and "angle" not in wanted
-        noise, gain = getattr(run.noise, quantity), gains.get("angle" if alone else quantity)
-        columned, unit = rig is None or quantity == "rate", unit.replace("**", "^")
-        parts = [f"column = {toml_string(key)}", f"unit = {toml_string(unit)}"] if columned else []
-        parts += [] if noise is None else [f"noise = {_quantity(noise, unit)}"]
-        parts += [] if gain is None else [f"gain_uncertainty = {float(gain)!r}"]
+        channels[key] = {
+            "column": key if columned else None,
+            "unit": unit if columned else None,
+            "noise": _quantity(getattr(run.noise, quantity), unit),
+            "gain_uncertainty": gains.get("angle" if alone else quantity),
+        }
         # A moment that never changes, as in a free decay, is declared: a constant column is a dead channel.
         if quantity == "moment" and columned and np.ptp(run.moment) == 0:
-            parts = [f"constant = {_quantity(run.moment[0], unit)}"]
-        if parts:
-            channels[key] = f"{{ {', '.join(parts)} }}"
-    return channels
+            channels[key] = {"constant": _quantity(run.moment[0], unit)}
+    texts = {key: toml_value(entry) for key, entry in channels.items()}
+    return {key: text for key, text in texts.items() if text != toml_value({})}
 
 
-def _quantity(value: float, unit: str) -> str:
+def _quantity(value: float | None, unit: str) -> str | None:
     """Return a quantity with every digit that its float64 holds."""
-    return toml_string(f"{float(value)!r} {unit}")
+    return None if value is None else f"{float(value)!r} {unit}"
 
 
 def _text(columns: Columns, remark: str, delimiter: str) -> bytes:

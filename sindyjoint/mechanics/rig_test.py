@@ -1,6 +1,5 @@
 """A test of an assembled structure: what drove it, what its sensors measured, and which of its joints are sought."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.atomic import output_folder
-from sindyjoint.files.writers import ENCODERS, REMARK
+from sindyjoint.files.writers import ENCODERS, REMARK, toml_pairs
 from sindyjoint.inputs import Source
 from sindyjoint.mechanics.beam import Beam
 from sindyjoint.mechanics.rig_file import RigFile, rig_path
@@ -236,6 +235,11 @@ class RigTest:
         load_row(self.structure, self.at)
 
     @property
+    def channels(self) -> tuple[str, ...]:
+        """What the rows of a run's signals are called: the drive and the sensors."""
+        return (DRIVE, *(sensor.name for sensor in self.sensors))
+
+    @property
     def identification_runs(self) -> tuple[RigRun, ...]:
         """Runs that may be used for fitting."""
         return tuple(run for run in self.runs if run.use == "identify")
@@ -334,8 +338,7 @@ def write_rig_test(
     files = {run.name: f"{_file_name(run.name)}-{SIMULATED_KEY}.{format}" for run in test.runs}
     document["run"] = [
         {"file": files[run.name], "name": run.name, "use": run.use}
-        | ({"frequency": f"{run.frequency!r} Hz"} if run.frequency is not None else {})
-        | ({"level": run.level} if run.level is not None else {})
+        | {"frequency": run.frequency and f"{run.frequency!r} Hz", "level": run.level}
         for run in test.runs
     ]
     with output_folder(folder, "rig-test", force=force) as stage:
@@ -354,22 +357,14 @@ def _file_name(name: str) -> str:
 
 
 def _toml(document: Mapping[str, Any]) -> str:
-    """Return a document of plain values, tables and lists of tables as TOML; JSON's strings and lists are TOML's."""
-
-    def value(item: Any) -> str:
-        if isinstance(item, dict):
-            return "{ " + ", ".join(f"{key} = {value(inner)}" for key, inner in item.items()) + " }"
-        return json.dumps(item, ensure_ascii=False)
-
+    """Return a document of plain values, tables and lists of tables as TOML."""
     lines, tables = [], []
     for key, item in document.items():
-        entries: Sequence[Any] = (
-            item if isinstance(item, list) and item and isinstance(item[0], dict) else [item]
-        )
-        if isinstance(entries[0], dict):
-            head = f"[[{key}]]" if isinstance(item, list) else f"[{key}]"
-            for entry in entries:
-                tables += ["", head, *(f"{name} = {value(inner)}" for name, inner in entry.items())]
-        else:
-            lines.append(f"{key} = {value(item)}")
+        entries = item if isinstance(item, list) and item else [item]
+        if not isinstance(entries[0], dict):
+            lines += toml_pairs({key: item})
+            continue
+        head = f"[[{key}]]" if isinstance(item, list) else f"[{key}]"
+        for entry in entries:
+            tables += ["", head, *toml_pairs(entry)]
     return "\n".join([*lines, *tables, ""])

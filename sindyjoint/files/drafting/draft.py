@@ -29,7 +29,7 @@ from sindyjoint.files.drafting.survey import Bundle, Column, bundle_files, split
 from sindyjoint.files.manifest import NONE
 from sindyjoint.files.timeaxis import unwound
 from sindyjoint.files.units import conversion, needs_gain
-from sindyjoint.files.writers import manifest_text, toml_string
+from sindyjoint.files.writers import manifest_text, toml_value
 from sindyjoint.record import Motion
 from sindyjoint.text import list_some, printable
 
@@ -242,14 +242,13 @@ def _draft_run(
         pairs = {
             "file": column.file, "column": column.key, "minus": column.minus, "unit": unit, "gain": gain
         }  # fmt: skip
-        parts = [f"{name} = {toml_string(value)}" for name, value in pairs.items() if value or name == "unit"]
-        channels[key] = f"{{ {', '.join(parts)} }}" + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
+        channels[key] = toml_value(pairs) + dialogue.mark(key, f"{key}.unit", f"{key}.gain")
         called = column.key if column.minus in (None, NONE) else f"{column.key} - {column.minus}"
         used.append(UsedColumn(bundle.name, called, key, unit, _why(column, key, unit, dialogue)))
     key = KEYS[motion]["moment"][0]
     if "moment" not in columns:
         load = dialogue.answers.get(key, NO_LOAD[motion])
-        channels[key] = f"{{ constant = {toml_string(load)} }}{dialogue.mark(key)}"
+        channels[key] = toml_value({"constant": load}) + dialogue.mark(key)
         used.append(UsedColumn(bundle.name, None, key, load, dialogue.why(key, "constant")))
     taken = {(c.file, key) for c in columns.values() for key in (c.key, c.minus)}
     for column in bundle.columns:
@@ -349,14 +348,14 @@ def _write(
         head += [
             "# No file tells this: correct it below, and remove from this list what is right. Until then no result is "
             "trusted.",
-            f"guessed = [{', '.join(toml_string(printable(each)) for each in guessed)}]",
+            f"guessed = {toml_value([printable(each) for each in guessed])}",
         ]
     joint = [
-        f"name = {toml_string(printable(name))}",
-        f"motion = {toml_string(motion)}{dialogue.mark('motion')}",
+        f"name = {toml_value(printable(name))}",
+        f"motion = {toml_value(motion)}{dialogue.mark('motion')}",
     ]
     joint.append(
-        f"{inertia} = {toml_string(given)}{per_unit}"
+        f"{inertia} = {toml_value(given)}{per_unit}"
         if given
         else f'# {inertia} = "0.02 {unit}"  # moving with the joint; left out: identified as a term'
     )
@@ -369,11 +368,11 @@ def _write(
             raise InputError(f"validate = {each!r} is no run; {nearest(each, names, 'runs there:')}")
     entries = [
         [
-            f"file = {toml_string(run.file)}",
-            *([f"name = {toml_string(name)}"] if stems.count(stem) > 1 else []),
+            f"file = {toml_value(run.file)}",
+            *([f"name = {toml_value(name)}"] if stems.count(stem) > 1 else []),
             *([f"rows = {list(run.rows)}"] if run.rows else []),
             f"# {run.course}: no frequency" if run.frequency is None else f"frequency = {run.frequency!r}",
-            f"level = {toml_string(run.level)}",
+            f"level = {toml_value(run.level)}",
             *['use = "validate"'] * (not {name, stem}.isdisjoint(kept)),
         ]
         for run, name, stem in zip(runs, names, stems, strict=True)

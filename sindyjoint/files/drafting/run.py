@@ -19,9 +19,10 @@ from sindyjoint.files.timeaxis import (
     decays,
     uniform_rate,
     with_lost_samples,
+    without_drift,
 )
 from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
-from sindyjoint.files.writers import toml_string
+from sindyjoint.files.writers import toml_pairs, toml_value
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.policy import SHARED
 from sindyjoint.record import MINIMUM_SAMPLES
@@ -91,10 +92,10 @@ def draft_time(
 ) -> float | None:
     """Write how the run was sampled, as was answered or as its file tells, and return its rate, Hz."""
     if given == "none":
-        channels["time"] = toml_string("none") + "  # quasi-static samples, in their order"
+        channels["time"] = toml_value("none") + "  # quasi-static samples, in their order"
         return None
     if given is not None:
-        channels["rate"] = toml_string(given)
+        channels["rate"] = toml_value(given)
         return parse_quantity(given, "Hz", "rate")
     # What counts rows is no time where a rate is stated.
     counts = column is not None and column.role is None and bool(np.all(np.diff(column.values) == 1))
@@ -107,14 +108,13 @@ def draft_time(
         # Stamps this far apart, in seconds, are rather milliseconds.
         unit = (dialogue.ask("time.unit", text, "ms") if step >= 0.5 else None) or "s"
     time = column.values * conversion(unit, "s", f"{bundle.name}: time")
-    pairs = f"{{ column = {toml_string(column.key)}, unit = {toml_string(unit)} }}"
-    channels["time"] = pairs + dialogue.mark("time.unit")
+    channels["time"] = toml_value({"column": column.key, "unit": unit}) + dialogue.mark("time.unit")
     try:
         check_order(time, bundle.name, str)
         return uniform_rate(time, bundle.name, str)
     except InputError:
         steps = np.diff(time)
-        lost = with_lost_samples(time, {}) if np.all(steps > 0) else None
+        lost = with_lost_samples(time, {})
         if lost is not None:
             return lost[1]
         rate = float((time.size - 1) / (time[-1] - time[0])) if time[-1] > time[0] else 0.0
@@ -126,7 +126,7 @@ def draft_time(
             return _draft_rate(bundle, channels, dialogue)
         guess = f"{rate:.6g} Hz"
         text = f"how fast was {bundle.name} sampled? Its stamps stand still or leave gaps; on average they give {guess}"
-        channels["rate"] = toml_string(dialogue.ask("rate", text, guess) or guess) + dialogue.mark("rate")
+        channels["rate"] = toml_value(dialogue.ask("rate", text, guess) or guess) + dialogue.mark("rate")
         return rate
 
 
@@ -147,7 +147,7 @@ def _draft_rate(bundle: Bundle, channels: dict[str, str], dialogue: Dialogue) ->
         listed = ", ".join(f"{other:g} Hz is {said}" for said, other in found)
         dialogue.ask("rate", f"{text} {listed}".strip(), None)
         return None
-    channels["rate"] = toml_string(f"{rate:.9g} Hz") + f"  # {where}"
+    channels["rate"] = toml_value(f"{rate:.9g} Hz") + f"  # {where}"
     return rate
 
 
@@ -172,7 +172,7 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     # A free decay has a frequency of its own, and none that drives it.
     if not moving or decays(angle):
         return None
-    steady = _without_drift(moving[0], 3)
+    steady = without_drift(moving[0], 3)
     found = main_frequency(steady, rate, between_bins=True)
     named = _HERTZ.search(name)
     if named:
@@ -187,19 +187,13 @@ def find_frequency(angle: Array, moment: Array, rate: float, name: str) -> float
     at = np.arange(angle.size)
     later = at + rate / found
     inside = later <= at[-1]
-    changed = _without_drift(np.interp(later[inside], at, moving[0]) - moving[0][inside], 2)
+    changed = without_drift(np.interp(later[inside], at, moving[0]) - moving[0][inside], 2)
     # Share of its power by which a motion may change from one period to the next.
     if np.mean(changed**2) / (2 * np.var(steady)) > 0.03:
         return None
     # The fewest digits that lie within its error.
     rounded = [float(f"{found:.{digits}g}") for digits in range(1, 8)]
     return next((value for value in rounded if abs(value - found) <= 0.05 * found / periods), found)
-
-
-def _without_drift(signal: Array, degree: int) -> Array:
-    """Return a signal without a polynomial: slow drift is no excitation."""
-    abscissa = np.linspace(-1, 1, signal.size)
-    return np.asarray(signal - np.polyval(np.polyfit(abscissa, signal, degree), abscissa))
 
 
 def find_course(angle: Array, rate: float | None, frequency: float | None) -> str:
@@ -294,6 +288,6 @@ def input_lines(answer: str, bundle: Bundle) -> list[str]:
             raise InputError(f"inputs = {title!r} is no column; {nearest(title, known, 'columns there:')}")
         stated = column.unit if column is not None else (unit_in_name(title) or ("",))[0]
         name = re.sub(r"\W+", "_", re.sub(r"[\[({].*", "", title)).strip("_")
-        key = toml_string(title if column is None else column.key)
-        lines.append(f"{name} = {{ column = {key}, unit = {toml_string(WARM.get(stated, stated) or '1')} }}")
+        key = title if column is None else column.key
+        lines += toml_pairs({name: {"column": key, "unit": WARM.get(stated, stated) or "1"}})
     return ["", "[inputs]", *lines] if lines else []

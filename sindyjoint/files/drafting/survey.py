@@ -166,10 +166,6 @@ def survey_folder(folder: Path) -> tuple[tuple[Bundle, ...], tuple[tuple[str, st
         )
     files, left_out = [], []
     for name, path in here.items():
-        sign = control_character(name)
-        if sign is not None:
-            left_out.append((name, f"its name holds the control character U+{ord(sign):04X}; rename it"))
-            continue
         try:
             files.append(_read(path, name))
         except SindyJointError as error:
@@ -207,6 +203,8 @@ def _is_above(stem: str, name: str) -> bool:
 
 
 def _read(path: Path, name: str) -> Bundle:
+    if sign := control_character(name):
+        raise InputError(f"its name holds the control character U+{ord(sign):04X}; rename it")
     # Of a larger file only so many rows are looked at.
     blocks = open_blocks(path) if path.stat().st_size > (1 << 26) else None
     table = read_table(path)[0] if blocks is None else blocks.table(0, min(1 << 18, blocks.rows))
