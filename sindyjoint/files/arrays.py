@@ -13,7 +13,7 @@ from sindyjoint.files.drafting.run import find_frequency, name_levels
 from sindyjoint.files.drafting.survey import Bundle, Column, role_of
 from sindyjoint.files.readers import UNIT_KEYS
 from sindyjoint.files.timeaxis import check_order, uniform_rate
-from sindyjoint.files.units import conversion, parse_quantity, unit_in_name
+from sindyjoint.files.units import conversion, parse_optional, parse_quantity, unit_in_name
 from sindyjoint.measurement.runs import measured_run, travelled_run
 from sindyjoint.numeric import Array
 from sindyjoint.record import Campaign, Joint, Motion, Use
@@ -209,10 +209,10 @@ def campaign_from_frames(
             motion_signal = signals["angle" if "angle" in signals else "acceleration"]
             known["frequency"] = find_frequency(motion_signal, signals["moment"], sample_rate, title)
         else:
-            known["frequency"] = parse_quantity(asked, "Hz", "frequency") if isinstance(asked, str) else asked
+            known["frequency"] = parse_optional(asked, "Hz", "frequency")
         made.append(measured_run(title, signals, sample_rate, inputs=values[i], **known))
     key, unit = KEYS[found]["inertia"]
-    joint = Joint(name, found, parse_quantity(inertia, unit, key) if isinstance(inertia, str) else inertia)
+    joint = Joint(name, found, parse_optional(inertia, unit, key))
     return Campaign(joint, tuple(made), simulated=simulated, inputs=tuple(declared))
 
 
@@ -291,7 +291,7 @@ def _signals(
         signals[quantity] = column.values * conversion(column.unit or "s", si, f"run {bundle.name!r}: {key}")
     stamps = signals.pop("time", None)
     if rate is not None:
-        return signals, parse_quantity(rate, "Hz", "rate") if isinstance(rate, str) else float(rate)
+        return signals, parse_quantity(rate, "Hz", "rate")
     if stamps is None:
         raise InputError(
             f"run {bundle.name!r}: neither time nor rate was given; give rate='1 kHz', or the instants, or time=None "

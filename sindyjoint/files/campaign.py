@@ -34,7 +34,7 @@ from sindyjoint.files.manifest import (
 )
 from sindyjoint.files.readers import Table, open_blocks, read_table
 from sindyjoint.files.timeaxis import check_frequency, on_clock
-from sindyjoint.files.units import input_unit, parse_quantity, split_quantity, unit_ratio
+from sindyjoint.files.units import input_unit, parse_optional, parse_quantity, split_quantity, unit_ratio
 from sindyjoint.inputs import Input, LongRecord, Source, lagged
 from sindyjoint.measurement.runs import measured_run, travelled_run
 from sindyjoint.numeric import Array
@@ -93,7 +93,7 @@ def load_campaign(path: str | os.PathLike[str], longest: int | None = None) -> C
             joint,
             runs,
             simulated=simulated,
-            skew=None if skew is None else parse_quantity(skew, "s", f"{file}: [channels] skew"),
+            skew=parse_optional(skew, "s", f"{file}: [channels] skew"),
             notes=notes,
             guessed=tuple(manifest.guessed),
             inputs=tuple(loader.inputs.inputs.values()),
@@ -151,7 +151,7 @@ def _make_joint(table: JointTable, file: str) -> Joint:
         ]
     )
     text = getattr(table, key)
-    inertia = None if text is None else parse_quantity(text, unit, f"{where} {key}")
+    inertia = parse_optional(text, unit, f"{where} {key}")
     if inertia is not None and inertia < 0:
         raise InputError(
             f"{where} {key}: {text!r} is negative; expected zero or more, or leave it out to identify it"
@@ -193,9 +193,7 @@ class _RunLoader:
         channels = self.manifest.channels.overridden_by(table.channels)
         check_keys(channels, self.manifest.rig, self.motion, self.file)
         path = self.file.parent / table.file
-        frequency = table.frequency
-        if isinstance(frequency, str):
-            frequency = parse_quantity(frequency, "Hz", f"{entry} frequency")
+        frequency = parse_optional(table.frequency, "Hz", f"{entry} frequency")
         first = rows is None
         apart = table.rows is not None
         whole = self._cut_long_run(path, index, channels, frequency) if first and not apart else None
@@ -356,7 +354,7 @@ class DeclaredInputs:
             unit = (
                 value.split(maxsplit=1)[1] if " " in value.strip() else split_quantity(value, where, "K")[1]
             )
-        lag = 0.0 if table.lag is None else parse_quantity(table.lag, "s", f"{where}.lag")
+        lag = parse_optional(table.lag, "s", f"{where}.lag") or 0.0
         return made_input(name, unit or "1", where, table.reference, label=table.name or "", lag=lag)
 
     def columns(self, run: RunTable) -> dict[str, InputTable]:

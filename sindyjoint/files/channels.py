@@ -25,7 +25,7 @@ from sindyjoint.files.timeaxis import (
     unwound,
     with_lost_samples,
 )
-from sindyjoint.files.units import conversion, parse_quantity, split_quantity, unit_ratio
+from sindyjoint.files.units import conversion, parse_optional, parse_quantity, split_quantity, unit_ratio
 from sindyjoint.inputs import FileUnit
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.policy import SHARED
@@ -181,11 +181,7 @@ class RunReader:
                 constants[quantity] = parse_quantity(channel.constant, unit, f"{where}.constant")
             elif channel.column is not None:
                 factor = conversion(channel.unit or "", unit, where, channel.gain)
-                offset = (
-                    parse_quantity(channel.offset, unit, f"{where}.offset")
-                    if channel.offset is not None
-                    else 0.0
-                )
+                offset = parse_optional(channel.offset, unit, f"{where}.offset") or 0.0
                 found = [columns[column] for column in channel.columns]
                 if quantity == "angle":
                     found = [self._unwound(x, channel.unit or "", factor) for x in found]
@@ -291,9 +287,8 @@ class RunReader:
         """Turn strains and displacements into moment and angle by Eqs. 1–3."""
 
         def constant(name: str, unit: str) -> float:
-            text, where = getattr(rig, name), f"{self.manifest}: [rig]"
-            value = text if isinstance(text, float) else parse_quantity(text, unit, f"{where} {name}")
-            return check_positive(f"{where} {name}", value)
+            where = f"{self.manifest}: [rig] {name}"
+            return check_positive(where, parse_quantity(getattr(rig, name), unit, where))
 
         if rig.strain is not None:
             factor = conversion(
@@ -365,7 +360,7 @@ class RunReader:
 
     def _declared_rate(self) -> float:
         given, where = self.channels.rate, f"{self.manifest}: [channels] rate"
-        rate = parse_quantity(given, "Hz", where) if isinstance(given, str) else float(given or 0.0)
+        rate = parse_quantity(0.0 if given is None else given, "Hz", where)
         if not (np.isfinite(rate) and rate > 0):
             raise InputError(f"{where}: {given!r}; expected a positive rate")
         return rate
@@ -463,7 +458,7 @@ def declared_gains(channels: Channels, motion: Motion, where: str) -> dict[str, 
         given = channel.gain_uncertainty
         if given is not None:
             place = f"{where} {key}.gain_uncertainty"
-            share = parse_quantity(given, "m/m", place) if isinstance(given, str) else float(given)
+            share = parse_quantity(given, "m/m", place)
             if not 0 < share < 1:
                 raise InputError(f"{place}: {given!r}; expected a share such as '1 %'")
             values[quantity] = share

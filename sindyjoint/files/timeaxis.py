@@ -104,6 +104,8 @@ def with_lost_samples(
         False at samples that were lost. ``None`` where the stamps are on no grid, most of it is missing, or nothing.
     """
     steps = np.diff(time)
+    if not steps.size or np.any(steps <= 0):
+        return None
     places = np.concatenate([[0], np.cumsum(np.round(steps / np.median(steps)))]).astype(np.int64)
     if np.any(np.diff(places) < 1) or places[-1] + 1 > 2 * time.size or places[-1] + 1 == time.size:
         return None
@@ -357,13 +359,16 @@ def check_frequency(
     )
 
 
+def without_drift(signal: Array, degree: int) -> Array:
+    """Return a signal without a polynomial: slow drift is no line, and no excitation."""
+    abscissa = np.linspace(-1, 1, signal.size)
+    return np.asarray(signal - np.polyval(np.polyfit(abscissa, signal, degree), abscissa))
+
+
 def _measure_line(signal: Array, rate: float, frequency: float) -> tuple[float, float, float]:
     """Return the line's share of the largest line, its contrast, and the largest line's frequency, Hz."""
     n = signal.size
-    abscissa = np.linspace(-1, 1, n)
-    # Slow drift is no line.
-    steady = signal - np.polyval(np.polyfit(abscissa, signal, 3), abscissa)
-    amplitude = line_spectrum(steady)
+    amplitude = line_spectrum(without_drift(signal, 3))
     frequencies = np.fft.rfftfreq(n, 1 / rate)
     lines = np.where(frequencies >= 2 * rate / n, amplitude, 0.0)
     tolerance = max(2 * rate / n, 0.02 * frequency)

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -138,28 +136,21 @@ def _try_parse(unit: str) -> pint.Unit | None:
         return None
 
 
-@contextmanager
-def _with_factor(unit: pint.Unit | str, where: str) -> Iterator[None]:
-    """Refuse what pint refuses."""
-    try:
-        yield
-    # Logarithms, scales with another zero in products, huge powers: each in another way.
-    except Exception:
-        raise UnitError(
-            f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ..."
-        ) from None
-
-
-def _root(unit: pint.Unit, where: str) -> tuple[float, dict[str, object]]:
-    """Return factor and powers of a unit in pint's root units, the radian among them; or refuse it."""
+def _root(unit: pint.Unit, where: str, gain: pint.Unit | None = None) -> tuple[float, dict[str, object]]:
+    """Return factor and powers of a unit, times that of a gain, in pint's root units, the radian among them."""
     from pint.util import to_units_container
 
-    with _with_factor(unit, where):
+    try:
+        unit = unit if gain is None else unit * gain
         if registry().Quantity(0.0, unit).to_root_units().magnitude != 0:
             raise UnitError("nothing of it is something: a logarithm, or a scale with another zero")
         factor, root = registry().get_root_units(unit)
         return float(factor), dict(to_units_container(root))  # type: ignore[arg-type]
-    raise AssertionError("unreachable: a fault is raised as another")
+    # pint refuses logarithms, scales with another zero in products, huge powers: each in another way.
+    except Exception:
+        raise UnitError(
+            f"{where}: unit {str(unit)!r:.60} has no factor to SI; write it as 'N*m', 'mrad' ..."
+        ) from None
 
 
 def _kelvin(value: float, unit: pint.Unit) -> float | None:
@@ -196,13 +187,11 @@ def conversion(unit: str, expected: str, where: str, gain: str | None = None) ->
         return usual[unit]
     if expected in ACCELERATIONS:
         unit, gain = _GRAVITY.sub("standard_gravity", unit), gain and _GRAVITY.sub("standard_gravity", gain)
-    number, total = 1.0, _parse_unit(unit, where)
+    number, declared, of_gain = 1.0, _parse_unit(unit, where), None
     if gain is not None:
         number, gain_unit = split_quantity(gain, f"{where} gain", expected)
-        factored = _parse_unit(gain_unit, f"{where} gain")
-        with _with_factor(total, where):
-            total = total * factored
-    factor, powers = _root(total, where)
+        of_gain = _parse_unit(gain_unit, f"{where} gain")
+    factor, powers = _root(declared, where, of_gain)
     expected_factor, expected_powers = _root(registry().parse_units(expected), where)
     # A slope such as mm/m is an angle as it stands; a count is none.
     slope = expected == "rad" and not powers and unit not in COUNTS
@@ -251,14 +240,16 @@ def input_unit(unit: str, where: str) -> tuple[str, float, float]:
     )
 
 
-def parse_quantity(text: str, expected: str, where: str) -> float:
-    """Return a declared quantity such as ``"0.02 kg*m^2"`` in the expected SI unit.
+def parse_quantity(text: str | float, expected: str, where: str) -> float:
+    """Return a declared quantity such as ``"0.02 kg*m^2"`` in the expected SI unit, in which a plain number stands.
 
     Raises
     ------
     UnitError
         For text that is not a number with a unit, an unknown unit, or one of another dimension.
     """
+    if not isinstance(text, str):
+        return float(text)
     number, unit = split_quantity(text, where, expected)
     kelvin = _kelvin(number, _parse_unit(unit, where)) if expected == "K" else None
     if kelvin is not None:
@@ -267,6 +258,11 @@ def parse_quantity(text: str, expected: str, where: str) -> float:
     if not math.isfinite(value):
         raise UnitError(f"{where}: {text!r:.60} is beyond what a computer counts with; check number and unit")
     return value
+
+
+def parse_optional(text: str | float | None, expected: str, where: str) -> float | None:
+    """Return :func:`parse_quantity` of what may have been left out: None, then."""
+    return None if text is None else parse_quantity(text, expected, where)
 
 
 def unit_ratio(stated: str, declared: str) -> float | None:

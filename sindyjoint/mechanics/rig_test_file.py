@@ -9,7 +9,7 @@ import numpy as np
 
 from sindyjoint.errors import InputError, refuse
 from sindyjoint.files.readers import read_table
-from sindyjoint.files.units import parse_quantity
+from sindyjoint.files.units import parse_optional, parse_quantity
 from sindyjoint.mechanics import Law
 from sindyjoint.mechanics.rig_file import (
     DriveTable,
@@ -170,7 +170,7 @@ def _chain(
 ) -> tuple[Structure, tuple[str, ...], tuple[UncertainNumber, ...], Chain]:
     items, stiffness = build_chain(given, laws)
     solvable_structure(items, stiffness)
-    frequency = given.loss_frequency and parse_quantity(given.loss_frequency, "Hz", "loss_frequency")
+    frequency = parse_optional(given.loss_frequency, "Hz", "loss_frequency")
     structure = assemble(items, stiffness, stations, frequency or None)
     if not frequency:
         unknown = any(hinge.law is UNKNOWN for hinge in structure.hinges)
@@ -251,7 +251,7 @@ def _matrix(table: Any, name: str, n: int, file: Path) -> Array | None:
         names = [pattern.format(name, number) for number in range(first, first + n)]
         if n > 1 and all(each in table.names for each in names):
             matrix = np.column_stack(table.columns(names))
-            if matrix.shape == (n, n) and np.all(np.isfinite(matrix)):
+            if matrix.shape == (n, n):
                 return matrix
             raise InputError(f"{file}: {name} has shape {matrix.shape}; expected ({n}, {n}), finite numbers")
     if n == 1 and name in table.names:
@@ -264,9 +264,7 @@ def _point(place: str | StationTable) -> str:
 
 
 def _noise(table: SensorTable | DriveTable, where: str) -> float | None:
-    return (
-        None if table.noise is None else parse_quantity(table.noise, UNITS[table.quantity], f"{where} noise")
-    )
+    return parse_optional(table.noise, UNITS[table.quantity], f"{where} noise")
 
 
 def _pulse_test(given: RigFile, path: Path) -> RigTest:
@@ -312,10 +310,8 @@ def _drive_of(table: RunTable, number: int, drive: DriveTable) -> Drive:
         raise InputError(f"{where}: a run to simulate wants shape and amplitude")
     ends = [parse_quantity(end, "Hz", f"{where} band") for end in table.band or ()]
     band = (ends[0], ends[1]) if ends else None
-    frequency = (
-        None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{where} frequency")
-    )
-    width = None if table.width is None else parse_quantity(table.width, "s", f"{where} width")
+    frequency = parse_optional(table.frequency, "Hz", f"{where} frequency")
+    width = parse_optional(table.width, "s", f"{where} width")
     name = table.name or Path(table.file or f"run-{number:02d}").stem
     return Drive(
         name, table.shape, parse_quantity(table.amplitude, UNITS[drive.quantity], f"{where} amplitude"),

@@ -17,7 +17,7 @@ from sindyjoint.documents import read_toml
 from sindyjoint.errors import InputError, MissingInputError, SindyJointError, UnknownNameError, refuse
 from sindyjoint.files.readers import read_table
 from sindyjoint.files.timeaxis import bridged, with_lost_samples
-from sindyjoint.files.units import conversion, parse_quantity
+from sindyjoint.files.units import conversion, parse_optional, parse_quantity
 from sindyjoint.inputs import Source
 from sindyjoint.mechanics import Law, PaperLaw
 from sindyjoint.mechanics.beam import Beam, rectangular_section
@@ -263,8 +263,8 @@ def build_item(part: PartTable, where: str, laws: Mapping[str, Law]) -> Item:
 
     def number(name: str, unit: str) -> float:
         text = getattr(part, name)
-        value = 0.0 if text is None else parse_quantity(text, unit, f"{where} {name}")
-        if text is not None and not (value == 0 or SMALLEST < abs(value) < LARGEST):
+        value = parse_optional(text, unit, f"{where} {name}") or 0.0
+        if value != 0 and not SMALLEST < abs(value) < LARGEST:
             raise InputError(f"{where} {name} is {value:g} in SI; no part of a structure has that")
         return value
 
@@ -324,8 +324,7 @@ def _on_grid(
     file: Path, time: Array, signals: dict[str, Array], present: NDArray[np.bool_]
 ) -> tuple[dict[str, Array], float, NDArray[np.bool_]]:
     """Return signals on the whole grid of a recorder that lost rows, its rate, Hz, and which samples it holds."""
-    steps = np.diff(time)
-    whole = with_lost_samples(time, signals) if steps.size and np.all(steps > 0) else None
+    whole = with_lost_samples(time, signals)
     if whole is None:
         return signals, _uniform_rate(file, time), present
     filled, rate, recorded = whole
@@ -342,9 +341,6 @@ def _read_series(
     to_si = conversion(channel.unit, target, f"{file}: {name}")
     stamps, values = read_table(file)[0].columns([time.column, channel.column])
     rate = _uniform_rate(file, stamps * seconds)
-    if not np.all(np.isfinite(values)):
-        row = int(np.flatnonzero(~np.isfinite(values))[0])
-        raise InputError(f"{file}: {name} is not a finite number in data row {row + 1}; repair the file")
     return values * to_si, rate
 
 
@@ -372,9 +368,7 @@ def read_run(table: RunTable, given: RigFile, path: Path) -> RigRun:
     held = {str(at): bridged(each) * factor for at, (each, factor) in pairs}
     held, rate, present = _on_grid(file, bridged(stamps) * seconds, held, np.isfinite(values))
     drive, *responses = held.values()
-    frequency = (
-        None if table.frequency is None else parse_quantity(table.frequency, "Hz", f"{file}: frequency")
-    )
+    frequency = parse_optional(table.frequency, "Hz", f"{file}: frequency")
     columns: list[tuple[str, Any]] = [("time", given.time), (DRIVE, given.drive)]
     columns += [(str(each.column), each) for each in given.sensor]
     units = tuple(read.unit(name, each.column, each.unit) for name, each in columns)
