@@ -9,12 +9,13 @@ is wrong with the file. A new format is one function and one line in ``READERS``
 from __future__ import annotations
 
 import difflib
+import gzip
 import hashlib
+import io
 import math
 import os
 import re
 import warnings
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
@@ -444,16 +445,13 @@ def ending_of(path: Path) -> str:
 
 def _unpacked(path: Path, data: bytes) -> bytes:
     """Return what is packed in the bytes of a gzip file, no more of it than a file may take in memory."""
-    opened, parts = zlib.decompressobj(wbits=31), [b""]
-    while data:
-        with foreign(path, "gzip"):
-            parts.append(opened.decompress(data, largest_bytes() + 1))
-        check_bytes(path, sum(map(len, parts)))
-        if not opened.eof:
-            raise InputError(f"{path}: ends early: it was cut off; copy it again")
-        # Several may stand one after the other.
-        data, opened = opened.unused_data, zlib.decompressobj(wbits=31)
-    return b"".join(parts)
+    with foreign(path, "gzip"):
+        try:
+            content = gzip.GzipFile(fileobj=io.BytesIO(data)).read(largest_bytes() + 1)
+        except EOFError:
+            raise InputError(f"{path}: ends early: it was cut off; copy it again") from None
+    check_bytes(path, len(content))
+    return content
 
 
 def open_blocks(path: str | Path, skip: int | None = None) -> Table | None:

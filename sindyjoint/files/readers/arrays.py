@@ -2,9 +2,9 @@
 
 Nothing in them is unpickled, and nothing allocated before its size is known.
 
-Compiled readers end the process on some damaged files, which no ``except`` can catch; here a wrong length is a wrong
-length. Only what tables need is read: real numeric arrays, structs and cells of them, and lines of text. Objects,
-sparse and complex arrays are passed over.
+Compiled readers end the process on some damaged files, which no ``except`` can catch, SciPy's of version 5 among them;
+here a wrong length is a wrong length. Version 4 SciPy reads in Python, too. Only what tables need is read: real numeric
+arrays, structs and cells of them, and lines of text. Objects, sparse and complex arrays are passed over.
 
 MathWorks, "MAT-File Format", describes both versions.
 """
@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.errors import InputError
@@ -282,7 +283,6 @@ MATRIX, COMPRESSED, CELL, STRUCT, TEXT = 14, 15, 1, 2, 4
 COMPLEX, LOGICAL = 0x0800, 0x0200
 HEADER = 128
 DEEPEST = 20
-V4_NUMBERS = ("f8", "f4", "i4", "i2", "u2", "u1")
 V4_HEADER = 20
 # What programs call the name of a vector that stands beside it.
 LABELS = ("label", "name", "Label", "Name")
@@ -376,7 +376,10 @@ def read_arrays(path: Path, data: bytes) -> Iterator[tuple[str, NDArray[Any]]]:
         raise InputError(f"{path}: cannot be read as MATLAB: it has {len(data)} bytes")
     # In version 4 the first number is small; in version 5 the file begins with four letters.
     if 0 in data[:4]:
-        yield from _read_version_4(path, data)
+        for name, array in scipy.io.loadmat(io.BytesIO(data), chars_as_strings=False).items():
+            if isinstance(array, np.ndarray) and array.dtype.kind in "fiu":
+                check_array(path, array.shape, array.itemsize)
+                yield name, array
         return
     if len(data) < HEADER or data[126:128] not in (b"IM", b"MI"):
         raise InputError(
@@ -493,30 +496,3 @@ class _Elements:
                 raise self.damaged(f"field {field!r:.40} is of type {code}")
             if data:
                 yield from self.matrix(data, f"{name}.{field}")
-
-
-def _read_version_4(path: Path, data: bytes) -> Iterator[tuple[str, NDArray[Any]]]:
-    at = 0
-    while at < len(data):
-        kind = number = text = rows = columns = imaginary = length = -1
-        order = ">"
-        if at + V4_HEADER <= len(data):
-            order = "<" if struct.unpack_from("<i", data, at)[0] in range(5000) else ">"
-            kind, rows, columns, imaginary, length = struct.unpack_from(order + "5i", data, at)
-            number, text = kind // 10 % 10, kind % 10
-        fits = (
-            0 <= kind < 5000 and number < 6 and text < 3 and min(rows, columns) >= 0 and 1 <= length <= 1024
-        )
-        dtype = np.dtype(order + V4_NUMBERS[number if fits else 0])
-        start = at + V4_HEADER + length
-        end = start + rows * columns * dtype.itemsize * (2 if imaginary else 1)
-        if not fits or end > len(data):
-            raise InputError(
-                f"{path}: cannot be read as MATLAB: what stands at byte {at} is no array; it may be truncated, damaged "
-                "or of another format"
-            )
-        name = data[at + V4_HEADER : start].split(b"\0")[0].decode("latin-1")
-        if name and not text and not imaginary:
-            check_array(path, (rows, columns), dtype.itemsize)
-            yield name, np.frombuffer(data, dtype, rows * columns, start).reshape((rows, columns), order="F")
-        at = end
