@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from sindyjoint.equation.internal_states import pointer, shifted
+from sindyjoint.mechanics.kernels import copied
 from sindyjoint.mechanics.transient_kernel import (
     OPTIONS,
     holding_moments,
@@ -107,8 +108,7 @@ def _trial(time, x, problem, side, scale, state, ahead, moments, rooms, done, ro
 def _accept(sizes, side, state, ahead, total, done):
     """Take a trial step; only a joint without friction gets there against its direction."""
     n, joints, most = sizes
-    for i in range(2 * n + joints * most):
-        state[i] = ahead[i]
+    copied(2 * n + joints * most, ahead, state)
     for j in range(joints):
         total[2 * j] += done[2 * j]
         total[2 * j + 1] += done[2 * j + 1]
@@ -315,11 +315,10 @@ def march(h, matrices, load, laws, limits, drive, forces, motion, moments, stuck
     state, ahead = shifted(side, joints), shifted(side, joints + 2 * n + joints * most)
     space = shifted(ahead, 2 * n + joints * most)
     own = shifted(space, 2 * n + joints * most + 7 * joints)
-    for i in range(n):
-        state[i], state[n + i] = q[0, i], v[0, i]
-    for j in range(joints):
-        for i in range(most):
-            state[2 * n + j * most + i] = z[0, j, i]
+    rows_q, rows_v, rows_z, inner_states = pointer(q), pointer(v), pointer(z), joints * most
+    copied(n, rows_q, state)
+    copied(n, rows_v, shifted(state, n))
+    copied(inner_states, rows_z, shifted(state, 2 * n))
     _begin(problem, force[0], state, answer, side, own)
     changes, at, last, fastest, fresh = 0, 0, q.shape[0] - 1, 1e-12, True
     sticks = False
@@ -350,11 +349,10 @@ def march(h, matrices, load, laws, limits, drive, forces, motion, moments, stuck
         else:
             _accept(sizes, side, state, ahead, total, done)
         at += 1
-        for i in range(n):
-            q[at, i], v[at, i] = state[i], state[n + i]
+        copied(n, state, shifted(rows_q, at * n))
+        copied(n, shifted(state, n), shifted(rows_v, at * n))
+        copied(inner_states, shifted(state, 2 * n), shifted(rows_z, at * inner_states))
         for j in range(joints):
-            for i in range(most):
-                z[at, j, i] = state[2 * n + j * most + i]
             stuck[at, j] = side[j] == 0.0
             fastest = max(fastest, abs(state[n + j]))
             if not bound[2 * j] <= state[j] <= bound[2 * j + 1]:

@@ -110,6 +110,13 @@ def call_law(typingctx, address, theta, omega, direction, state, parameters, out
     return signature, codegen
 
 
+@njit(cache=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+def copied(count, source, target):
+    """Fill so many numbers with others; both are pointers."""
+    for i in range(count):
+        target[i] = source[i]
+
+
 @njit(cache=True, error_model="numpy")
 def paper_law(theta, omega, direction, state, parameters, out):
     """Five-term law (paper Eq. 6); parameters k1, k2, k3, c1, M_F."""
@@ -272,11 +279,8 @@ def fastest_decay(address, angle, rate, direction, parameters, state):
         step = COARSE_DIFFERENCE * size
         if not 0 < step < np.inf:
             continue
-        sides = []
-        for sign in (-1.0, 1.0):
-            moved = own.copy()
-            moved[place] += sign * step
-            sides.append(np.abs(rates(moved)[place] - middle[place]))
+        nudge = step * np.eye(len(own))[:, [place]]
+        sides = (np.abs(rates(own + sign * nudge)[place] - middle[place]) for sign in (-1.0, 1.0))
         slope = np.minimum(*sides) / step
         largest = max(largest, float(slope[np.isfinite(slope)].max(initial=0.0)))
     return largest

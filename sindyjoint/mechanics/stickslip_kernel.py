@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from sindyjoint.equation.internal_states import pointer, shifted
-from sindyjoint.mechanics.kernels import call_law
+from sindyjoint.mechanics.kernels import call_law, copied
 
 DONE, LIMIT, NOT_FINITE, STEP_TOO_SMALL, TOO_MANY_STEPS, ACTIVE_FRICTION = range(6)
 
@@ -271,8 +271,7 @@ def _stick(t, sample, step_sizes, theta, states, law, drive, motion):
             still = (0.0, 0.0, 0.0, 0.0, 0.0)
             sample = _record(t, h, 1.0, 0.0, sample, sample_step, theta, still, states, motion)
         t += h
-        for j in range(n):
-            z0[j] = z1[j]
+        copied(n, z1, z0)
         if n:
             interval = _friction_interval(theta, z0, law, out)
     return t, sample, 1.0 if excitation_at(t, drive) > interval[1] else -1.0
@@ -314,9 +313,8 @@ def integrate(
     z1, kz = shifted(z, n), shifted(z, 3 * n)
     states = (z, z1, kz, shifted(z, 10 * n), shifted(z, 2 * n))
     x, v, a = y[0], y[1], 0.0
-    for j in range(n):
-        z[j] = y[2 + j]
-        z1[j] = z[j]
+    copied(n, shifted(pointer(y), 2), z)
+    copied(n, z, z1)
     tiny = 1e-14 * n_samples * sample_step
     step_sizes = (sample_step, max_step, tiny)
     # np.int64: a literal would be another type, and every function taking it compiled twice.

@@ -275,20 +275,14 @@ def craig_bampton(structure: Structure, points: Sequence[str], modes: int = 12) 
     Structure
         Coordinates: joint angles, deflections at the points, modes.
     """
-    rows = np.stack([structure.point(name) for name in dict.fromkeys(points)]) if points else np.zeros((0, 0))
-    n = len(structure.mass)
-    if len(points) and not np.all(rows.any(axis=1)):
-        still = [name for name in points if not structure.point(name).any()]
+    n, rows = len(structure.mass), {name: structure.point(name) for name in points}
+    still = [name for name in points if not rows[name].any()]
+    if still:
         raise InputError(f"point(s) {', '.join(still)} do not move: they sit at the base")
-    kept = np.concatenate(
-        [np.arange(structure.n_joints), np.argmax(rows, axis=1) if len(points) else []]
-    ).astype(int)
-    kept = np.array(list(dict.fromkeys(kept.tolist())), dtype=int)
+    largest = (int(np.argmax(row)) for row in rows.values())
+    kept = np.array(list(dict.fromkeys([*range(structure.n_joints), *largest])), dtype=int)
     internal = np.setdiff1d(np.arange(n), kept)
-    k_internal, m_internal = (
-        structure.stiffness[np.ix_(internal, internal)],
-        structure.mass[np.ix_(internal, internal)],
-    )
+    k_internal, m_internal = (m[np.ix_(internal, internal)] for m in (structure.stiffness, structure.mass))
     basis = np.zeros((n, len(kept) + min(modes, len(internal))))
     basis[kept, np.arange(len(kept))] = 1.0
     if len(internal):
@@ -330,9 +324,8 @@ def projected(structure: Structure, basis: Array) -> Structure:
         reduced = basis.T @ matrix @ basis
         return (reduced + reduced.T) / 2
 
-    reduced_points: Mapping[str, Array] = {name: row @ basis for name, row in structure.points.items()}
     return Structure(
         project(structure.mass), project(structure.stiffness), project(structure.loss), structure.hinges,
-        dict(reduced_points), structure.loss_frequency,
+        {name: row @ basis for name, row in structure.points.items()}, structure.loss_frequency,
         viscous=None if structure.viscous is None else project(structure.viscous), basis=basis,
     )  # fmt: skip

@@ -208,30 +208,25 @@ class _Motion:
             self.excitation.integrated, (mean, before_jump), (self.q, self.v, self.z), self.moments, self.stuck,
             self.work, room,
         )  # fmt: skip
-        time = float(grid[reached])
-        if reason == crossing.PAST_LIMIT:
-            raise _limit_error(hinges[j].name, bounds[j], time)
-        if reason == crossing.NOT_CONVERGED:
-            raise SimulationError(
-                f"the joint's moment was not found at t = {time:.6g} s: the step of {self.step:.3g} s is too large for "
-                "this law; reduce the step",
-                time=time,
-            )
-        if reason == crossing.RESTLESS:
-            raise SimulationError(
-                f"a joint changed between stick and slip over {crossing.CHANGES} times in one step at "
-                f"t = {time:.6g} s; reduce the step",
-                time=time,
-            )
+        if reason != crossing.END:
+            time, (low, high) = float(grid[reached]), bounds[j]
+            texts = {
+                crossing.PAST_LIMIT: (
+                    f"joint {hinges[j].name!r} left its angle range ({low:.4g} to {high:.4g} rad) at t = {time:.6g} s: "
+                    "past the softening limit its tangent stiffness is negative; lower the force, or pass limits=None "
+                    "to follow it"
+                ),
+                crossing.NOT_CONVERGED: (
+                    f"the joint's moment was not found at t = {time:.6g} s: the step of {self.step:.3g} s is too large "
+                    "for this law; reduce the step"
+                ),
+                crossing.RESTLESS: (
+                    f"a joint changed between stick and slip over {crossing.CHANGES} times in one step at "
+                    f"t = {time:.6g} s; reduce the step"
+                ),
+            }
+            raise SimulationError(texts[reason], time=time)
         return int(changes)
-
-
-def _limit_error(name: str, bounds: Array, time: float) -> SimulationError:
-    return SimulationError(
-        f"joint {name!r} left its angle range ({bounds[0]:.4g} to {bounds[1]:.4g} rad) at t = {time:.6g} s: past the "
-        "softening limit its tangent stiffness is negative; lower the force, or pass limits=None to follow it",
-        time=float(time),
-    )
 
 
 def _collect_response(record: _Motion, points: Sequence[str], parts: int, events: int) -> Response:

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from sindyjoint.equation.internal_states import shifted
-from sindyjoint.mechanics.kernels import call_law
+from sindyjoint.mechanics.kernels import call_law, copied
 
 # All of it works on pointers and is called from compiled code only: bounds, strides and wrappers of arrays would take
 # longer to compile than the arithmetic.
@@ -50,8 +50,7 @@ def _bisected_states(address, theta, omega, direction, h, p, n, z, answer, out):
     A slider's rate jumps to zero where it yields. The answer is then the yield itself, which bisection finds as the
     position of the jump (the return mapping of plasticity).
     """
-    for i in range(n):
-        answer[i] = z[i]
+    copied(n, z, answer)
     good = True
     for _ in range(3 if n > 1 else 1):
         for i in range(n):
@@ -169,8 +168,7 @@ def prepare_holding(sizes, system, direction):
     for j in range(joints):
         sticks = sticks or direction[j] == 0.0
     if sticks:
-        for i in range(n * n):
-            inverse[i] = mass[i]
+        copied(n * n, mass, inverse)
         _invert_moving(inverse, n, joints, direction)
     return sticks
 
@@ -203,8 +201,7 @@ def step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, ro
     for j in range(joints):
         trial[j] = before[j] = a[j]
         slope[j] = change[j] = 0.0
-    for i in range(joints * most):
-        z_mid[i] = z[i]
+    copied(joints * most, z, z_mid)
     smallest, converged = np.inf, False
     for iteration in range(200):
         for j in range(joints):
@@ -216,13 +213,11 @@ def step(h, sizes, system, laws, direction, force, q, v, z, q1, v1, z1, work, ro
                 theta, omega, nudge = q[j], 0.0, 0.0
             moment[j] = _joint_moment(law, theta, omega, direction[j], h, z_j, mid_j, out)
             if nudge > 0.0:
-                for i in range(most):
-                    keep[i] = mid_j[i]
+                copied(most, mid_j, keep)
                 theta, omega = theta + 0.25 * h * h * nudge, omega + 0.5 * h * nudge
                 ahead = _joint_moment(law, theta, omega, direction[j], h, z_j, mid_j, out)
                 slope[j] = (ahead - moment[j]) / nudge
-                for i in range(most):
-                    mid_j[i] = keep[i]
+                copied(most, keep, mid_j)
         largest, done = 0.0, True
         for j in range(joints):
             total, size = trial[j] - a[j], abs(trial[j]) + abs(a[j])

@@ -149,13 +149,11 @@ def simulate_run(
     ahead = np.arange(1, OVERSAMPLING * REACH + 1) / fine
     if drive.period:
         time = np.concatenate([time, time[-1] + ahead])
-        values = drive.values(time, generator)
-    else:
-        values = np.concatenate([drive.values(time, generator), np.zeros(ahead.size)])
-    if drive.period:
         # It fades in over a second.
         edge = np.clip(time, 0, 1)
-        values *= edge**2 * (3 - 2 * edge)
+        values = drive.values(time, generator) * (edge**2 * (3 - 2 * edge))
+    else:
+        values = np.concatenate([drive.values(time, generator), np.zeros(ahead.size)])
     moved = structure
     if at == BASE:
         moved = replace(structure, points={**structure.points, BASE: load_row(structure, at)})
@@ -169,8 +167,7 @@ def simulate_run(
         _sampled(response.force, rate, OVERSAMPLING),
         *(_shown(structure, at, each, response, rate) for each in sensors),
     ]
-    first = round(settling * recorder.sample_rate)
-    n = round(recorder.duration * recorder.sample_rate)
+    first, n = round(settling * rate), round(recorder.duration * rate)
     channel = Channel(noise=recorder.noise)
     drive_signal, *others = (channel.read(s[first : first + n], generator) for s in whole)
     run = RigRun(
