@@ -8,6 +8,7 @@ from sindyjoint.described import same
 from sindyjoint.hooks import fetched
 from sindyjoint.mechanics.rig_test import BASE, DRIVE, RigTest
 from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
+from sindyjoint.text import quantities
 
 __getattr__ = fetched(
     __name__,
@@ -319,14 +320,17 @@ class Words:
 
 def words_of(motion: Motion) -> Words:
     """Return the words of a joint's kind of motion."""
-    load, path, speed, moment, angle = (
-        ("moment", "angle", "rate", "N*m", "rad") if motion == "rotation"
-        else ("force", "displacement", "velocity", "N", "m")
-    )  # fmt: skip
-    units = {"moment": moment, "angle": angle, "rate": f"{angle}/s", "acceleration": f"{angle}/s^2"}
-    names = {"moment": load, "angle": path, "rate": speed}
+    q = quantities(motion)
+    path, speed, acceleration = q.angle.lower(), q.rate.lower(), f"{q.angle_unit}/s^2"
+    units = {
+        "moment": q.moment_unit,
+        "angle": q.angle_unit,
+        "rate": q.rate_unit,
+        "acceleration": acceleration,
+    }
+    names = {"moment": q.moment.lower(), "angle": path, "rate": speed}
     names |= {MEASURED_ANGLE: f"{path} sensor", MEASURED_RATE: f"{speed} sensor"}
-    return Words(units | {MEASURED_ANGLE: angle, MEASURED_RATE: f"{angle}/s"}, names)
+    return Words(units | {MEASURED_ANGLE: q.angle_unit, MEASURED_RATE: q.rate_unit}, names)
 
 
 def words_of_data(measured: Campaign | RigTest) -> Words:

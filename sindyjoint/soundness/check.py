@@ -9,7 +9,7 @@ import numpy as np
 from sindyjoint.described import Shown, same
 from sindyjoint.errors import SindyJointError, UnknownNameError, UnsoundError
 from sindyjoint.mechanics.rig_test import RigTest
-from sindyjoint.record import Campaign, Motion, Run
+from sindyjoint.record import Campaign, Motion
 from sindyjoint.soundness import (
     DELAY,
     KINDS,
@@ -24,8 +24,7 @@ from sindyjoint.soundness.detectors import (
     Record,
     copies,
     course,
-    record_of,
-    record_of_structure,
+    records_of,
     sizes,
     values,
 )
@@ -65,14 +64,15 @@ def _find_in_samples(records: Sequence[Record], words: Words) -> Iterator[Findin
 def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
     from sindyjoint.soundness.law.sensors import find_in_sensors, recovered
 
-    raw = [record_of_structure(test, run) for run in test.runs]
+    raw = records_of(test)
     yield from sizes.find_unit_mismatches(raw, words)
     dead, twice = list(values.find_dead(raw, words)), list(copies.find_copies(raw, words))
     samples = list(_find_in_samples(raw, words))
     filled = fill_test(test, samples)[0]
-    whole = [record_of_structure(filled, run) for run in filled.runs]
     along = [
-        f for record in whole for f in (*sizes.find_lines(record, words), *course.find_course(record, words))
+        f
+        for record in records_of(filled)
+        for f in (*sizes.find_lines(record, words), *course.find_course(record, words))
     ]
     found = [*dead, *twice, *samples, *along]
     yield from found
@@ -82,7 +82,7 @@ def _find_in_test(test: RigTest, words: Words) -> Iterator[Finding]:
 
 
 def _find_in_campaign(campaign: Campaign, words: Words) -> Iterator[Finding]:
-    raw = [record_of(run) for run in campaign.runs]
+    raw = records_of(campaign)
     yield from sizes.find_guesses(campaign)
     yield from sizes.find_unequal_units(campaign, words)
     yield from sizes.find_other_sensors(campaign, words)
@@ -210,11 +210,9 @@ class Check(Shown, Generic[Data]):
         return words_of_data(self.measured)
 
     @property
-    def recorded(self) -> Sequence[Run | Record]:
+    def recorded(self) -> Sequence[Record]:
         """The runs."""
-        if isinstance(self.measured, RigTest):
-            return [record_of_structure(self.measured, run) for run in self.measured.runs]
-        return self.measured.runs
+        return records_of(self.measured)
 
     @property
     def simulated(self) -> bool:

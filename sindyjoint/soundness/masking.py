@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sindyjoint.errors import SindyJointError, StandstillError
 from sindyjoint.measurement import difference_noise
 from sindyjoint.measurement.runs import with_channels
-from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
+from sindyjoint.mechanics.rig_test import RigRun, RigTest
 from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import MINIMUM_SAMPLES, Campaign, Run
 from sindyjoint.soundness import Finding, Words
@@ -33,19 +33,13 @@ def mask_campaign(campaign: Campaign, findings: Sequence[Finding]) -> tuple[Camp
     masked = [f for f in findings if f.masked and f.spans]
     by_run = {run.name: [f for f in masked if f.run == run.name] for run in campaign.runs}
     runs = tuple(mask_run(run, by_run[run.name]) for run in campaign.runs)
-    if all(new is old for new, old in zip(runs, campaign.runs, strict=True)):
-        return campaign, ()
-    changed = [run for new, run in zip(runs, campaign.runs, strict=True) if new is not run]
-    counts = {
-        f.id: {
-            run.name: int(np.count_nonzero(_find_samples(run, of_kind)))
-            for run in changed
-            if (of_kind := [g for g in by_run[run.name] if g.id == f.id])
-        }
-        for run in changed
-        for f in by_run[run.name]
-    }
-    return campaign.with_runs(runs), tuple(_say(kind, some, "left out") for kind, some in counts.items())
+    counts: dict[str, dict[str, int]] = {}
+    for run in (run for new, run in zip(runs, campaign.runs, strict=True) if new is not run):
+        for kind in dict.fromkeys(f.id for f in by_run[run.name]):
+            left_out = _find_samples(run, [f for f in by_run[run.name] if f.id == kind])
+            counts.setdefault(kind, {})[run.name] = int(np.count_nonzero(left_out))
+    said = tuple(_say(kind, some, "left out") for kind, some in counts.items())
+    return campaign.with_runs(runs) if counts else campaign, said
 
 
 def leave_out_standstill(
@@ -105,8 +99,7 @@ def fill_test(test: RigTest, findings: Sequence[Finding]) -> tuple[RigTest, tupl
         Those with ``masked`` set count.
     """
     masked = [f for f in findings if f.masked and f.spans]
-    names = [DRIVE, *(sensor.name for sensor in test.sensors)]
-    runs = tuple(_fill_run(run, [f for f in masked if f.run == run.name], names) for run in test.runs)
+    runs = tuple(_fill_run(run, [f for f in masked if f.run == run.name], test.channels) for run in test.runs)
     counts: dict[str, dict[str, int]] = {}
     for f in masked:
         of_kind = counts.setdefault(f.id, {})

@@ -5,12 +5,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from sindyjoint.discovery.delay import ChannelDelay, said_of_removed
+from sindyjoint.equation.formula import unit_for
 from sindyjoint.equation.model import INERTIA, JointModel
 from sindyjoint.limits import EQUATION, SOUNDNESS
 from sindyjoint.record import Campaign
 from sindyjoint.states import ForceStates
 from sindyjoint.text import in_words_of, list_some, quantities
 
+DAMPING = "N*m*s/rad"
 OFFSET_FAMILY = ("constant_moment", "quadratic_stiffness")
 
 
@@ -109,7 +111,9 @@ def _word_delay(delay: ChannelDelay, model: JointModel, aligned: bool) -> str:
     effect = ""
     if "linear_stiffness" in model:
         bias = -delay.time * model["linear_stiffness"].coefficient
-        effect = f", which shifts the viscous damping by about {bias:.3g} {_get_damping_unit(model)}"
+        effect = (
+            f", which shifts the viscous damping by about {bias:.3g} {unit_for(DAMPING, model.joint.motion)}"
+        )
     return (
         f"the {load} seems to {direction[:-1]} the {path} by {size}{effect}: check the common trigger, or run "
         "again with --align"
@@ -120,10 +124,6 @@ def channel_words(model: JointModel) -> tuple[str, str]:
     """Return what the two channels are called for this joint's kind of motion."""
     q = quantities(model.joint.motion)
     return q.moment.lower(), q.angle.lower()
-
-
-def _get_damping_unit(model: JointModel) -> str:
-    return "N*m*s/rad" if model.joint.motion == "rotation" else "N*s/m"
 
 
 def _warn_of_signs(states: Sequence[ForceStates], model: JointModel) -> Iterator[str]:
@@ -164,8 +164,9 @@ def warn_of_negative_damping(model: JointModel) -> Iterator[str]:
     if "linear_damping" not in model or model["linear_damping"].interval95[1] >= 0:
         return
     rate = quantities(model.joint.motion).rate.lower()
+    unit = unit_for(DAMPING, model.joint.motion)
     yield (
-        f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {_get_damping_unit(model)}: the "
+        f"the viscous damping is negative, {model['linear_damping'].coefficient:.3g} {unit}: the "
         f"{channel_words(model)[0]} falls as the {rate} grows, as friction does that is larger near standstill "
         "(Stribeck); beyond the tested range the model gives off energy"
     )

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 from sindyjoint.judgement.headlines import judge_check
 from sindyjoint.numeric import Array
-from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion, Run
+from sindyjoint.record import MEASURED_ANGLE, MEASURED_RATE, Campaign, Motion
 from sindyjoint.reporting.figure import MOST_PANELS, Axes, Kind, by_name, time_label
 from sindyjoint.reporting.page import Blocks, Page, section, sentence
 from sindyjoint.reporting.registry import view_of_type
@@ -93,7 +93,7 @@ def gather_check(check: Check[Any]) -> CheckData:
     return CheckData(check.name, check.motion, check.soundness.verdict, runs)
 
 
-def _gather_run(check: Check[Any], run: Run | Record, segments: int) -> CheckedRun:
+def _gather_run(check: Check[Any], run: Record, segments: int) -> CheckedRun:
     units = check.words.units if check.words.structure else {}
     extremes = {name: find_extremes(signal, segments) for name, signal in run.channels.items()}
     traces = (

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from sindyjoint.inputs import Source
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.measurement.runs import white_noise
-from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest
+from sindyjoint.mechanics.rig_test import DRIVE, RigTest
 from sindyjoint.numeric import Array, main_frequency
-from sindyjoint.record import Run
+from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness import Spans
 
 Mask = NDArray[np.bool_]
@@ -253,13 +253,19 @@ def record_of(run: Run) -> Record:
     )  # fmt: skip
 
 
-def record_of_structure(test: RigTest, run: RigRun) -> Record:
-    """Return a run of a structure as the detectors see it."""
-    names = [DRIVE, *(sensor.name for sensor in test.sensors)]
-    jumpy = frozenset(s.name for s in test.sensors if s.quantity == "acceleration")
-    channels = dict(zip(names, run.signals, strict=True))
-    lost: dict[str | None, Mask] = {} if run.lost is None else dict(zip(names, run.lost, strict=True))
-    return Record(run.name, run.sample_rate, run.frequency, channels, jumpy, run.source, lost=lost)
+def records_of(measured: Campaign | RigTest) -> list[Record]:
+    """Return the runs of a campaign, or of a structure's test, as the detectors see them."""
+    if not isinstance(measured, RigTest):
+        return [record_of(run) for run in measured.runs]
+    jumpy = frozenset(s.name for s in measured.sensors if s.quantity == "acceleration")
+    names = measured.channels
+    return [
+        Record(
+            run.name, run.sample_rate, run.frequency, dict(zip(names, run.signals, strict=True)), jumpy, run.source,
+            lost={} if run.lost is None else dict(zip(names, run.lost, strict=True)),
+        )
+        for run in measured.runs
+    ]  # fmt: skip
 
 
 def cut_periods(signal: Array, per: float, order: int = 1) -> Periods:

@@ -121,16 +121,18 @@ def equations_of(test: RigTest, recoveries: Sequence[Recovery]) -> Equations:
     angular = np.concatenate([lines for _, lines in kept])
     ends = _ends_of(test, recoveries, [lines for _, lines in kept])
     prior = np.concatenate([[number.uncertainty for number in test.uncertain], np.ones(len(ends))])
+    design, slopes, angles = _designs(test, angular)
     return Equations(
         np.repeat(np.arange(len(kept)), [lines.size for _, lines in kept]),
         angular,
         np.concatenate([spectra.amplitudes.T for spectra, _ in kept]),
         np.sqrt(np.concatenate([spectra.variance.T for spectra, _ in kept])),
-        *_designs(test, angular)[:2],
+        design,
+        slopes,
         ends,
         prior,
         np.zeros(prior.size),
-        _designs(test, angular)[2],
+        angles,
     )
 
 
@@ -161,15 +163,11 @@ def moved(equations: Equations, test: RigTest, numbers: Array) -> Equations:
 
 def _designs(test: RigTest, angular: Array) -> tuple[Complex, Complex, Complex]:
     """Return how channels follow drive and moments, its derivatives by the structure's numbers, and the angles."""
-
-    def design_of(there: RigTest) -> tuple[Complex, Complex]:
-        transfer = open_joints(there.structure, there.at, there.sensors, angular)
-        return transfer.design, transfer.angles
-
-    design, angles = design_of(test)
-    units = DIFFERENCE * np.eye(len(test.uncertain))
-    slopes = [(design_of(with_numbers(test, unit))[0] - design) / DIFFERENCE for unit in units]
-    return design, np.array(slopes).reshape(len(slopes), *design.shape), angles
+    steps = DIFFERENCE * np.eye(len(test.uncertain))
+    tests = [test, *(with_numbers(test, step) for step in steps)]
+    here, *others = (open_joints(t.structure, t.at, t.sensors, angular) for t in tests)
+    slopes = [(other.design - here.design) / DIFFERENCE for other in others]
+    return here.design, np.array(slopes).reshape(len(slopes), *here.design.shape), here.angles
 
 
 def _solved(equations: Equations) -> tuple[Complex, Complex, Complex]:

@@ -1,7 +1,7 @@
 """What the law between the channels shows of all runs: signs, the inertia, a filter on one channel, a delay."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from sindyjoint.numeric import Array, rms
 from sindyjoint.record import Campaign, Run
 from sindyjoint.soundness import Finding, Words
 from sindyjoint.soundness.detectors import Record
-from sindyjoint.soundness.law import POINTS, Complex, Motions, least, misfit, scale_of
+from sindyjoint.soundness.law import POINTS, Motions, least, misfit, scale_of
 from sindyjoint.states import force_states, moment_floor
 
 
@@ -105,25 +105,11 @@ class Undone(NamedTuple):
     left: float
 
 
-def _high_pass(lines: Array, corner: float) -> Complex:
-    """Inverse of a first-order high-pass; its corner in Hz."""
-    return np.where(lines > 0, 1 + corner / (1j * np.where(lines > 0, lines, 1.0)), 1.0)
-
-
-def _low_pass(lines: Array, time: float) -> Complex:
-    """Inverse of a first-order low-pass; its time constant in s."""
-    return np.asarray(1 + 2j * np.pi * lines * time)
-
-
-def _advance(lines: Array, time: float) -> Complex:
-    """Inverse of a delay, s."""
-    return np.asarray(np.exp(2j * np.pi * lines * time))
-
-
-INVERSES: dict[str, Callable[[Array, float], Complex]] = {
-    "ac_coupling": _high_pass,
-    "low_pass": _low_pass,
-    "channel_delay": _advance,
+#: By fault what undoes it: a first-order high-pass of a corner in Hz, a first-order low-pass or a delay of a time in s.
+INVERSES: dict[str, Callable[[Array, float], Any]] = {
+    "ac_coupling": lambda lines, corner: 1 + (lines > 0) * corner / (1j * np.where(lines > 0, lines, 1.0)),
+    "low_pass": lambda lines, time: 1 + 2j * np.pi * lines * time,
+    "channel_delay": lambda lines, time: np.exp(2j * np.pi * lines * time),
 }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from sindyjoint.errors import InputError
 from sindyjoint.limits import SOUNDNESS
 from sindyjoint.mechanics.beam import Beam
-from sindyjoint.mechanics.rig_test import DRIVE, RigRun, RigTest, UncertainNumber, uncertain_numbers
+from sindyjoint.mechanics.rig_test import RigRun, RigTest, UncertainNumber, uncertain_numbers
 from sindyjoint.mechanics.structure import LumpedMass
 from sindyjoint.numeric import Array
 from sindyjoint.soundness import Finding, Severity, Words
@@ -119,7 +119,6 @@ def find_in_sensors(test: RigTest, recoveries: Sequence[Recovery], words: Words)
         return
     numbered = with_assumed_numbers(test)
     equations = equations_of(numbered, recoveries)
-    names = [DRIVE, *(sensor.name for sensor in test.sensors)]
     main = max(_main_frequency(equations, run) for run in range(len(recoveries)))
     # Faults are looked for one after the other.
     for _ in range(3):
@@ -144,7 +143,7 @@ def find_in_sensors(test: RigTest, recoveries: Sequence[Recovery], words: Words)
             )
             return
         run = None if found.run is None else recoveries[found.run].run.name
-        yield from _describe(found, equations, run, names, words, main, spare > 1)
+        yield from _describe(found, equations, run, test.channels, words, main, spare > 1)
         if found.kind == "left_out":
             return
         equations = found.equations
