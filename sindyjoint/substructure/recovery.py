@@ -362,6 +362,14 @@ def unsettled_warnings(recoveries: Sequence[Recovery]) -> tuple[str, ...]:
     )
 
 
+def stated_numbers(test: RigTest) -> Update:
+    """Return a test's uncertain numbers as they are stated."""
+    prior = np.array([number.uncertainty for number in test.uncertain], dtype=float)
+    return Update(
+        tuple(number.name for number in test.uncertain), prior, np.zeros(prior.size), np.diag(prior**2)
+    )
+
+
 def update_structure(
     test: RigTest, recoveries: Sequence[Recovery], held: Sequence[Spectra] = ()
 ) -> Update | None:
@@ -377,7 +385,7 @@ def update_structure(
     """
     if not test.uncertain:
         return None
-    prior = np.array([number.uncertainty for number in test.uncertain])
+    stated = stated_numbers(test)
     spectra = [strongest(recovery.freed, HARMONICS) for recovery in recoveries]
     stuck = [strongest(each, HARMONICS) for each in held]
 
@@ -390,8 +398,8 @@ def update_structure(
         ]
         parts += [left_held(changed, kept, angular).ravel() for kept, angular in stuck]
         values = np.concatenate(parts)
-        return np.concatenate([values.real, values.imag, change / prior])
+        return np.concatenate([values.real, values.imag, change / stated.prior])
 
-    found = scipy.optimize.least_squares(left, np.zeros(prior.size), x_scale=prior, xtol=1e-6, ftol=1e-6)
+    found = scipy.optimize.least_squares(left, stated.change, x_scale=stated.prior, xtol=1e-6, ftol=1e-6)
     covariance = np.asarray(np.linalg.inv(found.jac.T @ found.jac), dtype=np.float64)
-    return Update(tuple(number.name for number in test.uncertain), prior, found.x, covariance)
+    return replace(stated, change=found.x, covariance=covariance)

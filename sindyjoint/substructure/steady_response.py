@@ -7,9 +7,9 @@ the mean angle.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,10 +104,6 @@ class Steady:
     def harmonics(self) -> int:
         """H."""
         return self.drive.size - 1
-
-    def with_drive(self, drive: Complex) -> Self:
-        """Return the same structure under another drive."""
-        return replace(self, drive=drive)
 
     def load(self, drive: Complex) -> Array:
         """Return the loads of a drive on the joints as coefficients, shape (size,)."""

@@ -1,7 +1,9 @@
 """The response gap of records: how large, and where in time, amplitude and frequency, or in which segment, it lies."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -10,47 +12,91 @@ from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
 from sindyjoint.diagnosis.result import RecordGap
 from sindyjoint.diagnosis.structure import Fit, fit
 from sindyjoint.diagnosis.structure.pulses import PulseProblem
-from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
+from sindyjoint.diagnosis.structure.runs import RunsProblem, channels_of
 from sindyjoint.errors import InputError, SimulationError
-from sindyjoint.numeric import Array, analytic, main_frequency, rms
+from sindyjoint.numeric import Array, analytic, main_frequency
 from sindyjoint.response.oscillations import hilbert_envelope
 from sindyjoint.substructure.simulated.segments import SegmentedRun
+
+UNITS = {"acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
+
+
+def beside(
+    name: str,
+    time: Array,
+    signals: Sequence[Any],
+    compared: Sequence[Any],
+    own: float,
+    noise: float,
+    sigma: float,
+    held_from: float = 0.0,
+    quantity: str = "displacement",
+) -> RecordGap:
+    """Return a record beside its simulations before and after the effects were added.
+
+    Parameters
+    ----------
+    name : str
+    time, signals
+        What is drawn: measured, before and after; None for no simulation.
+    compared : sequence of ndarray
+        What is compared of these, of any shape.
+    own, noise : float
+        Norms of the measured one, and of the noise, in what is compared.
+    sigma, held_from, quantity
+        As of the record.
+    """
+    (measured, before, after), (truth, *simulated) = signals, compared
+    own = own or float("nan")
+    old, new = (np.nan if each is None else float(np.linalg.norm(each - truth)) / own for each in simulated)
+    return RecordGap(
+        name, time, measured, before, after, sigma, held_from, old, new, noise / own, quantity, UNITS[quantity]
+    )  # fmt: skip
+
+
+def each_of(signals: Iterable[Any], part: Callable[[Any], Any]) -> list[Any]:
+    """Return a part of every signal; None of what could not be simulated."""
+    return [None if each is None else part(each) for each in signals]
 
 
 def record_gaps(problem: PulseProblem, best: Fit, others: Sequence[PulseProblem]) -> tuple[RecordGap, ...]:
     """Return what was held out beside the simulations: other pulses, or the second half of these."""
     if others:
-        return tuple(gap for each in others for gap in _beside(each, problem, best.x, 0.0, each.rig.name))
-    ends = [_audible_end(problem, i) for i in range(len(problem.records))]
-    middle = 0.5 * min(max(ends), problem.duration)
+        return tuple(
+            gap for each in others for gap in _held(each, problem, best.x, 0.0, f" of {each.rig.name}")
+        )
+    middle = 0.5 * min(max(_audible_ends(problem)), problem.duration)
     half = fit(problem, best.x, middle, iterations=4)
-    return tuple(_beside(problem, problem, best.x if half is None else half.x, middle, ""))
+    return tuple(_held(problem, problem, best.x if half is None else half.x, middle, ""))
 
 
-def _beside(
+def _held(
     measured_in: PulseProblem, fitted: PulseProblem, x: Array, held_from: float, name: str
 ) -> Iterator[RecordGap]:
     given, repaired = (replace(measured_in, found=found) for found in ((), fitted.found))
-    before = given.simulate(given.setup(given.start()), given.duration)
-    after = repaired.simulate(repaired.setup(x), given.duration)
-    for i, (record, noise) in enumerate(zip(given.records, given.noise, strict=True)):
+    pair = [
+        given.simulate(given.setup(given.start()), given.duration),
+        repaired.simulate(repaired.setup(x), given.duration),
+    ]
+    for i, (record, noise, end) in enumerate(
+        zip(given.records, given.noise, _audible_ends(given), strict=True)
+    ):
         measured, rate = record.displacement, record.sample_rate
         first = int(held_from * rate)
-        held = slice(first, max(int(_audible_end(given, i) * rate), first + 8))
-        own = float(np.std(measured[held]))
-        shown = (None if before is None else before[i], None if after is None else after[i])
-        yield RecordGap(
-            f"{record.point} of {name}" if name else record.point,
-            np.arange(measured.size) / rate, measured, *shown, noise.sigma, held_from,
-            relative_gap(measured, shown[0], held), relative_gap(measured, shown[1], held),
-            noise.sigma / own if own > 0 else float("nan"),
+        held = slice(first, max(int(end * rate), first + 8))
+        signals = [measured, *each_of(pair, itemgetter(i))]
+        root = float(np.sqrt(measured[held].size))
+        yield beside(
+            f"{record.point}{name}", np.arange(measured.size) / rate, signals, each_of(signals, itemgetter(held)),
+            root * float(np.std(measured[held])), root * noise.sigma, noise.sigma, held_from,
         )  # fmt: skip
 
 
-def _audible_end(problem: PulseProblem, record: int) -> float:
-    each = problem.records[record]
-    noise, policy = problem.noise[record].sigma, problem.policy
-    return audible_end(each.displacement, each.sample_rate, policy.significant * noise)
+def _audible_ends(problem: PulseProblem) -> list[float]:
+    return [
+        audible_end(record.displacement, record.sample_rate, problem.policy.significant * noise.sigma)
+        for record, noise in zip(problem.records, problem.noise, strict=True)
+    ]
 
 
 def audible_end(measured: Array, sample_rate: float, least: float) -> float:
@@ -58,14 +104,6 @@ def audible_end(measured: Array, sample_rate: float, least: float) -> float:
     envelope, _ = hilbert_envelope(measured, sample_rate)
     loud = np.flatnonzero(envelope > least)
     return float((loud[-1] + 1 if loud.size else measured.size) / sample_rate)
-
-
-def relative_gap(measured: Array, simulated: Array | None, held: slice) -> float:
-    """Return the RMS of simulated less measured over a part of a record, relative to the record's own there."""
-    if simulated is None:
-        return float("nan")
-    own = float(np.std(measured[held]))
-    return rms(simulated[held] - measured[held]) / own if own > 0 else float("nan")
 
 
 def locate_gap(problem: PulseProblem) -> list[tuple[float, Place]]:
@@ -158,10 +196,33 @@ def _phase(
     ]
 
 
-UNITS = {"acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
+def steady_gaps(given: RunsProblem, repaired: RunsProblem, x: Array) -> list[RecordGap]:
+    """Return every sensor of every run that repeats over some periods beside its simulations.
+
+    Gaps are those of the harmonics that are compared; parameters as of :func:`segment_gaps`.
+    """
+    found = []
+    for place, run in enumerate(given.runs):
+        orders = np.arange(1, run.measured.shape[1] + 1)
+        # Of the pictures eight periods, 64 samples of each.
+        time = np.arange(8 * 64) / 64 * 2 * np.pi / run.omega
+        wave = np.exp(1j * run.omega * np.outer(time, orders))
+        answers = given.answer(place, given.start()), repaired.answer(place, x)
+        shown = [run.measured, *each_of(answers, itemgetter(1))]
+        for sensor, channel in enumerate(given.test.sensors):
+            compared = each_of(shown, itemgetter(sensor))
+            noise = float(np.sqrt(2 * np.sum(run.sigma[sensor] ** 2)))
+            found.append(
+                beside(
+                    f"{channel.name}, {run.name}", time, [a if a is None else (wave @ a).real for a in compared],
+                    compared, float(np.linalg.norm(run.measured[sensor])), noise, noise / np.sqrt(2),
+                    quantity=channel.quantity,
+                )
+            )  # fmt: skip
+    return found
 
 
-def segment_gaps(given: RecordsProblem, repaired: RecordsProblem, x: Array) -> list[RecordGap]:
+def segment_gaps(given: RunsProblem, repaired: RunsProblem, x: Array) -> list[RecordGap]:
     """Return every sensor of every run that does not repeat beside its simulations.
 
     Gaps are those of all its segments, each from the state from which it fits best; signals those of the one in which
@@ -169,7 +230,7 @@ def segment_gaps(given: RecordsProblem, repaired: RecordsProblem, x: Array) -> l
 
     Parameters
     ----------
-    given, repaired : RecordsProblem
+    given, repaired : RunsProblem
         Without effects and with them.
     x : ndarray
         The numbers of the repaired one.
@@ -178,12 +239,26 @@ def segment_gaps(given: RecordsProblem, repaired: RecordsProblem, x: Array) -> l
     for record in given.records:
         before, _ = _simulate(given, record, given.start())
         after, weighed = _simulate(repaired, record, x)
-        found += [_gap(weighed, sensor, (before, after)) for sensor in range(len(record.sigma))]
+        measured = [record.measured[:, a:b] for a, b in record.spans]
+        shown = each_of((measured, before, after), lambda segments: list(zip(*segments, strict=True)))
+        for sensor, channel in enumerate(record.test.sensors):
+            pieces = each_of(shown, itemgetter(sensor))
+            loudest = int(np.argmax([np.mean(part**2) for part in pieces[0]]))
+            time = np.arange(*record.spans[loudest]) / record.rate
+            compared, sigma = each_of(pieces, np.concatenate), float(weighed.sigma[sensor])
+            rows = sum(part.size / s**2 for part, s in zip(pieces[0], weighed.weights, strict=True))
+            found.append(
+                beside(
+                    f"{channel.name}, {record.name}", time, each_of(pieces, itemgetter(loudest)), compared,
+                    float(np.linalg.norm(compared[0])), sigma * float(np.sqrt(rows)), sigma, float(time[0]),
+                    channel.quantity,
+                )
+            )  # fmt: skip
     return found
 
 
 def _simulate(
-    problem: RecordsProblem, record: SegmentedRun, x: Array
+    problem: RunsProblem, record: SegmentedRun, x: Array
 ) -> tuple[list[Array] | None, SegmentedRun]:
     """Return what the sensors show of each segment, shape (sensors, n), from where it fits best; None without a motion.
 
@@ -198,40 +273,7 @@ def _simulate(
         return None, record
 
 
-def _gap(record: SegmentedRun, sensor: int, pair: tuple[list[Array] | None, ...]) -> RecordGap:
-    shares = record.shares or (1.0,) * len(record.spans)
-    parts = [record.measured[sensor, a:b] for a, b in record.spans]
-    size = float(np.sqrt(sum(float(np.sum(part**2)) for part in parts)))
-    shown = int(np.argmax([np.mean(part**2) for part in parts]))
-
-    def gap(simulated: list[Array] | None) -> float:
-        if simulated is None:
-            return float("nan")
-        pairs = zip(simulated, parts, strict=True)
-        return float(np.sqrt(sum(float(np.sum((s[sensor] - part) ** 2)) for s, part in pairs))) / size
-
-    before, after = (None if each is None else each[shown][sensor] for each in pair)
-    channel, sigma = record.test.sensors[sensor], float(record.sigma[sensor])
-    noise = sigma * float(np.sqrt(sum(part.size / s**2 for part, s in zip(parts, shares, strict=True))))
-    time = np.arange(record.spans[shown][0], record.spans[shown][1]) / record.rate
-    return RecordGap(
-        f"{channel.name}, {record.name}", time, parts[shown], before, after, sigma, float(time[0]),
-        gap(pair[0]), gap(pair[1]), noise / size,
-        channel.quantity, UNITS[channel.quantity],
-    )  # fmt: skip
-
-
-def measured_power(problem: RecordsProblem) -> float:
-    """Return the sum of squares of what the sensors show of all segments, in their noise and that of the drive."""
-    total = 0.0
-    for record in problem.records:
-        shares = record.shares or (1.0,) * len(record.spans)
-        for (a, b), share in zip(record.spans, shares, strict=True):
-            total += float(np.sum((share * record.measured[:, a:b] / record.sigma[:, None]) ** 2))
-    return total
-
-
-def locate_segments(problem: RecordsProblem) -> tuple[Place, ...]:
+def locate_segments(problem: RunsProblem) -> tuple[Place, ...]:
     """Return in which run, at which time and at which sensor the gap of the given models lies."""
     residual = problem.residuals(problem.start())
     if residual is None:

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sindyjoint.diagnosis.effects import Effect
 from sindyjoint.diagnosis.effects.change import Change, joint_changes, structure_changes
@@ -17,16 +16,14 @@ from sindyjoint.diagnosis.problem import Problem
 from sindyjoint.diagnosis.result import Diagnosis, Gap, InPlace, RecordGap
 from sindyjoint.diagnosis.structure import fit
 from sindyjoint.diagnosis.structure.gap import (
-    UNITS,
     cells_of_gap,
     locate_segments,
-    measured_power,
     segment_gaps,
+    steady_gaps,
 )
 from sindyjoint.diagnosis.structure.kinds import with_slopes
 from sindyjoint.diagnosis.structure.problem import StructureProblem
-from sindyjoint.diagnosis.structure.records import RecordsProblem, channels_of
-from sindyjoint.diagnosis.structure.runs import RunsProblem
+from sindyjoint.diagnosis.structure.runs import RunsProblem, channels_of
 from sindyjoint.diagnosis.structure.start import outside_joints
 from sindyjoint.equation.model import JointModel
 from sindyjoint.equation.model_parts import range_warnings
@@ -37,7 +34,6 @@ from sindyjoint.numeric import Array, main_frequency
 from sindyjoint.record import SIMULATED
 from sindyjoint.response.verify_campaign import GIVEN
 from sindyjoint.substructure.harmonic_balance import SAMPLES_PER_HARMONIC
-from sindyjoint.substructure.simulated import SteadyRun
 
 
 def joint_motions(problem: RunsProblem, x: Array) -> Iterator[tuple[str, Array, Array]]:
@@ -50,8 +46,6 @@ def joint_motions(problem: RunsProblem, x: Array) -> Iterator[tuple[str, Array, 
         orders = np.arange(amplitudes.shape[1])
         wave = np.exp(1j * np.outer(orders, np.linspace(0, 2 * np.pi, SAMPLES_PER_HARMONIC * orders.size)))
         yield run.name, (amplitudes @ wave).real, (1j * run.omega * orders * amplitudes @ wave).real
-    if not isinstance(problem, RecordsProblem):
-        return
     for record in problem.records:
         with suppress(SimulationError, InputError):
             channels = channels_of(problem.setup(x))
@@ -63,8 +57,7 @@ def joint_motions(problem: RunsProblem, x: Array) -> Iterator[tuple[str, Array, 
 def main_period(problem: RunsProblem) -> float:
     """Return the longest period of the strongest lines of the drives, or of what sensors show of other runs, s."""
     found = [2 * np.pi / (run.omega * (1 + int(np.argmax(np.abs(run.drive[1:]))))) for run in problem.runs]
-    if isinstance(problem, RecordsProblem):
-        found += [1 / main_frequency(record.measured[0], record.rate) for record in problem.records]
+    found += [1 / main_frequency(record.measured[0], record.rate) for record in problem.records]
     return max(found)
 
 
@@ -82,9 +75,6 @@ def beyond_tested(problem: RunsProblem) -> list[str]:
             for at in kind.places:
                 lines += range_warnings(fitted, motion, angle[at], rate[at], f"{GIVEN}{run}, {names[at]}")
     return lines
-
-
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,13 +118,7 @@ class RunsDiagnosis(StructureProblem):
         shown = self.kept or self.pulse
         given = replace(shown, found=())
         after = replace(shown, found=self.pulse.found)
-        found = []
-        for place, run in enumerate(shown.runs):
-            old, new = given.answer(place, given.start()), after.answer(place, self.best.x)
-            pair = [None if each is None else each[1] for each in (old, new)]
-            found += [_record(run, number, pair) for number in range(len(shown.test.sensors))]
-        if isinstance(given, RecordsProblem) and isinstance(after, RecordsProblem):
-            found += segment_gaps(given, after, self.best.x)
+        found = [each for gaps in (steady_gaps, segment_gaps) for each in gaps(given, after, self.best.x)]
         return tuple(
             sorted(found, key=lambda each: -each.gap_after if each.gap_after == each.gap_after else 0.0)
         )
@@ -152,11 +136,11 @@ class RunsDiagnosis(StructureProblem):
     def power(self) -> tuple[float, float]:
         """Return the squares of what the sensors show, in units of noise; no time step has an error there."""
         own = sum(float(np.sum(np.abs(run.measured / run.sigma) ** 2)) for run in self.pulse.runs)
-        return own + (measured_power(self.pulse) if isinstance(self.pulse, RecordsProblem) else 0.0), 0.0
+        return own + sum(record.power for record in self.pulse.records), 0.0
 
     def places(self) -> tuple[Place, ...]:
         """Return in which run, at which sensor and at which harmonic the gap of the given models lies."""
-        if isinstance(self.pulse, RecordsProblem) and not self.pulse.runs:
+        if not self.pulse.runs:
             return locate_segments(self.pulse)
         names, square = [], []
         for place, run in enumerate(self.pulse.runs):
@@ -188,7 +172,7 @@ class RunsDiagnosis(StructureProblem):
             models[kind.name] = with_slopes(assembled, x, problem.bounds()[1], covariance)
         lead = changed[0] if changed else problem.kinds[0].name
         notes = [SIMULATED] if problem.test.simulated else []
-        if isinstance(problem, RecordsProblem):
+        if problem.records:
             count = sum(len(record.spans) for record in problem.records)
             notes.append(
                 f"of runs that do not repeat {count} segments are compared, in which the joints move most"
@@ -246,29 +230,3 @@ def candidates(problem: RunsProblem, x: Array, effects: Sequence[Effect]) -> tup
         for change in joint_changes(kind.laws, effects, Reference(angle, rate), moment):
             changes.append(kind.change(change, len(problem.kinds) > 1))
     return tuple(changes)
-
-
-def _record(run: SteadyRun, sensor: int, pair: Sequence[Complex | None]) -> RecordGap:
-    """Return a sensor of a run over some periods beside its simulations, by the harmonics that are compared."""
-    orders = np.arange(1, run.measured.shape[1] + 1)
-    # Of the pictures eight periods, 64 samples of each.
-    time = np.arange(8 * 64) / 64 * 2 * np.pi / run.omega
-    wave = np.exp(1j * run.omega * np.outer(time, orders))
-    size = float(np.linalg.norm(run.measured[sensor]))
-
-    def signal(amplitudes: Complex | None) -> Array | None:
-        return None if amplitudes is None else np.asarray((wave @ amplitudes[sensor]).real)
-
-    def gap(amplitudes: Complex | None) -> float:
-        if amplitudes is None:
-            return float("nan")
-        return float(np.linalg.norm(amplitudes[sensor] - run.measured[sensor])) / size
-
-    measured = signal(run.measured)
-    assert measured is not None
-    channel = run.test.sensors[sensor]
-    noise = float(np.sqrt(2 * np.sum(run.sigma[sensor] ** 2)))
-    return RecordGap(
-        f"{channel.name}, {run.name}", time, measured, signal(pair[0]), signal(pair[1]), noise / np.sqrt(2), 0.0,
-        gap(pair[0]), gap(pair[1]), noise / size, channel.quantity, UNITS[channel.quantity],
-    )  # fmt: skip

@@ -1,38 +1,43 @@
 """The runs of a structure as an output-error problem: laws of its joints, its own numbers, effects added so far.
 
-Each run's steady motion is that of harmonic balance; derivatives follow from the balance itself, without a further
-simulation. Unknown are the laws' numbers, the structure's uncertain numbers under the priors that its file states (as
-the runs whose joints stick have updated them), and the numbers of effects.
+Of a run that repeats the steady motion is that of harmonic balance; derivatives follow from the balance itself, without
+a further simulation. One that does not repeat is simulated in segments. Unknown are the laws' numbers, the structure's
+uncertain numbers under the priors that its file states (as the runs whose joints stick have updated them), and the
+numbers of effects.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from sindyjoint.clock import spend
 from sindyjoint.diagnosis.effects.change import Change
 from sindyjoint.diagnosis.effects.setup import Setup
 from sindyjoint.diagnosis.policy import STRUCTURE, DiagnosisPolicy
-from sindyjoint.diagnosis.structure import OutputError, covariance_of, differences, parted
-from sindyjoint.diagnosis.structure.kinds import JointKind, kinds_of
+from sindyjoint.diagnosis.structure import STEP_PRIOR, OutputError, covariance_of, differences, parted
+from sindyjoint.diagnosis.structure.kinds import JointKind
+from sindyjoint.equation.calibration import widened
 from sindyjoint.equation.model import JointModel
 from sindyjoint.errors import InputError, SimulationError
+from sindyjoint.limits import SUBSTRUCTURE
 from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Hinge, Structure
 from sindyjoint.numeric import COARSE_DIFFERENCE, Array
-from sindyjoint.substructure.recovery import Recovery, Update, held_spectra, update_structure, with_numbers
+from sindyjoint.substructure.recovery import Update, with_numbers
 from sindyjoint.substructure.simulated import Answer, SteadyRun
-from sindyjoint.substructure.steady_response import Condensed, Steady
+from sindyjoint.substructure.simulated.segment_parts import Channels
+from sindyjoint.substructure.simulated.segments import SegmentedRun
+from sindyjoint.substructure.steady_response import Steady
 
 Complex = NDArray[np.complex128]
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,77 +49,47 @@ class RunsProblem(OutputError):
     test : RigTest
         As it is described.
     kinds : tuple of JointKind
+    prior : Update
+        The structure's uncertain numbers as the file states them, or by the runs whose joints stick.
     runs : tuple of SteadyRun
+        Those that repeat.
+    records : tuple of SegmentedRun
+        Those that do not.
     known : bool
         Whether the laws' numbers keep to their covariance, as where they come from another test.
-    whitening : tuple of ndarray
-        Of each run's residuals; empty for none.
+    floored : bool
+        Whether residuals of the records are weighed with the noise of the drive, too.
     found : tuple of Change
-    prior : Update or None
-        The structure's uncertain numbers by the runs whose joints stick; None where there are none, and the priors of
-        the file hold.
     policy : DiagnosisPolicy
+    near_to : tuple of Answer
+        Of each run that repeats a motion from which others are moved to first order; empty where they are sought.
     """
 
     test: RigTest
     kinds: tuple[JointKind, ...]
-    runs: tuple[SteadyRun, ...]
+    prior: Update
+    runs: tuple[SteadyRun, ...] = ()
+    records: tuple[SegmentedRun, ...] = ()
     known: bool = False
-    whitening: tuple[Array, ...] = ()
+    floored: bool = False
     found: tuple[Change, ...] = ()
-    prior: Update | None = None
     policy: DiagnosisPolicy = STRUCTURE
+    near_to: tuple[Answer, ...] = ()
     _kept: dict[object, Any] = field(default_factory=dict, repr=False)
 
-    @classmethod
-    def of(
-        cls,
-        test: RigTest,
-        recoveries: Sequence[Recovery],
-        models: Mapping[str, JointModel],
-        known: bool = False,
-        policy: DiagnosisPolicy = STRUCTURE,
-        fitted: bool = True,
-    ) -> RunsProblem:
-        """Return the problem of a test with a model for each kind of its joints.
-
-        Runs that are ``fitted`` are weighed with the models, near whose motions others are sought; those that are kept
-        out have motions near those recovered, whatever the model.
-
-        Raises
-        ------
-        InputError
-            Where a kind has no model, or the runs cannot be simulated with the models.
-        """
-        recoveries = [each for each in recoveries if each.spectra.repeats]
-        if not recoveries:
-            raise InputError("no run repeats; the steady response is simulated of runs whose drive does")
-        problem = replace(cls.with_models(test, models, policy), known=known)
-        problem = replace(problem, runs=tuple(SteadyRun.of(test, r) for r in recoveries))
-        return problem.whitened(problem.start()) if fitted else problem
-
-    @classmethod
-    def with_models(
-        cls, test: RigTest, models: Mapping[str, JointModel], policy: DiagnosisPolicy = STRUCTURE
-    ) -> RunsProblem:
-        """Return the problem without runs, the structure's numbers updated by those whose joints stick."""
-        prior = update_structure(test, (), held_spectra(test)) if test.update_runs else None
-        return cls(test, kinds_of(test, models, policy.granted_share), (), prior=prior, policy=policy)
-
-    @property
-    def duration(self) -> float:
-        """No horizon: a steady state is compared as a whole."""
-        return 0.0
+    #: No horizon: a steady state is compared as a whole, and so are segments.
+    duration: ClassVar[float] = 0.0
 
     def rows(self, duration: float | None = None) -> float:
         """Return the number of residuals."""
-        return float(sum(run.rows for run in self.runs))
+        return float(sum(r.rows for r in self.runs) + sum(r.rows for r in self.records))
 
     @property
     def groups(self) -> NDArray[np.intp]:
-        """Of each residual what is predicted together from the others: runs, and the priors."""
-        parts = parted([run.rows for run in self.runs])
-        return np.append(parts, np.full(len(range(self.priors)[self._with_prior]), len(parts)))
+        """Of each residual what is predicted together from the others: runs, the priors, and parts of records."""
+        steady = parted([run.rows for run in self.runs])
+        steady = np.append(steady, np.full(self._held, len(steady)))
+        return np.append(steady, len(steady) + 1 + parted([record.rows for record in self.records]))
 
     @property
     def numbers(self) -> int:
@@ -127,13 +102,14 @@ class RunsProblem(OutputError):
         return self.numbers + sum(kind.size for kind in self.kinds)
 
     @property
+    def _held(self) -> int:
+        """How many of these, the first ones, keep to a prior."""
+        return self.priors if self.known else self.numbers
+
+    @property
     def free(self) -> Array:
         """How far each number with a prior may move, in its standard errors; laws' numbers without one, further."""
-        free = np.full(self.priors, 8.0)
-        if not self.known:
-            # Laws' numbers without a prior may move by so many of their standard errors.
-            free[self.numbers :] = 300.0
-        return free
+        return np.repeat([8.0, 300.0], [self._held, self.priors - self._held])
 
     def parts(self, x: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Return the numbers of each kind among those of the base."""
@@ -142,15 +118,12 @@ class RunsProblem(OutputError):
 
     def changes(self, x: Array) -> Array:
         """Return the relative changes of the structure's uncertain numbers."""
-        moved = self._root @ x[: self.numbers]
-        return moved if self.prior is None else self.prior.change + moved
+        return self.prior.change + self._root @ x[: self.numbers]
 
     @cached_property
     def _root(self) -> Array:
         """L of the prior covariance L·Lᵀ of the structure's uncertain numbers."""
-        if self.prior is not None:
-            return np.asarray(np.linalg.cholesky(self.prior.covariance))
-        return np.diag([number.uncertainty for number in self.test.uncertain])
+        return np.asarray(np.linalg.cholesky(self.prior.covariance))
 
     def setup(self, x: Array, extra: Change | None = None) -> Setup:
         """Return the setup of some numbers."""
@@ -173,202 +146,259 @@ class RunsProblem(OutputError):
         return with_numbers(test, self.changes(x)).structure if self.numbers else test.structure
 
     def laws(self, setup: Setup) -> tuple[Any, ...]:
-        """Return the law of every joint."""
-        by_place = {
-            place: law
-            for kind in self.kinds
-            for law in (kind.laws.law(setup.kinds[kind.name]),)
-            for place in kind.places
-        }
-        return tuple(by_place[place] for place in range(self.test.structure.n_joints))
-
-    def balance(self, run: SteadyRun, x: Array, extra: Change | None = None) -> tuple[Steady, Setup]:
-        """Return the balance of a run, and the setup that it is of."""
-        # About as long as a harmonic balance takes, by joint, in samples of a trial.
-        spend(2e4 * self.test.structure.n_joints)
-        setup = self.setup(x, extra)
-        if not all(np.isfinite(value) for own in setup.kinds.values() for value in own.numbers.values()):
-            raise InputError("a number of the law is not finite")
-        structure, condensed = self._condensed(run, setup, x)
-        balance = run.balance(structure, self.laws(setup), condensed)
-        return (balance if setup.pulse == 1 else balance.with_drive(setup.pulse * run.drive)), setup
-
-    def _condensed(self, run: SteadyRun, setup: Setup, x: Array) -> tuple[Structure, Condensed]:
-        """Return the structure of a setup at the harmonics of a run; most candidates leave it as it is."""
-        rest = tuple(item for item in setup.items if not isinstance(item, Hinge))
-        key = "structure", run.omega, rest, setup.compliance, x[: self.numbers].tobytes()
-        found = self._kept.get(key)
-        if found is None:
-            structure = self.structure(setup, x)
-            found = self._keep(key, (structure, run.condensed(structure)))
-        return found
-
-    def _keep(self, key: object, value: Any) -> Any:
-        if len(self._kept) > 200:
-            self._kept.clear()
-        self._kept[key] = value
-        return value
-
-    def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
-        """Return the motion of a run and what its sensors record; None where there is none."""
-        key = place, x.tobytes(), id(extra), tuple(map(id, self.found))
-        known = self._kept.get(key, self)
-        if known is not self:
-            return known
-        run, found = self.runs[place], None
-        with suppress(SimulationError, InputError, np.linalg.LinAlgError):
-            balance, setup = self.balance(run, x, extra)
-            answer = run.answer(balance)
-            found = answer, recorded(run, answer.shown, setup)
-        self._keep(key, found)
-        return found
-
-    def residuals(self, x: Array, duration: float = 0.0, extra: Change | None = None) -> Array | None:
-        """Return simulated less measured in units of noise, run by run, then the prior rows; None without a motion."""
-        parts = []
-        for place, run in enumerate(self.runs):
-            found = self.answer(place, x, extra)
-            if found is None:
-                return None
-            parts.append(self._white(place, run.residual(found[1])))
-        return np.concatenate([*parts, x[self._with_prior]])
-
-    @property
-    def _with_prior(self) -> slice:
-        return slice(0, self.priors if self.known else self.numbers)
-
-    def _white(self, place: int, values: Array) -> Array:
-        if not self.whitening:
-            return values
-        return np.asarray(
-            scipy.linalg.solve_triangular(self.whitening[place], values, lower=True, check_finite=False)
-        )
-
-    def derivatives(
-        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
-    ) -> Array:
-        """Return the columns of the Jacobian at some places, from the balance itself, shape (rows, len(places))."""
-        _, high = self.bounds(extra)
-        columns = np.zeros((residual.size, len(places)))
-        first = 0
-        for number, run in enumerate(self.runs):
-            found = self.answer(number, x, extra)
-            assert found is not None
-            rows = slice(first, first + run.rows)
-            first = rows.stop
-            for column, place in enumerate(places):
-                step = (
-                    COARSE_DIFFERENCE if x[place] + COARSE_DIFFERENCE <= high[place] else -COARSE_DIFFERENCE
-                )
-                moved = x.copy()
-                moved[place] += step
-                try:
-                    other, setup = self.balance(run, moved, extra)
-                    shown = recorded(run, run.moved(found[0], other, extra is None), setup)
-                except (SimulationError, InputError):
-                    continue
-                columns[rows, column] = (
-                    self._white(number, run.residual(shown) - run.residual(found[1])) / step
-                )
-        prior = np.arange(x.size)[self._with_prior]
-        for row, place in enumerate(prior, first):
-            columns[row] = np.equal(places, place)
-        return columns
-
-    def covariance(self, x: Array) -> Array:
-        """Return the covariance of the base's numbers, (JᵀJ)⁻¹, larger by χ² per degree of freedom above one."""
-        residual = self.residuals(x)
-        assert residual is not None
-        jacobian = self.derivatives(x, residual, 0.0, range(x.size))
-        return np.asarray(
-            covariance_of(jacobian) * max(1.0, float(residual @ residual) / max(self.rows() - x.size, 1.0))
-        )
-
-    def models(self, x: Array, covariance: Array) -> dict[str, JointModel]:
-        """Return the model of each kind with the numbers of the base, whose covariance is given."""
-        places = self.parts(np.arange(x.size))
-        return {
-            kind.name: kind.with_numbers(x[own], covariance[np.ix_(own, own)])
-            for kind, own in zip(self.kinds, places.values(), strict=True)
-        }
-
-    def update(self, x: Array, covariance: Array) -> Update | None:
-        """Return the structure's uncertain numbers; None where it has none."""
-        if not self.numbers:
-            return None
-        prior = np.array([number.uncertainty for number in self.test.uncertain])
-        own = self._root @ covariance[: self.numbers, : self.numbers] @ self._root.T
-        return Update(tuple(number.name for number in self.test.uncertain), prior, self.changes(x), own)
-
-    def near(self, x: Array) -> RunsProblem:
-        """Return the problem whose motions are those at some numbers moved to first order: quick, for a first look."""
-        answers = tuple(self.answer(place, x) for place in range(len(self.runs)))
-        known = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "_kept"}
-        return NearRuns(**known, answers=answers)
-
-    def whitened(self, x: Array, extra: Change | None = None) -> RunsProblem:
-        """Return the problem with residuals whitened at some numbers, and motions sought near those there.
+        """Return the law of every joint.
 
         Raises
         ------
         InputError
-            Where a run has no steady motion there.
+            Where a number is not finite.
         """
-        runs, factors = [], []
-        structure = self.structure(self.setup(x, extra), x)
+        if not all(np.isfinite(value) for own in setup.kinds.values() for value in own.numbers.values()):
+            raise InputError("a number of the law is not finite")
+        laws = {kind.name: kind.laws.law(setup.kinds[kind.name]) for kind in self.kinds}
+        return tuple(laws[kind] for kind in self.test.kinds)
+
+    def balance(self, run: SteadyRun, x: Array, setup: Setup) -> Steady:
+        """Return the balance of a run; most candidates leave the structure at its harmonics as it is."""
+        # About as long as a harmonic balance takes, by joint, in samples of a trial.
+        spend(2e4 * self.test.structure.n_joints)
+        rest = tuple(item for item in setup.items if not isinstance(item, Hinge))
+
+        def condensed() -> Any:
+            structure = self.structure(setup, x)
+            return structure, run.condensed(structure)
+
+        key = "structure", run.omega, rest, setup.compliance, x[: self.numbers].tobytes()
+        structure, at_harmonics = self._once(key, condensed)
+        return run.balance(structure, self.laws(setup), at_harmonics, setup.pulse)
+
+    def _once(self, key: object, make: Callable[[], Any]) -> Any:
+        """Return what is kept under a key, or else made."""
+        found = self._kept.get(key, self)
+        if found is self:
+            found = make()
+            if len(self._kept) > 200:
+                self._kept.clear()
+            self._kept[key] = found
+        return found
+
+    def _key(self, name: object, x: Array, extra: Change | None) -> tuple[object, ...]:
+        return name, x.tobytes(), id(extra), tuple(map(id, self.found))
+
+    def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
+        """Return the motion of a run and what its sensors record; None where there is none.
+
+        Near a known motion this one is returned, and what the sensors record of the motion moved from it.
+        """
+        run = self.runs[place]
+
+        def found() -> tuple[Answer, Complex]:
+            setup = self.setup(x, extra)
+            balance = self.balance(run, x, setup)
+            answer = self.near_to[place] if self.near_to else run.answer(balance)
+            shown = run.moved(answer, balance) if self.near_to else answer.shown
+            return answer, run.recorded(shown, channels_of(setup))
+
+        return self._once(self._key(place, x, extra), lambda: attempted(found))
+
+    def answers(self, x: Array, extra: Change | None = None) -> list[tuple[Answer, Complex]] | None:
+        """Return those of all runs that repeat; None where one has none."""
+        found = [self.answer(place, x, extra) for place in range(len(self.runs))]
+        whole = [each for each in found if each is not None]
+        return whole if len(whole) == len(found) else None
+
+    def residuals(self, x: Array, duration: float = 0.0, extra: Change | None = None) -> Array | None:
+        """Return simulated less measured in units of noise, prior rows among them; None without a motion.
+
+        Run by run those that repeat, then the priors, then segment by segment.
+        """
+        answers, segments = self.answers(x, extra), self._segments(self._following(x, extra), x, extra)
+        if answers is None or segments is None:
+            return None
+        parts = [run.residual(shown) for run, (_, shown) in zip(self.runs, answers, strict=True)]
+        return np.concatenate([*parts, x[: self._held], segments])
+
+    def _following(self, x: Array, extra: Change | None) -> tuple[SegmentedRun, ...] | None:
+        """Return the records, their states moved after the numbers; of a diagnosis as they are, for it tries many."""
+
+        def followed() -> tuple[SegmentedRun, ...]:
+            setup = self.setup(x, extra)
+            return tuple(
+                record.followed(self.simulated(record, x, setup), channels_of(setup))
+                for record in self.records
+            )
+
+        if self.floored or not self.records:
+            return self.records
+        return self._once(self._key("following", x, extra), lambda: attempted(followed))
+
+    def _segments(
+        self, records: tuple[SegmentedRun, ...] | None, x: Array, extra: Change | None
+    ) -> Array | None:
+        """Return the residual of all segments of some records; None without a motion."""
+        if records is None:
+            return None
+
+        def residual() -> Array:
+            setup = self.setup(x, extra)
+            parts = [
+                part
+                for record in records
+                for part in record.residual(self.simulated(record, x, setup), channels_of(setup))
+            ]
+            return np.concatenate([np.empty(0), *parts])
+
+        key = (*self._key("segments", x, extra), *map(id, records))
+        return self._once(key, lambda: attempted(residual))
+
+    def simulated(self, record: SegmentedRun, x: Array, setup: Setup | None = None) -> Structure:
+        """Return the structure that is simulated of a run.
+
+        Raises
+        ------
+        InputError
+            Where a number is not finite, or a clamp bends that did not: the segments' states would be others.
+        """
+        setup = self.setup(x) if setup is None else setup
+        structure = self.structure(setup, x)
+        if len(structure.mass) != len(record.basis):
+            raise InputError("the structure has other coordinates")
+        return record.reduced(structure, self.laws(setup))
+
+    def derivatives(
+        self,
+        x: Array,
+        residual: Array,
+        duration: float,
+        places: Sequence[int],
+        extra: Change | None = None,
+        steps: Array | None = None,
+    ) -> Array:
+        """Return the columns of the Jacobian at some places, shape (rows, len(places)), from the balance of runs.
+
+        ``steps``: of the differences by which those of segments are taken.
+        """
+        low, high = self.bounds(extra)
+        if steps is None:
+            steps = COARSE_DIFFERENCE * (high - low)
+            steps[: self.priors] = STEP_PRIOR
+        answers = self.answers(x, extra)
+        if answers is None:
+            return np.zeros((residual.size, len(places)))
+        exactly, coarse, columns = bool(self.near_to) or extra is None, np.full(x.size, COARSE_DIFFERENCE), []
+        for run, (answer, shown) in zip(self.runs, answers, strict=True):
+
+            def moved(at: Array, run: SteadyRun = run, answer: Answer = answer) -> Array:
+                setup = self.setup(at, extra)
+                there = run.moved(answer, self.balance(run, at, setup), exactly)
+                return run.residual(run.recorded(there, channels_of(setup)))
+
+            columns.append(
+                differences(partial(attempted, moved), x, run.residual(shown), places, coarse, high)
+            )
+        columns.append(np.equal.outer(np.arange(self._held), places).astype(float))
+        rest, records = residual[sum(map(len, columns)) :], self._following(x, extra)
+        columns.append(
+            differences(lambda at: self._segments(records, at, extra), x, rest, places, steps, high)
+        )
+        return np.vstack(columns)
+
+    def covariance(self, x: Array) -> Array:
+        """Return the covariance of the base's numbers.
+
+        Of runs that repeat (JᵀJ)⁻¹, larger by χ² per degree of freedom above one. Of others H⁻¹·S·H⁻¹, no less than
+        H⁻¹, with H = JᵀJ and S the scatter of scores (White, Econometrica 48(4), 1980), which is H of the prior and of
+        runs that repeat: these are whitened already.
+        """
+        residual = self.residuals(x)
+        assert residual is not None
+        jacobian = self.derivatives(x, residual, 0.0, range(x.size))
+        linear = covariance_of(jacobian)
+        if not self.records:
+            degrees = max(self.rows() - x.size, 1.0)
+            return np.asarray(linear * max(1.0, float(residual @ residual) / degrees))
+        # Events bend the response within the errors that the numbers had before the fit, which may be much larger.
+        steps = STEP_PRIOR * np.minimum(np.sqrt(np.diag(linear)), 1.0)
+        jacobian = self.derivatives(x, residual, 0.0, range(x.size), steps=steps)
+        inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
+        rows = np.cumsum([residual.size - sum(r.rows for r in self.records), *(r.rows for r in self.records)])
+        steady, *parts = zip(np.split(jacobian, rows[:-1]), np.split(residual, rows[:-1]), strict=True)
+        scatter = steady[0].T @ steady[0]
+        for record, part in zip(self.records, parts, strict=True):
+            scatter = scatter + record.scatter(*part)
+        known = np.maximum(np.diag(inverse), 1e-300)
+        wider = np.sqrt(np.maximum(np.diag(inverse @ scatter @ inverse) / known, 1.0))
+        return np.asarray(inverse * np.outer(wider, wider))
+
+    def models(self, x: Array, covariance: Array) -> dict[str, JointModel]:
+        """Return the model of each kind with the numbers of the base, whose covariance is given.
+
+        Terms are no surer than a simulation in segments is exact.
+        """
+        places, share = self.parts(np.arange(x.size)), SUBSTRUCTURE.simulated if self.records else 0.0
+        found = {
+            kind.name: kind.with_numbers(x[own], covariance[np.ix_(own, own)])
+            for kind, own in zip(self.kinds, places.values(), strict=True)
+        }
+        return {
+            kind: widened(model, np.diag((share * model.coefficients) ** 2)) for kind, model in found.items()
+        }
+
+    def update(self, x: Array, covariance: Array) -> Update | None:
+        """Return the structure's uncertain numbers; None where it has none."""
+        own = self._root @ covariance[: self.numbers, : self.numbers] @ self._root.T
+        return replace(self.prior, change=self.changes(x), covariance=own) if self.numbers else None
+
+    def near(self, x: Array) -> RunsProblem:
+        """Return the problem whose motions are those at some numbers moved to first order: quick, for a first look.
+
+        Segments have no such motions: with them it is the problem itself.
+        """
+        answers = self.answers(x)
+        if answers is None or self.records:
+            return self
+        return replace(self, near_to=tuple(answer for answer, _ in answers), _kept={})
+
+    def whitened(self, x: Array, extra: Change | None = None) -> RunsProblem:
+        """Return the problem with residuals weighed at some numbers, and motions and states sought near those there.
+
+        Raises
+        ------
+        InputError
+            Where a run cannot be simulated there.
+        """
+        setup = self.setup(x, extra)
+        structure, runs, records = self.structure(setup, x), [], []
         for place, run in enumerate(self.runs):
             found = self.answer(place, x, extra)
             if found is None:
                 raise InputError(
                     f"run {run.name!r}: no steady motion is found with the model near the one that was recovered"
                 )
-            runs.append(run.begun_at(found[0]))
-            factors.append(run.whitening(found[0], structure))
-        return replace(self, runs=tuple(runs), whitening=tuple(factors), _kept={})
+            runs.append(run.begun_at(found[0], structure))
+        for record in self.records:
+            try:
+                reduced = self.simulated(record, x, setup)
+                driven = bool(record.states) and not self.floored
+                known = record.followed(reduced).with_measured_noise(reduced) if driven else record
+                settled = known.settled(reduced, driven)
+                if self.floored:
+                    settled = settled.with_measured_noise(reduced).with_noise_of_drive(reduced)
+                records.append(settled)
+            except SimulationError as error:
+                raise InputError(
+                    f"run {record.name!r} cannot be simulated with the model: {error}"
+                ) from error
+        return replace(self, runs=tuple(runs), records=tuple(records), _kept={})
 
 
-@dataclass(frozen=True, eq=False)
-class NearRuns(RunsProblem):
-    """Runs whose motions are moved to first order from known ones.
-
-    Parameters
-    ----------
-    answers : tuple
-        Of each run; None where there is none.
-    """
-
-    answers: tuple[tuple[Answer, Complex] | None, ...] = ()
-
-    def answer(self, place: int, x: Array, extra: Change | None = None) -> tuple[Answer, Complex] | None:
-        """Return the motion of a run, moved from the known one, and what its sensors record."""
-        known, run = self.answers[place], self.runs[place]
-        if known is None:
-            return None
-        try:
-            balance, setup = self.balance(run, x, extra)
-            out, _ = balance.residual(known[0].angles, slopes=False)
-        except (SimulationError, InputError):
-            return None
-        angles = known[0].angles + known[0].moved(out)
-        shown = run.seen(balance.shown(angles))
-        return Answer(balance, angles, shown), recorded(run, shown, setup)
-
-    def derivatives(
-        self, x: Array, residual: Array, duration: float, places: Sequence[int], extra: Change | None = None
-    ) -> Array:
-        """Return the columns of the Jacobian at some places, by differences, shape (rows, len(places))."""
-        here = self.residuals(x, duration, extra)
-        if here is None:
-            return np.zeros((residual.size, len(places)))
-        steps = np.full(x.size, COARSE_DIFFERENCE)
-        return differences(
-            lambda at: self.residuals(at, duration, extra), x, here, places, steps, self.bounds(extra)[1]
-        )
+def attempted(make: Callable[..., Made], *given: Any) -> Made | None:
+    """Return what is made of something given; None without a motion."""
+    with suppress(SimulationError, InputError, np.linalg.LinAlgError):
+        return make(*given)
+    return None
 
 
-def recorded(run: SteadyRun, shown: Complex, setup: Setup) -> Complex:
-    """Return what sensors with a gain and a delay record."""
-    if setup.gain == 1 and not setup.delay:
-        return shown
-    orders = np.arange(1, shown.shape[1] + 1)
-    return np.asarray(setup.gain * shown * np.exp(-1j * orders * run.omega * setup.delay))
+def channels_of(setup: Setup) -> Channels:
+    """Return what a setup makes of drive and sensors."""
+    return Channels(setup.pulse, setup.gain, setup.delay)

@@ -20,6 +20,7 @@ from sindyjoint.mechanics.rig_test import RigTest
 from sindyjoint.mechanics.structure import Structure
 from sindyjoint.numeric import Array, solve_factored
 from sindyjoint.substructure.recovery import Recovery
+from sindyjoint.substructure.simulated.segment_parts import Channels
 from sindyjoint.substructure.states import lines
 from sindyjoint.substructure.steady_response import (
     Condensed,
@@ -85,6 +86,8 @@ class SteadyRun:
         Coefficients of the angles from which the balance is sought: those recovered, before others are known.
     nearby : Answer, optional
         Whose derivatives serve a motion near it.
+    factor : ndarray, shape (rows, rows), optional
+        L of the covariance L·Lᵀ of the residuals; without it they are those of the sensors alone.
     """
 
     test: RigTest
@@ -96,6 +99,7 @@ class SteadyRun:
     sigma: Array
     start: Array
     nearby: Answer | None = None
+    factor: Array | None = None
 
     @classmethod
     def of(cls, test: RigTest, recovery: Recovery) -> Self:
@@ -134,10 +138,15 @@ class SteadyRun:
         return condense(structure, self.test.at, self.test.sensors, self.omega, self.drive.size - 1)
 
     def balance(
-        self, structure: Structure, laws: Sequence[Any], condensed: Condensed | None = None
+        self,
+        structure: Structure,
+        laws: Sequence[Any],
+        condensed: Condensed | None = None,
+        pulse: float = 1.0,
     ) -> Steady:
-        """Return the balance of a structure with laws in its joints under the measured drive."""
-        return steady(structure, laws, self.test.at, self.test.sensors, self.omega, self.drive, condensed)
+        """Return the balance of a structure with laws in its joints under a multiple of the measured drive."""
+        drive = pulse * self.drive
+        return steady(structure, laws, self.test.at, self.test.sensors, self.omega, drive, condensed)
 
     def answer(self, balance: Steady) -> Answer:
         """Return the steady motion near where the search for it begins.
@@ -150,17 +159,21 @@ class SteadyRun:
         angles = balance.solve(self.start, None if self.nearby is None else self.nearby.factors)
         return Answer(balance, angles, self.seen(balance.shown(angles)))
 
-    def begun_at(self, answer: Answer) -> Self:
-        """Return the run with a motion near which others are sought."""
-        return replace(self, start=answer.angles, nearby=answer)
-
     def seen(self, shown: Complex) -> Complex:
         """Return the harmonics that are compared."""
         return shown[:, : self.measured.shape[1]]
 
+    def recorded(self, shown: Complex, channels: Channels) -> Complex:
+        """Return what sensors with a gain and a delay record."""
+        orders = np.arange(1, shown.shape[1] + 1)
+        return np.asarray(channels.gain * shown * np.exp(-1j * orders * self.omega * channels.delay))
+
     def residual(self, shown: Complex) -> Array:
-        """Return simulated less measured in standard errors of the sensors, shape (rows,)."""
-        return in_parts((shown - self.measured) / self.sigma)
+        """Return simulated less measured in standard errors, shape (rows,)."""
+        values = in_parts((shown - self.measured) / self.sigma)
+        if self.factor is None:
+            return values
+        return np.asarray(scipy.linalg.solve_triangular(self.factor, values, lower=True, check_finite=False))
 
     def moved(self, answer: Answer, other: Steady, exactly: bool = True) -> Complex:
         """Return what the sensors show of another structure nearby, to first order, shape (sensors, R).
@@ -174,18 +187,12 @@ class SteadyRun:
             out = out - answer.balance.residual(answer.angles, slopes=False)[0]
         return self.seen(other.shown(answer.angles + of.moved(out)))
 
-    def whitening(self, answer: Answer, structure: Structure) -> Array:
-        """Return the Cholesky factor of the residuals' covariance, shape (rows, rows).
-
-        Parameters
-        ----------
-        answer : Answer
-        structure : Structure
-            That it is of.
-        """
+    def begun_at(self, answer: Answer, structure: Structure) -> Self:
+        """Return the run with a motion near which others are sought, of a structure, and residuals whitened there."""
         columns = [*self._drive_errors(answer), *self._structure_errors(answer, structure)]
         spread = np.array([in_parts(self.seen(each) / self.sigma) for each in columns]).reshape(-1, self.rows)
-        return np.asarray(np.linalg.cholesky(np.eye(self.rows) + spread.T @ spread))
+        factor = np.asarray(np.linalg.cholesky(np.eye(self.rows) + spread.T @ spread))
+        return replace(self, start=answer.angles, nearby=answer, factor=factor)
 
     def _drive_errors(self, answer: Answer) -> Iterator[Complex]:
         """Yield what the sensors show of a standard error of each line of the drive."""

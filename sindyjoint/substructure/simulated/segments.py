@@ -55,6 +55,8 @@ FINER = 4
 DRIVEN = 2.0
 # Steps of a state towards where it fits best.
 ROUNDS = 2
+# Neighbouring lines whose residuals count as one: what a law lacks is alike in so many, and hundreds of groups remain.
+LINES = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +156,19 @@ class SegmentedRun:
         """Number of its residuals."""
         return sum(self.segment_rows(a, b) for a, b in self.spans)
 
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """Of each segment: its share, or one."""
+        return self.shares or (1.0,) * len(self.spans)
+
+    @property
+    def power(self) -> float:
+        """Sum of squares of what the sensors show of all segments, in their noise and that of the drive."""
+        parts = (
+            share * self.measured[:, a:b] for (a, b), share in zip(self.spans, self.weights, strict=True)
+        )
+        return sum(float(np.sum((part / self.sigma[:, None]) ** 2)) for part in parts)
+
     def segment_rows(self, first: int, stop: int) -> int:
         """Return the number of residuals of a segment."""
         return kept(stop - first) * len(self.sigma)
@@ -179,13 +194,26 @@ class SegmentedRun:
 
     def residual(self, reduced: Structure, channels: Channels = RECORDED) -> list[Array]:
         """Return simulated less measured of each segment, without what its state explains."""
-        shares = self.shares or (1.0,) * len(self.spans)
         shown = (shown for shown, _ in self.motions(reduced, channels))
         parts = (
             share * (self._compared(span, each) + missing)
-            for span, each, missing, share in zip(self.spans, shown, self.missing, shares, strict=True)
+            for span, each, missing, share in zip(self.spans, shown, self.missing, self.weights, strict=True)
         )
         return [part - w @ (w.T @ part) for part, w in zip(parts, self.spread, strict=True)]
+
+    def scatter(self, jacobian: Array, residual: Array) -> Array:
+        """Return the scatter Σ s·sᵀ of scores of a fit's numbers, shape (k, k), of the rows of all segments.
+
+        A score is the sum of Jᵀr over all sensors and `LINES` neighbouring lines of a segment: what noise of the drive
+        does through the structure, and what the law lacks, is alike in these and no white noise of the sensors (Liang
+        and Zeger, Biometrika 73(1), 1986).
+        """
+        ends = np.cumsum([self.segment_rows(*span) for span in self.spans])[:-1]
+        scores = []
+        for part in np.split(jacobian * residual[:, None], ends):
+            by_line = part.reshape(len(self.sigma), -1, part.shape[1]).sum(axis=0)
+            scores.append(np.add.reduceat(by_line, np.arange(0, len(by_line), LINES)))
+        return np.asarray(np.vstack(scores).T @ np.vstack(scores))
 
     def motions(
         self, reduced: Structure, channels: Channels = RECORDED
